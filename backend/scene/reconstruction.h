@@ -1,0 +1,54 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "backend/geometry/camera.h"
+#include "backend/geometry/rigid3.h"
+#include "frontend/tracks/observation.h"
+
+namespace cohort {
+
+// An observation that a reconstruction uses: the point of `feature` was seen at xy in `frame`.
+struct PointView {
+  FrameIndex frame{};
+  Eigen::Vector2d xy = Eigen::Vector2d::Zero();  // pixels, our convention
+};
+
+struct ScenePoint {
+  Eigen::Vector3d in_world = Eigen::Vector3d::Zero();
+  std::vector<PointView> views;  // ascending frames, those that bundle adjustment kept
+  double mean_reprojection_px = 0.0;
+};
+
+// Cameras and points of a clip, up to a similarity of the world. One camera takes all frames.
+// Points carry the id of the feature they come from.
+struct Reconstruction {
+  Camera camera;
+  std::map<FrameIndex, Rigid3> cam_from_world;  // registered frames only
+  std::map<FrameIndex, std::string> frame_names;
+  std::map<FrameIndex, std::int64_t> timestamps_ns;
+  std::map<FeatureId, ScenePoint> points;
+};
+
+// How a reconstruction ended; `failed` is registered < 80 % of frames.
+struct ReconstructionSummary {
+  std::size_t registered = 0;
+  std::size_t frames = 0;
+  std::size_t points = 0;
+  std::size_t observations = 0;
+  double mean_track_length = 0.0;
+  double mean_reprojection_px = 0.0;
+  double seconds = 0.0;
+  std::string termination;  // one line
+
+  bool Failed() const { return registered * 10 < frames * 8; }
+  std::string Brief() const;
+};
+
+// Fills everything but seconds and termination. `frames` is how many the clip has.
+ReconstructionSummary Summarize(const Reconstruction& reconstruction, std::size_t frames);
+
+}  // namespace cohort

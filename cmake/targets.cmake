@@ -1,0 +1,38 @@
+# Every library is declared by cohort_add_library, so that warnings, sanitizers and the include
+# root are the same everywhere:  cohort_add_library(tracks SOURCES a.cc PUBLIC cohort::core PRIVATE SQLite::SQLite3)
+add_library(cohort_build_flags INTERFACE)
+target_compile_options(cohort_build_flags INTERFACE -Wall -Wextra)
+if(COHORT_WERROR)
+  target_compile_options(cohort_build_flags INTERFACE -Werror)
+endif()
+if(COHORT_SANITIZE)
+  target_compile_options(cohort_build_flags INTERFACE -fsanitize=${COHORT_SANITIZE}
+                         -fno-omit-frame-pointer -fno-sanitize-recover=all)
+  target_link_options(cohort_build_flags INTERFACE -fsanitize=${COHORT_SANITIZE})
+endif()
+
+# OpenCV's imported targets carry no include directory; this one does.
+add_library(cohort_opencv INTERFACE)
+target_include_directories(cohort_opencv SYSTEM INTERFACE ${OpenCV_INCLUDE_DIRS})
+target_link_libraries(cohort_opencv INTERFACE ${OpenCV_LIBS})
+
+function(cohort_add_library name)
+  cmake_parse_arguments(ARG "" "" "SOURCES;PUBLIC;PRIVATE" ${ARGN})
+  add_library(cohort_${name} STATIC ${ARG_SOURCES})
+  add_library(cohort::${name} ALIAS cohort_${name})
+  target_include_directories(cohort_${name} PUBLIC ${PROJECT_SOURCE_DIR})
+  target_link_libraries(cohort_${name} PUBLIC ${ARG_PUBLIC} PRIVATE cohort_build_flags ${ARG_PRIVATE})
+endfunction()
+
+# cohort_add_tests(tracks LABEL unit SOURCES a_test.cc LIBRARIES cohort::tracks)
+# One program a folder; CTest lists every TEST of it by name under the label (unit, slow, colmap).
+function(cohort_add_tests name)
+  cmake_parse_arguments(ARG "" "LABEL;TIMEOUT" "SOURCES;LIBRARIES" ${ARGN})
+  if(NOT ARG_TIMEOUT)
+    set(ARG_TIMEOUT 120)
+  endif()
+  add_executable(${name}_test ${ARG_SOURCES})
+  target_link_libraries(${name}_test PRIVATE cohort_build_flags cohort_test_support ${ARG_LIBRARIES})
+  gtest_discover_tests(${name}_test PROPERTIES LABELS ${ARG_LABEL} TIMEOUT ${ARG_TIMEOUT}
+                       DISCOVERY_TIMEOUT 60)
+endfunction()

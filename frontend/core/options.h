@@ -1,0 +1,75 @@
+#pragma once
+
+// Options are declared once. An options struct has in-class defaults and one static Visit naming
+// every field, its range and its help; visitors make validation, command-line flags, --help and
+// JSON of it:
+//
+//   struct KltOptions {
+//     int window_px = 21;
+//     template <typename Self, typename Visitor>
+//     static void Visit(Self& o, Visitor& v) {
+//       v.Number("window_px", o.window_px, 3, 101, "side of the square patch [px]");
+//     }
+//   };
+//
+// A visitor has: Number(name, value, min, max, help) for int, unsigned, double (min, max
+// inclusive); Flag(name, bool, help); Choice(name, enum, kNames, help); Text(name, std::string,
+// help); Group(name, nested_options, help). kNames is a std::array of {text, enum value} pairs.
+
+#include <array>
+#include <string>
+#include <string_view>
+#include <utility>
+
+#include "frontend/core/error.h"
+
+namespace cohort {
+
+template <typename Enum, std::size_t N>
+using ChoiceNames = std::array<std::pair<std::string_view, Enum>, N>;
+
+// The text of an enum value, from the table that its option uses.
+template <typename Enum, std::size_t N>
+constexpr std::string_view NameOf(const ChoiceNames<Enum, N>& names, Enum value) {
+  for (const auto& [text, candidate] : names) {
+    if (candidate == value) return text;
+  }
+  return "?";
+}
+
+// Throws UsageError naming the first field that is out of range: field, value, bound.
+class OptionValidator {
+ public:
+  template <typename T>
+  void Number(std::string_view name, const T& value, T min, T max, std::string_view) {
+    if (!(value >= min && value <= max)) {
+      ThrowUsageError("option {}{} = {} is out of range: give a value from {} to {}",
+                      prefix_,
+                      name,
+                      value,
+                      min,
+                      max);
+    }
+  }
+  void Flag(std::string_view, const bool&, std::string_view) {}
+  template <typename Enum, std::size_t N>
+  void Choice(std::string_view, const Enum&, const ChoiceNames<Enum, N>&, std::string_view) {}
+  void Text(std::string_view, const std::string&, std::string_view) {}
+  template <typename Options>
+  void Group(std::string_view name, const Options& options, std::string_view) {
+    OptionValidator nested;
+    nested.prefix_ = prefix_ + std::string(name) + ".";
+    Options::Visit(options, nested);
+  }
+
+ private:
+  std::string prefix_;
+};
+
+template <typename Options>
+void ValidateOptions(const Options& options) {
+  OptionValidator validator;
+  Options::Visit(options, validator);
+}
+
+}  // namespace cohort

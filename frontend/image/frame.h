@@ -1,0 +1,19 @@
+#pragma once
+
+#include <cstdint>
+#include <opencv2/core/mat.hpp>
+#include <string>
+
+#include "frontend/tracks/observation.h"
+
+namespace cohort {
+
+// One decoded picture of a sequence.
+struct Frame {
+  FrameIndex index{};
+  std::int64_t timestamp_ns = 0;
+  std::string name;  // path relative to the sequence's image folder; for a video frame_000123.png
+  cv::Mat gray;  // CV_8UC1 or CV_16UC1, as decoded (colour is converted by OpenCV's BGR weights)
+};
+
+}  // namespace cohort

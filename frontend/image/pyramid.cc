@@ -1,0 +1,36 @@
+#include "frontend/image/pyramid.h"
+
+#include <algorithm>
+#include <opencv2/imgproc.hpp>
+
+#include "frontend/core/error.h"
+
+namespace cohort {
+
+Pyramid BuildPyramid(const cv::Mat& gray, int num_levels) {
+  Check(!gray.empty() && gray.channels() == 1, "BuildPyramid takes one-channel pictures");
+  Pyramid pyramid;
+  cv::Mat full;
+  switch (gray.depth()) {
+    case CV_8U:
+      gray.convertTo(full, CV_32F, 1.0 / 255.0);
+      break;
+    case CV_16U:
+      gray.convertTo(full, CV_32F, 1.0 / 65535.0);
+      break;
+    default:
+      Check(gray.depth() == CV_32F, "BuildPyramid takes 8-bit, 16-bit or float pictures");
+      full = gray;
+  }
+  pyramid.levels.push_back(full);
+  while (static_cast<int>(pyramid.levels.size()) < num_levels) {
+    const cv::Mat& above = pyramid.levels.back();
+    if (std::min(above.cols, above.rows) / 2 < 16) break;
+    cv::Mat below;
+    cv::pyrDown(above, below);  // 5-tap Gaussian; keeps pixel (0, 0) in place
+    pyramid.levels.push_back(below);
+  }
+  return pyramid;
+}
+
+}  // namespace cohort

@@ -1,0 +1,21 @@
+#pragma once
+
+#include <opencv2/core/mat.hpp>
+#include <vector>
+
+namespace cohort {
+
+// Levels of a picture as CV_32FC1 with intensities 0..1. Level 0 is full resolution; each level
+// halves both sides (paper 3.3). Pixel (x, y) of level k lies at (2^k x, 2^k y) of level 0.
+struct Pyramid {
+  std::vector<cv::Mat> levels;
+
+  int width() const { return levels.empty() ? 0 : levels.front().cols; }
+  int height() const { return levels.empty() ? 0 : levels.front().rows; }
+};
+
+// `gray` is CV_8UC1, CV_16UC1 or CV_32FC1 (0..1). A level whose shorter side would be below 16 px
+// is left out.
+Pyramid BuildPyramid(const cv::Mat& gray, int num_levels = 4);
+
+}  // namespace cohort

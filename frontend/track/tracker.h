@@ -1,0 +1,33 @@
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "frontend/image/frame.h"
+#include "frontend/track/tracker_options.h"
+#include "frontend/tracks/observation.h"
+#include "frontend/tracks/track_set.h"
+
+namespace cohort {
+
+// What a tracker says of one frame.
+struct FrameResult {
+  std::vector<Observation> observations;  // ascending features; of this frame
+  std::vector<TrackEnd> ends;             // tracks that ended before this frame, ascending features
+  // Corrections of earlier frames' states or positions are never made: a tracker is causal.
+};
+
+// Tracks features from frame to frame. Synchronous and causal: no thread of its own, no queue.
+//
+//   auto tracker = MakeTracker(options);
+//   while (auto frame = sequence->Next()) Use(tracker->Track(*frame));
+class Tracker {
+ public:
+  virtual ~Tracker() = default;
+  virtual FrameResult Track(const Frame& frame) = 0;
+};
+
+// Throws UsageError on options out of range.
+std::unique_ptr<Tracker> MakeTracker(const TrackerOptions& options);
+
+}  // namespace cohort

@@ -1,0 +1,54 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <optional>
+
+#include "frontend/core/options.h"
+
+namespace cohort {
+
+// Ids are types: a swapped (feature, frame) does not compile. A FrameIndex counts the frames of the
+// source from 0, before any --frames range or stride, so that it finds truth and time stamps.
+enum class FeatureId : std::uint32_t {};
+enum class FrameIndex : std::uint32_t {};
+
+constexpr std::uint32_t ToInt(FeatureId id) { return static_cast<std::uint32_t>(id); }
+constexpr std::uint32_t ToInt(FrameIndex index) { return static_cast<std::uint32_t>(index); }
+
+enum class ObservationState : std::uint8_t {
+  kObserved,   // the image of this frame confirms the position
+  kPredicted,  // held by the penalty (the other features) alone
+};
+
+// Why a track ended.
+enum class LossReason : std::uint8_t {
+  kLeftImage,     // its patch left the image
+  kContradicted,  // the image contradicted it, or did not confirm it, for too long
+  kDiverged,      // the tracker failed on it (no texture, forward-backward check)
+  kMasked,        // it entered the mask
+};
+inline constexpr ChoiceNames<LossReason, 4> kLossReasonNames{
+    {{"left_image", LossReason::kLeftImage},
+     {"contradicted", LossReason::kContradicted},
+     {"diverged", LossReason::kDiverged},
+     {"masked", LossReason::kMasked}}};
+
+// Symmetric 2x2 covariance of a measured position [px^2].
+struct PixelCovariance {
+  float xx = 1.0F;
+  float xy = 0.0F;
+  float yy = 1.0F;
+};
+
+// Where a feature was in a frame. xy in pixels, the centre of the top-left pixel is (0, 0).
+struct Observation {
+  FeatureId feature{};
+  FrameIndex frame{};
+  Eigen::Vector2d xy = Eigen::Vector2d::Zero();
+  ObservationState state = ObservationState::kObserved;
+  double residual = 0.0;  // mean absolute difference to the template, intensities 0..1
+  std::optional<PixelCovariance> covariance;  // of xy, where the measurement step gives one
+};
+
+}  // namespace cohort
