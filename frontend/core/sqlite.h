@@ -1,0 +1,87 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <span>
+#include <string>
+#include <string_view>
+
+struct sqlite3;
+struct sqlite3_stmt;
+
+namespace cohort {
+
+// A prepared statement. Parameters count from 1, columns from 0, as in SQLite.
+//
+//   auto insert = db.Prepare("INSERT INTO t VALUES(?, ?)");
+//   insert.Bind(1, id).Bind(2, name).Run();
+//   auto select = db.Prepare("SELECT id, name FROM t ORDER BY id");
+//   while (select.Step()) Use(select.Int(0), select.Text(1));
+//
+// Throws Error naming the database's path and what SQLite says. Must not outlive its database.
+class SqliteStatement {
+ public:
+  SqliteStatement& Bind(int parameter, std::int64_t value);
+  SqliteStatement& Bind(int parameter, double value);
+  SqliteStatement& Bind(int parameter, std::string_view text);
+  SqliteStatement& Bind(int parameter, std::span<const std::byte> blob);
+  SqliteStatement& BindNull(int parameter);
+
+  bool Step();  // true: there is a row; false: done, and reset for the next use
+  void Run();   // steps to the end and resets
+
+  // Of the current row. Text and Blob stay valid until the next Step.
+  bool IsNull(int column) const;
+  std::int64_t Int(int column) const;
+  double Real(int column) const;
+  std::string_view Text(int column) const;
+  std::span<const std::byte> Blob(int column) const;
+
+ private:
+  friend class SqliteDatabase;
+  SqliteStatement(sqlite3* db, sqlite3_stmt* statement);
+  void CheckBound(int result) const;
+
+  struct Finalize {
+    void operator()(sqlite3_stmt* statement) const;
+  };
+  sqlite3* db_;
+  std::unique_ptr<sqlite3_stmt, Finalize> statement_;
+};
+
+// An open SQLite file, closed at the end of the scope.
+class SqliteDatabase {
+ public:
+  enum class Mode { kRead, kWrite, kCreate };  // kWrite: must exist; kCreate: made if missing
+  static SqliteDatabase Open(const std::filesystem::path& path, Mode mode);
+
+  void Execute(const std::string& sql);  // one or more statements without results
+  SqliteStatement Prepare(std::string_view sql);
+  bool HasTable(std::string_view name);
+  std::int64_t UserVersion();
+
+ private:
+  struct Close {
+    void operator()(sqlite3* db) const;
+  };
+  explicit SqliteDatabase(sqlite3* db) : db_(db) {}
+  std::unique_ptr<sqlite3, Close> db_;
+};
+
+// BEGIN ... COMMIT; rolls back at the end of the scope unless committed.
+class SqliteTransaction {
+ public:
+  explicit SqliteTransaction(SqliteDatabase& db);
+  SqliteTransaction(const SqliteTransaction&) = delete;
+  SqliteTransaction& operator=(const SqliteTransaction&) = delete;
+  ~SqliteTransaction();
+  void Commit();
+
+ private:
+  SqliteDatabase& db_;
+  bool open_ = true;
+};
+
+}  // namespace cohort
