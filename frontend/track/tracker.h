@@ -27,7 +27,8 @@ class Tracker {
   virtual FrameResult Track(const Frame& frame) = 0;
 };
 
+// `mask`: empty, or CV_8UC1 of the frames' size, 0 where features may neither be born nor stay.
 // Throws UsageError on options out of range.
-std::unique_ptr<Tracker> MakeTracker(const TrackerOptions& options);
+std::unique_ptr<Tracker> MakeTracker(const TrackerOptions& options, const cv::Mat& mask = {});
 
 }  // namespace cohort

@@ -47,15 +47,49 @@ struct DetectorOptions {
   }
 };
 
+// Baseline: pyramidal Lucas-Kanade of OpenCV with a forward-backward check.
+struct KltOptions {
+  int window_px = 21;
+  int max_level = 3;
+  double forward_backward_px = 1.0;
+
+  template <typename Self, typename Visitor>
+  static void Visit(Self& o, Visitor& v) {
+    v.Number("window_px", o.window_px, 3, 101, "side of the tracked patch [px], odd");
+    v.Number("max_level", o.max_level, 0, 8, "pyramid levels above full resolution");
+    v.Number("forward_backward_px",
+             o.forward_backward_px,
+             0.0,
+             100.0,
+             "a feature ends if tracking back misses its start by more [px]; 0: no check");
+  }
+};
+
 struct TrackerOptions {
   TrackerKind tracker = TrackerKind::kSubspace;
+  double border_px = 5.0;
+  int birth_border_px = 16;
+  int max_unconfirmed_frames = 30;
   DetectorOptions detector;
-  // (more to come: klt, subspace, measurement groups)
+  KltOptions klt;
 
   template <typename Self, typename Visitor>
   static void Visit(Self& o, Visitor& v) {
     v.Choice("tracker", o.tracker, kTrackerNames, "which tracker");
+    v.Number(
+        "border_px", o.border_px, 0.0, 100.0, "a feature nearer to the image border ends [px]");
+    v.Number("birth_border_px",
+             o.birth_border_px,
+             1,
+             200,
+             "no new features nearer to the image border [px]");
+    v.Number("max_unconfirmed_frames",
+             o.max_unconfirmed_frames,
+             0,
+             100000,
+             "a feature that the image has not confirmed for more frames in a row ends");
     v.Group("detector", o.detector, "corner detection");
+    v.Group("klt", o.klt, "tracker klt");
   }
 };
 

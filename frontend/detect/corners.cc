@@ -1,0 +1,149 @@
+#include "frontend/detect/corners.h"
+
+#include <algorithm>
+#include <cmath>
+#include <opencv2/imgproc.hpp>
+
+#include "frontend/core/error.h"
+
+namespace cohort {
+namespace {
+
+struct Candidate {
+  float strength;
+  int x;
+  int y;
+};
+
+// Which positions are taken: a picture of discs would cost more than a bucket grid for few
+// features, and the same for many.
+class OccupiedGrid {
+ public:
+  OccupiedGrid(int width, int height, double radius_px)
+      : radius_(radius_px),
+        columns_(static_cast<int>(width / radius_px) + 1),
+        rows_(static_cast<int>(height / radius_px) + 1),
+        cells_(static_cast<std::size_t>(columns_) * rows_) {}
+
+  void Add(const Eigen::Vector2d& xy) { cells_[CellOf(xy)].push_back(xy); }
+
+  bool IsFree(const Eigen::Vector2d& xy) const {
+    const int column = ColumnOf(xy.x());
+    const int row = RowOf(xy.y());
+    for (int r = std::max(0, row - 1); r <= std::min(rows_ - 1, row + 1); ++r) {
+      for (int c = std::max(0, column - 1); c <= std::min(columns_ - 1, column + 1); ++c) {
+        for (const auto& other : cells_[static_cast<std::size_t>(r) * columns_ + c]) {
+          if ((other - xy).squaredNorm() < radius_ * radius_) return false;
+        }
+      }
+    }
+    return true;
+  }
+
+ private:
+  int ColumnOf(double x) const {
+    return std::clamp(static_cast<int>(x / radius_), 0, columns_ - 1);
+  }
+  int RowOf(double y) const { return std::clamp(static_cast<int>(y / radius_), 0, rows_ - 1); }
+  std::size_t CellOf(const Eigen::Vector2d& xy) const {
+    return static_cast<std::size_t>(RowOf(xy.y())) * columns_ + ColumnOf(xy.x());
+  }
+
+  double radius_;
+  int columns_;
+  int rows_;
+  std::vector<std::vector<Eigen::Vector2d>> cells_;
+};
+
+// The top of the parabola through three neighbouring strengths, within half a pixel.
+double ParabolaPeak(float left, float middle, float right) {
+  const double curvature = left - 2.0 * middle + right;
+  if (curvature >= 0.0) return 0.0;
+  return std::clamp(0.5 * (left - right) / curvature, -0.5, 0.5);
+}
+
+}  // namespace
+
+std::vector<Eigen::Vector2d> DetectCorners(const cv::Mat& gray,
+                                           std::span<const Eigen::Vector2d> occupied,
+                                           const cv::Mat& mask,
+                                           int border_px,
+                                           const DetectorOptions& options) {
+  Check(gray.type() == CV_32FC1, "DetectCorners takes CV_32FC1");
+  std::vector<Eigen::Vector2d> corners;
+  if (static_cast<int>(occupied.size()) >= options.max_features) return corners;
+  const int width = gray.cols;
+  const int height = gray.rows;
+
+  cv::Mat denoised = gray;
+  if (options.denoise_sigma_px > 0.0) {
+    cv::GaussianBlur(gray, denoised, cv::Size(0, 0), options.denoise_sigma_px);
+  }
+  cv::Mat strength;
+  cv::cornerMinEigenVal(denoised, strength, options.block_px, 3);
+
+  // Local maxima of 3x3, above a share of the strongest.
+  const int border = std::max(border_px, 1);
+  std::vector<Candidate> candidates;
+  float strongest = 0.0F;
+  for (int y = border; y < height - border; ++y) {
+    const float* above = strength.ptr<float>(y - 1);
+    const float* row = strength.ptr<float>(y);
+    const float* below = strength.ptr<float>(y + 1);
+    const std::uint8_t* allowed = mask.empty() ? nullptr : mask.ptr<std::uint8_t>(y);
+    for (int x = border; x < width - border; ++x) {
+      if (allowed != nullptr && allowed[x] == 0) continue;
+      const float s = row[x];
+      strongest = std::max(strongest, s);
+      // ">=" on one side and ">" on the other: of equal neighbours one remains.
+      if (s > row[x - 1] && s >= row[x + 1] && s > above[x - 1] && s > above[x] &&
+          s > above[x + 1] && s >= below[x - 1] && s >= below[x] && s >= below[x + 1]) {
+        candidates.push_back({s, x, y});
+      }
+    }
+  }
+  const float floor = static_cast<float>(options.quality) * strongest;
+  std::erase_if(candidates, [&](const Candidate& c) { return c.strength <= floor; });
+  std::sort(candidates.begin(), candidates.end(), [](const Candidate& a, const Candidate& b) {
+    if (a.strength != b.strength) return a.strength > b.strength;
+    return std::pair(a.y, a.x) < std::pair(b.y, b.x);
+  });
+
+  OccupiedGrid taken(width, height, options.min_distance_px);
+  const int columns = options.grid_columns;
+  const int rows = options.grid_rows;
+  std::vector<int> in_cell(static_cast<std::size_t>(columns) * rows, 0);
+  const auto cell_of = [&](double x, double y) {
+    const int column = std::clamp(static_cast<int>(x * columns / width), 0, columns - 1);
+    const int row = std::clamp(static_cast<int>(y * rows / height), 0, rows - 1);
+    return static_cast<std::size_t>(row) * columns + column;
+  };
+  for (const auto& xy : occupied) {
+    taken.Add(xy);
+    ++in_cell[cell_of(xy.x(), xy.y())];
+  }
+  const int share = (options.max_features + columns * rows - 1) / (columns * rows);
+  const auto wanted = static_cast<std::size_t>(options.max_features) - occupied.size();
+
+  // First every cell's share, then the strongest of what is left.
+  for (const bool limited : {true, false}) {
+    for (const Candidate& c : candidates) {
+      if (corners.size() >= wanted) return corners;
+      int& count = in_cell[cell_of(c.x, c.y)];
+      if (limited && count >= share) continue;
+      const Eigen::Vector2d xy(
+          c.x + ParabolaPeak(
+                    strength.at<float>(c.y, c.x - 1), c.strength, strength.at<float>(c.y, c.x + 1)),
+          c.y + ParabolaPeak(strength.at<float>(c.y - 1, c.x),
+                             c.strength,
+                             strength.at<float>(c.y + 1, c.x)));
+      if (!taken.IsFree(xy)) continue;  // in the second pass: also what the first took
+      taken.Add(xy);
+      corners.push_back(xy);
+      ++count;
+    }
+  }
+  return corners;
+}
+
+}  // namespace cohort

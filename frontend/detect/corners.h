@@ -1,0 +1,25 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <opencv2/core/mat.hpp>
+#include <span>
+#include <vector>
+
+#include "frontend/track/tracker_options.h"
+
+namespace cohort {
+
+// Shi-Tomasi corners (the smaller eigenvalue of the gradient's structure tensor) of a denoised
+// picture, spread over a grid: every cell may hold an equal share of `max_features`, strongest
+// corner first, and what cells without texture leave is given to the strongest corners elsewhere.
+// `gray` is CV_32FC1 (0..1); `occupied` are positions [px] that new corners keep min_distance_px
+// away from; `mask` (empty or CV_8UC1) is 0 where no corner may be; `border_px` is kept free.
+// Returns at most max_features - occupied.size() positions, refined to sub-pixel by a parabola, in
+// a fixed order.
+std::vector<Eigen::Vector2d> DetectCorners(const cv::Mat& gray,
+                                           std::span<const Eigen::Vector2d> occupied,
+                                           const cv::Mat& mask,
+                                           int border_px,
+                                           const DetectorOptions& options);
+
+}  // namespace cohort

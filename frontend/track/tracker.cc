@@ -1,0 +1,27 @@
+#include "frontend/track/tracker.h"
+
+#include "frontend/track/klt_tracker.h"
+#include "frontend/track/track_loop.h"
+
+namespace cohort {
+namespace {
+
+std::unique_ptr<FeatureMover> MakeMover(const TrackerOptions& options) {
+  switch (options.tracker) {
+    case TrackerKind::kKlt:
+      return MakeKltMover(options.klt);
+    case TrackerKind::kSubspace:
+    case TrackerKind::kDescent:
+      break;
+  }
+  ThrowUsageError("unknown tracker");
+}
+
+}  // namespace
+
+std::unique_ptr<Tracker> MakeTracker(const TrackerOptions& options, const cv::Mat& mask) {
+  ValidateOptions(options);
+  return std::make_unique<TrackLoop>(options, mask, MakeMover(options));
+}
+
+}  // namespace cohort
