@@ -1,5 +1,6 @@
 #include "backend/geometry/camera.h"
 
+#include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <algorithm>
 

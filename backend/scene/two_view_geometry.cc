@@ -1,0 +1,427 @@
+#include "backend/scene/two_view_geometry.h"
+
+#include <ceres/ceres.h>
+
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+#include <Eigen/SVD>
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <opencv2/calib3d.hpp>
+#include <opencv2/core/eigen.hpp>
+
+namespace cohort {
+namespace {
+
+using Eigen::Matrix3d;
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+
+constexpr double kDegreesPerRadian = 180.0 / std::numbers::pi;
+
+Matrix3d PinholeMatrix(const Camera& camera) {
+  Matrix3d k;
+  k << camera.fx, 0, camera.cx, 0, camera.fy, camera.cy, 0, 0, 1;
+  return k;
+}
+
+template <typename T>
+Eigen::Matrix<T, 3, 3> CrossMatrix(const Eigen::Matrix<T, 3, 1>& t) {
+  Eigen::Matrix<T, 3, 3> m;
+  m << T(0), -t.z(), t.y(), t.z(), T(0), -t.x(), -t.y(), t.x(), T(0);
+  return m;
+}
+
+// First-order distance of (x1, x2) in R^4 to the pairs with x2' F x1 = 0; signed.
+template <typename T>
+T Sampson(const Eigen::Matrix<T, 3, 3>& f, const Vector2d& x1, const Vector2d& x2) {
+  const Eigen::Matrix<T, 3, 1> h1 = x1.homogeneous().template cast<T>();
+  const Eigen::Matrix<T, 3, 1> h2 = x2.homogeneous().template cast<T>();
+  const Eigen::Matrix<T, 3, 1> line2 = f * h1;
+  const Eigen::Matrix<T, 3, 1> line1 = f.transpose() * h2;
+  const T slope2 = line1.template head<2>().squaredNorm() + line2.template head<2>().squaredNorm();
+  if (slope2 < T(1e-30)) return T(0);  // both at the epipoles
+  return h2.dot(line2) / sqrt(slope2);
+}
+
+double Median(std::vector<double> values) {
+  if (values.empty()) return 0.0;
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+// The matches of a pair in undistorted pixels and as rays.
+struct PairPoints {
+  std::vector<Vector2d> px1, px2;
+  std::vector<Vector3d> ray1, ray2;  // (nx, ny, 1)
+  Matrix3d k = Matrix3d::Identity();
+  Matrix3d k_inverse = Matrix3d::Identity();
+
+  std::size_t size() const { return px1.size(); }
+};
+
+PairPoints Undistort(std::span<const Vector2d> xy1,
+                     std::span<const Vector2d> xy2,
+                     const Camera& camera) {
+  PairPoints points;
+  points.k = PinholeMatrix(camera);
+  points.k_inverse = points.k.inverse();
+  const auto add = [&](const Vector2d& xy, auto& px, auto& ray) {
+    ray.push_back(camera.Unproject(xy).homogeneous());
+    px.push_back((points.k * ray.back()).hnormalized());
+  };
+  for (std::size_t i = 0; i < xy1.size(); ++i) {
+    add(xy1[i], points.px1, points.ray1);
+    add(xy2[i], points.px2, points.ray2);
+  }
+  return points;
+}
+
+cv::Mat AsCvPoints(const std::vector<Vector2d>& points) {
+  cv::Mat m(static_cast<int>(points.size()), 1, CV_64FC2);
+  for (int i = 0; i < m.rows; ++i) {
+    m.at<cv::Vec2d>(i) = {points[static_cast<std::size_t>(i)].x(),
+                          points[static_cast<std::size_t>(i)].y()};
+  }
+  return m;
+}
+
+cv::UsacParams RobustParameters(double threshold) {
+  cv::UsacParams params;
+  params.threshold = threshold;
+  params.confidence = 0.9999;
+  params.maxIterations = 2000;
+  params.sampler = cv::SAMPLING_UNIFORM;
+  params.score = cv::SCORE_METHOD_MAGSAC;
+  params.loMethod = cv::LOCAL_OPTIM_SIGMA;
+  params.isParallel = false;  // the parallel version depends on timing
+  params.randomGeneratorState = 0;
+  return params;
+}
+
+std::optional<Matrix3d> AsMatrix3(const cv::Mat& m) {
+  if (m.rows != 3 || m.cols != 3) return std::nullopt;  // OpenCV: empty when nothing was found
+  Matrix3d result;
+  cv::cv2eigen(m, result);
+  if (!result.allFinite() || result.norm() < 1e-12) return std::nullopt;
+  return result;
+}
+
+std::optional<Matrix3d> RobustEssential(const PairPoints& points, double max_error_px) {
+  std::vector<Vector2d> n1(points.size()), n2(points.size());
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    n1[i] = points.ray1[i].head<2>();
+    n2[i] = points.ray2[i].head<2>();
+  }
+  const double focal_px = 0.5 * (points.k(0, 0) + points.k(1, 1));
+  const cv::Mat identity = cv::Mat::eye(3, 3, CV_64F);
+  cv::Mat mask;
+  return AsMatrix3(cv::findEssentialMat(AsCvPoints(n1),
+                                        AsCvPoints(n2),
+                                        identity,
+                                        identity,
+                                        cv::noArray(),
+                                        cv::noArray(),
+                                        mask,
+                                        RobustParameters(max_error_px / focal_px)));
+}
+
+std::optional<Matrix3d> RobustFundamental(const PairPoints& points, double max_error_px) {
+  cv::Mat mask;
+  return AsMatrix3(cv::findFundamentalMat(
+      AsCvPoints(points.px1), AsCvPoints(points.px2), mask, RobustParameters(max_error_px)));
+}
+
+std::optional<Matrix3d> RobustHomography(const PairPoints& points, double max_error_px) {
+  cv::Mat mask;
+  return AsMatrix3(cv::findHomography(
+      AsCvPoints(points.px1), AsCvPoints(points.px2), mask, RobustParameters(max_error_px)));
+}
+
+double TransferError(const Matrix3d& h, const Vector2d& x1, const Vector2d& x2) {
+  const Vector3d y = h * x1.homogeneous();
+  return std::abs(y.z()) < 1e-12 ? std::numeric_limits<double>::infinity()
+                                 : (y.hnormalized() - x2).norm();
+}
+
+std::vector<bool> FundamentalInliers(const PairPoints& points,
+                                     const Matrix3d& f,
+                                     double max_error_px) {
+  std::vector<bool> inlier(points.size());
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    inlier[i] = std::abs(Sampson(f, points.px1[i], points.px2[i])) < max_error_px;
+  }
+  return inlier;
+}
+
+// Of the depths l1, l2 in l2 ray2 = l1 R ray1 + t.
+bool InFrontOfBoth(const Rigid3& cam2_from_cam1, const Vector3d& ray1, const Vector3d& ray2) {
+  const Vector3d a = cam2_from_cam1.rotation * ray1;
+  const Vector3d& t = cam2_from_cam1.translation;
+  const Vector3d n = a.cross(ray2);
+  return n.dot(ray2.cross(t)) > 0.0 && n.dot(a.cross(t)) > 0.0;
+}
+
+// Of the four poses of an essential matrix the one that has most matches in front of both cameras.
+Rigid3 PoseFromEssential(const Matrix3d& essential,
+                         const PairPoints& points,
+                         const std::vector<bool>& use) {
+  const Eigen::JacobiSVD<Matrix3d> svd(essential, Eigen::ComputeFullU | Eigen::ComputeFullV);
+  Matrix3d u = svd.matrixU();
+  Matrix3d v = svd.matrixV();
+  if (u.determinant() < 0) u.col(2) *= -1.0;
+  if (v.determinant() < 0) v.col(2) *= -1.0;
+  Matrix3d w;
+  w << 0, -1, 0, 1, 0, 0, 0, 0, 1;
+  Rigid3 best;
+  int most = -1;
+  for (const Matrix3d& r :
+       {Matrix3d(u * w * v.transpose()), Matrix3d(u * w.transpose() * v.transpose())}) {
+    for (const double sign : {1.0, -1.0}) {
+      const Rigid3 pose{Eigen::Quaterniond(r).normalized(), sign * u.col(2)};
+      int in_front = 0;
+      for (std::size_t i = 0; i < points.size(); ++i) {
+        if (use[i] && InFrontOfBoth(pose, points.ray1[i], points.ray2[i])) ++in_front;
+      }
+      if (in_front > most) {
+        most = in_front;
+        best = pose;
+      }
+    }
+  }
+  return best;
+}
+
+struct SampsonCost {
+  Vector2d x1, x2;
+  Matrix3d k_inverse;
+
+  template <typename T>
+  bool operator()(const T* rotation, const T* translation, T* residual) const {
+    const Eigen::Map<const Eigen::Quaternion<T>> q(rotation);
+    const Eigen::Matrix<T, 3, 1> t(translation[0], translation[1], translation[2]);
+    const Eigen::Matrix<T, 3, 3> k_inv = k_inverse.cast<T>();
+    const Eigen::Matrix<T, 3, 3> f =
+        k_inv.transpose() * CrossMatrix<T>(t) * q.toRotationMatrix() * k_inv;
+    residual[0] = Sampson<T>(f, x1, x2);
+    return true;
+  }
+};
+
+// Minimises the robust sum of squared Sampson distances over the rotation and the direction of
+// translation: a RANSAC's five points are a start, all matches together are the estimate.
+Rigid3 RefinePose(const Rigid3& start,
+                  const PairPoints& points,
+                  const std::vector<bool>& use,
+                  double max_error_px) {
+  Rigid3 pose = start;
+  ceres::Problem problem;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    if (!use[i]) continue;
+    problem.AddResidualBlock(new ceres::AutoDiffCostFunction<SampsonCost, 1, 4, 3>(
+                                 new SampsonCost{points.px1[i], points.px2[i], points.k_inverse}),
+                             new ceres::CauchyLoss(0.25 * max_error_px),
+                             pose.rotation.coeffs().data(),
+                             pose.translation.data());
+  }
+  problem.SetManifold(pose.rotation.coeffs().data(), new ceres::EigenQuaternionManifold);
+  problem.SetManifold(pose.translation.data(), new ceres::SphereManifold<3>);
+  ceres::Solver::Options options;
+  options.linear_solver_type = ceres::DENSE_QR;
+  options.max_num_iterations = 20;
+  options.logging_type = ceres::SILENT;
+  ceres::Solver::Summary summary;
+  ceres::Solve(options, &problem, &summary);
+  if (!summary.IsSolutionUsable()) return start;
+  return pose;
+}
+
+// The rotation with ray2 ~ R ray1: Wahba's problem, reweighted for least absolute distances so that
+// a minority of outliers does not matter.
+Matrix3d BestRotation(const PairPoints& points, const std::vector<bool>& use) {
+  std::vector<double> weight(points.size(), 1.0);
+  Matrix3d rotation = Matrix3d::Identity();
+  for (int round = 0; round < 15; ++round) {
+    Matrix3d sum = Matrix3d::Zero();
+    for (std::size_t i = 0; i < points.size(); ++i) {
+      if (use[i]) {
+        sum += weight[i] * points.ray2[i].normalized() * points.ray1[i].normalized().transpose();
+      }
+    }
+    const Eigen::JacobiSVD<Matrix3d> svd(sum, Eigen::ComputeFullU | Eigen::ComputeFullV);
+    const double sign = (svd.matrixU() * svd.matrixV().transpose()).determinant();
+    rotation = svd.matrixU() * Vector3d(1, 1, sign).asDiagonal() * svd.matrixV().transpose();
+    for (std::size_t i = 0; i < points.size(); ++i) {
+      const double angle =
+          (points.ray2[i].normalized() - rotation * points.ray1[i].normalized()).norm();
+      weight[i] = 1.0 / std::max(angle, 1e-5);
+    }
+  }
+  return rotation;
+}
+
+template <typename Value>
+double MedianOfInliers(const TwoViewGeometry& geometry, const Value& value) {
+  std::vector<double> values;
+  values.reserve(geometry.inlier_count);
+  for (std::size_t i = 0; i < geometry.inlier.size(); ++i) {
+    if (geometry.inlier[i]) values.push_back(value(i));
+  }
+  return Median(std::move(values));
+}
+
+}  // namespace
+
+FramePairMatches MatchFrames(const TrackSet& tracks,
+                             FrameIndex frame1,
+                             FrameIndex frame2,
+                             bool include_predicted) {
+  const auto in1 = tracks.InFrame(frame1);
+  const auto in2 = tracks.InFrame(frame2);
+  const auto counts = [&](const Observation* o) {
+    return include_predicted || o->state == ObservationState::kObserved;
+  };
+  FramePairMatches matches;
+  for (auto a = in1.begin(), b = in2.begin(); a != in1.end() && b != in2.end();) {
+    if ((*a)->feature < (*b)->feature) {
+      ++a;
+    } else if ((*b)->feature < (*a)->feature) {
+      ++b;
+    } else {
+      if (counts(*a) && counts(*b)) {
+        matches.features.push_back((*a)->feature);
+        matches.xy1.push_back((*a)->xy);
+        matches.xy2.push_back((*b)->xy);
+      }
+      ++a;
+      ++b;
+    }
+  }
+  return matches;
+}
+
+Matrix3d EssentialFromPose(const Rigid3& cam2_from_cam1) {
+  return CrossMatrix<double>(cam2_from_cam1.translation) *
+         cam2_from_cam1.rotation.toRotationMatrix();
+}
+
+TwoViewGeometry EstimateTwoViewGeometry(std::span<const Vector2d> xy1,
+                                        std::span<const Vector2d> xy2,
+                                        const Camera& camera,
+                                        const TwoViewOptions& options) {
+  if (xy1.size() != xy2.size()) {
+    ThrowError(
+        "two-view geometry: {} positions in one frame and {} in the other", xy1.size(), xy2.size());
+  }
+  TwoViewGeometry geometry;
+  geometry.inlier.assign(xy1.size(), false);
+  const auto min_inliers = static_cast<std::size_t>(options.min_inliers);
+  if (xy1.size() < min_inliers) return geometry;
+
+  const PairPoints points = Undistort(xy1, xy2, camera);
+  const auto count = [](const std::vector<bool>& inlier) {
+    return static_cast<std::size_t>(std::count(inlier.begin(), inlier.end(), true));
+  };
+
+  // Which matches agree: by E, or by F where the focal length is a guess.
+  Matrix3d f;
+  if (camera.known) {
+    const auto essential = RobustEssential(points, options.max_error_px);
+    if (!essential) return geometry;
+    f = points.k_inverse.transpose() * *essential * points.k_inverse;
+  } else {
+    const auto fundamental = RobustFundamental(points, options.max_error_px);
+    if (!fundamental) return geometry;
+    f = *fundamental;
+  }
+  std::vector<bool> inlier = FundamentalInliers(points, f, options.max_error_px);
+  if (count(inlier) < min_inliers) return geometry;
+
+  Rigid3 pose = PoseFromEssential(points.k.transpose() * f * points.k, points, inlier);
+  pose = RefinePose(pose, points, inlier, options.max_error_px);
+  if (camera.known) {
+    f = points.k_inverse.transpose() * EssentialFromPose(pose) * points.k_inverse;
+    inlier = FundamentalInliers(points, f, options.max_error_px);
+  }
+  // A match behind a camera contradicts the geometry, unless noise of a far point put it there.
+  const Matrix3d infinite =
+      points.k * pose.rotation.toRotationMatrix() * points.k_inverse;  // x2 of a point at infinity
+  if (camera.known) {
+    for (std::size_t i = 0; i < points.size(); ++i) {
+      if (inlier[i] && !InFrontOfBoth(pose, points.ray1[i], points.ray2[i]) &&
+          TransferError(infinite, points.px1[i], points.px2[i]) > options.max_error_px) {
+        inlier[i] = false;
+      }
+    }
+  }
+  geometry.inlier = inlier;
+  geometry.inlier_count = count(inlier);
+  if (geometry.inlier_count < min_inliers) {
+    geometry.inlier.assign(xy1.size(), false);
+    geometry.inlier_count = 0;
+    return geometry;
+  }
+
+  const Matrix3d rotation = BestRotation(points, inlier);
+  const Matrix3d rotated = points.k * rotation * points.k_inverse;
+  geometry.error_px = MedianOfInliers(
+      geometry, [&](std::size_t i) { return std::abs(Sampson(f, points.px1[i], points.px2[i])); });
+  geometry.motion_px = MedianOfInliers(
+      geometry, [&](std::size_t i) { return (points.px2[i] - points.px1[i]).norm(); });
+  geometry.parallax_px = MedianOfInliers(geometry, [&](std::size_t i) {
+    return TransferError(rotated, points.px1[i], points.px2[i]);
+  });
+  geometry.angle_deg = MedianOfInliers(geometry, [&](std::size_t i) {
+    const Vector3d a = pose.rotation * points.ray1[i];
+    return std::atan2(a.cross(points.ray2[i]).norm(), a.dot(points.ray2[i])) * kDegreesPerRadian;
+  });
+
+  double homography_error_px = std::numeric_limits<double>::infinity();
+  if (const auto h = RobustHomography(points, options.max_error_px)) {
+    std::size_t explained = 0;
+    for (std::size_t i = 0; i < points.size(); ++i) {
+      if (inlier[i] && TransferError(*h, points.px1[i], points.px2[i]) < options.max_error_px) {
+        ++explained;
+      }
+    }
+    if (explained >= min_inliers) {
+      geometry.homography = *h / h->norm();
+      geometry.homography_ratio =
+          static_cast<double>(explained) / static_cast<double>(geometry.inlier_count);
+      homography_error_px = MedianOfInliers(
+          geometry, [&](std::size_t i) { return TransferError(*h, points.px1[i], points.px2[i]); });
+    }
+  }
+
+  // Pure noise of s px a coordinate leaves a median Sampson distance of 0.67 s and a median
+  // transfer error of 1.67 s, a ratio of 2.5; beyond 4 there is something that a rotation (or a
+  // homography) does not explain. A wrong focal length leaves some of a rotation unexplained.
+  const double noise_px = 4.0 * std::max(geometry.error_px, 0.05);
+  const double unexplained_px =
+      camera.known ? noise_px : std::max(noise_px, 0.05 * geometry.motion_px);
+  if (geometry.parallax_px < unexplained_px) {
+    geometry.kind = TwoViewKind::kPanoramic;
+    geometry.angle_deg = 0.0;
+    geometry.homography = rotated;
+    for (std::size_t i = 0; i < points.size(); ++i) {
+      geometry.inlier[i] =
+          geometry.inlier[i] && TransferError(rotated, points.px1[i], points.px2[i]) <
+                                    std::max(options.max_error_px, unexplained_px);
+    }
+    geometry.inlier_count = count(geometry.inlier);
+    return geometry;
+  }
+  geometry.cam2_from_cam1 = pose;
+  geometry.essential = EssentialFromPose(pose);
+  geometry.fundamental = f / f.norm();
+  if (homography_error_px < noise_px) {
+    geometry.kind = TwoViewKind::kPlanar;
+  } else {
+    geometry.kind = camera.known ? TwoViewKind::kCalibrated : TwoViewKind::kUncalibrated;
+  }
+  return geometry;
+}
+
+}  // namespace cohort

@@ -1,0 +1,81 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <optional>
+#include <span>
+#include <string_view>
+#include <vector>
+
+#include "backend/geometry/camera.h"
+#include "backend/geometry/rigid3.h"
+#include "frontend/core/options.h"
+#include "frontend/tracks/track_set.h"
+
+namespace cohort {
+
+// The features two frames share and where they are in each [px]; same length, ascending features.
+struct FramePairMatches {
+  std::vector<FeatureId> features;
+  std::vector<Eigen::Vector2d> xy1;
+  std::vector<Eigen::Vector2d> xy2;
+};
+
+// Observed positions only, unless predicted ones are asked for.
+FramePairMatches MatchFrames(const TrackSet& tracks,
+                             FrameIndex frame1,
+                             FrameIndex frame2,
+                             bool include_predicted = false);
+
+enum class TwoViewKind {
+  kCalibrated,    // an essential matrix, and depth enough to tell it from a homography
+  kUncalibrated,  // the same with a fundamental matrix: the camera is a guess
+  kPlanar,        // a homography explains the pair as well: a plane, or nearly one
+  kPanoramic,     // a rotation alone explains the pair: no parallax, no translation
+  kDegenerate,    // no geometry holds for enough matches
+};
+inline constexpr ChoiceNames<TwoViewKind, 5> kTwoViewKindNames{
+    {{"calibrated", TwoViewKind::kCalibrated},
+     {"uncalibrated", TwoViewKind::kUncalibrated},
+     {"planar", TwoViewKind::kPlanar},
+     {"panoramic", TwoViewKind::kPanoramic},
+     {"degenerate", TwoViewKind::kDegenerate}}};
+
+struct TwoViewOptions {
+  double max_error_px = 4.0;  // Sampson distance of an inlier; COLMAP's bound
+  int min_inliers = 15;
+
+  template <typename Self, typename Visitor>
+  static void Visit(Self& o, Visitor& v) {
+    v.Number("max_error_px", o.max_error_px, 0.1, 50.0, "Sampson distance of an inlier [px]");
+    v.Number("min_inliers", o.min_inliers, 8, 10000, "fewer inliers: the pair is degenerate");
+  }
+};
+
+// What two views of a rigid scene say about each other. E acts on normalised image points, F and H
+// on pixels of the undistorted pinhole camera (same fx fy cx cy): x2' E x1 = 0, x2 ~ H x1.
+struct TwoViewGeometry {
+  TwoViewKind kind = TwoViewKind::kDegenerate;
+  std::vector<bool> inlier;  // of each match: agrees with the geometry, not behind a camera
+  std::size_t inlier_count = 0;
+  std::optional<Rigid3> cam2_from_cam1;        // |translation| = 1; none: panoramic, degenerate
+  std::optional<Eigen::Matrix3d> essential;    // [t]x R, where there is a relative pose
+  std::optional<Eigen::Matrix3d> fundamental;  // where there is a pose or the kind is uncalibrated
+  std::optional<Eigen::Matrix3d> homography;   // where one fits at least min_inliers
+  // Medians over the inliers.
+  double angle_deg = 0.0;         // between the two rays of a point (triangulation angle)
+  double motion_px = 0.0;         // |x2 - x1|
+  double parallax_px = 0.0;       // what remains of the motion after the best rotation
+  double error_px = 0.0;          // Sampson distance
+  double homography_ratio = 0.0;  // share of the inliers that the homography explains too
+};
+
+// Robust (OpenCV's USAC: MAGSAC++ with a fixed random state, then a refinement of the relative pose
+// by its Sampson distances), the same for the same input. Throws Error on lists of unequal length.
+TwoViewGeometry EstimateTwoViewGeometry(std::span<const Eigen::Vector2d> xy1,
+                                        std::span<const Eigen::Vector2d> xy2,
+                                        const Camera& camera,
+                                        const TwoViewOptions& options = {});
+
+Eigen::Matrix3d EssentialFromPose(const Rigid3& cam2_from_cam1);  // [t]x R
+
+}  // namespace cohort
