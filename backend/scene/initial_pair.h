@@ -1,0 +1,62 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "backend/scene/two_view_geometry.h"
+
+namespace cohort {
+
+struct InitialPairOptions {
+  TwoViewOptions two_view;
+  int min_common = 20;         // tracks that both frames have observed
+  double min_angle_deg = 0.5;  // median triangulation angle
+  double good_angle_deg = 12.0;
+  double max_forward = 0.95;
+
+  template <typename Self, typename Visitor>
+  static void Visit(Self& o, Visitor& v) {
+    v.Group("two_view", o.two_view, "geometry of a pair");
+    v.Number("min_common", o.min_common, 8, 10000, "tracks that both frames must have");
+    v.Number("min_angle_deg", o.min_angle_deg, 0.0, 90.0, "least median triangulation angle");
+    v.Number("good_angle_deg", o.good_angle_deg, 0.1, 90.0, "angle beyond which more is no better");
+    v.Number("max_forward",
+             o.max_forward,
+             0.0,
+             1.0,
+             "share of the translation along the optical axis beyond which a pair ranks last");
+  }
+};
+
+struct InitialPair {
+  FrameIndex frame1{};
+  FrameIndex frame2{};
+  std::size_t common = 0;    // matches the geometry was estimated from
+  TwoViewGeometry geometry;  // of MatchFrames(tracks, frame1, frame2)
+  double score = 0.0;
+};
+
+// Why pairs were refused; the largest count says what kind of clip it is.
+struct InitialPairRefusals {
+  int too_few_common = 0;
+  int standstill = 0;  // nothing moves
+  int rotation = 0;    // turning on the spot
+  int low_angle = 0;
+  int degenerate = 0;
+};
+
+struct InitialPairSearch {
+  std::vector<InitialPair> ranked;  // best first; empty: there is none
+  InitialPairRefusals refusals;
+  std::string reason;  // one line: which pair and its figures, or why there is none
+};
+
+// Tries pairs that start on a coarse grid over the clip and still share 80, 60 and 40 % of the
+// first frame's features, and ranks them by
+//   inliers * min(1, angle / good_angle) * (1 - homography_ratio^4 / 2),
+// a tenth of it for forward motion and half of it for a plane. At most 36 geometries a clip.
+InitialPairSearch FindInitialPairs(const TrackSet& tracks,
+                                   const Camera& camera,
+                                   const InitialPairOptions& options = {});
+
+}  // namespace cohort
