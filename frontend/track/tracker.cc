@@ -1,6 +1,7 @@
 #include "frontend/track/tracker.h"
 
 #include "frontend/track/klt_tracker.h"
+#include "frontend/track/subspace_tracker.h"
 #include "frontend/track/track_loop.h"
 
 namespace cohort {
@@ -12,7 +13,7 @@ std::unique_ptr<FeatureMover> MakeMover(const TrackerOptions& options) {
       return MakeKltMover(options.klt);
     case TrackerKind::kSubspace:
     case TrackerKind::kDescent:
-      break;
+      return MakeSubspaceMover(options);
   }
   ThrowUsageError("unknown tracker");
 }

@@ -1,6 +1,7 @@
 #pragma once
 
 #include "frontend/core/options.h"
+#include "frontend/energy/penalty.h"
 
 namespace cohort {
 
@@ -65,6 +66,85 @@ struct KltOptions {
   }
 };
 
+// How hard the penalty pulls, paper equation (7).
+enum class Constraint {
+  kStrong,  // alpha = 1 / (m F n^2): the scene is rigid; no few features can overpower it
+  kWeak,    // alpha = 1 / (m n^2): as much say as a single feature
+};
+inline constexpr ChoiceNames<Constraint, 2> kConstraintNames{
+    {{"strong", Constraint::kStrong}, {"weak", Constraint::kWeak}}};
+
+enum class OptimizerKind {
+  kAlgorithm1,   // the paper's first-order descent
+  kJointNewton,  // damped Newton steps of all features together
+};
+inline constexpr ChoiceNames<OptimizerKind, 2> kOptimizerNames{
+    {{"algorithm-1", OptimizerKind::kAlgorithm1}, {"joint-newton", OptimizerKind::kJointNewton}}};
+
+// The paper's joint tracker. Its first-order single-feature tracker (`descent`) shares the template
+// size.
+struct SubspaceOptions {
+  Constraint constraint = Constraint::kStrong;
+  PenaltyKind penalty = PenaltyKind::kEmpiricalDimension;
+  bool uncentered = false;
+  int history_length = 10;
+  int template_px = 11;
+  double penalty_weight = 0.05;
+  double epsilon = 0.6;
+  double smoothing_px = 0.15;
+  OptimizerKind optimizer = OptimizerKind::kJointNewton;
+  int min_iterations = 4;
+  int max_iterations = 20;
+
+  template <typename Self, typename Visitor>
+  static void Visit(Self& o, Visitor& v) {
+    v.Choice("constraint", o.constraint, kConstraintNames, "how hard the penalty pulls, eq. (7)");
+    v.Choice("penalty", o.penalty, kPenaltyNames, "measure of dimension, eq. (4)-(6)");
+    v.Flag("uncentered", o.uncentered, "do not subtract the mean trajectory");
+    v.Number("history_length", o.history_length, 1, 60, "L: past frames in the sliding window");
+    v.Number("template_px", o.template_px, 3, 63, "n: side of the template [px], odd");
+    v.Number(
+        "penalty_weight", o.penalty_weight, 0.0, 1e9, "m of eq. (7), relative to the contrast");
+    v.Number("epsilon", o.epsilon, 0.01, 1.0, "of the empirical dimension, eq. (6)");
+    v.Number("smoothing_px",
+             o.smoothing_px,
+             0.0,
+             10.0,
+             "rounds the penalty at singular values of 0 [px]");
+    v.Choice("optimizer", o.optimizer, kOptimizerNames, "how the total energy is minimised");
+    v.Number("min_iterations", o.min_iterations, 1, 1000, "min_i of Algorithm 1, per level");
+    v.Number("max_iterations", o.max_iterations, 1, 1000, "max_i of Algorithm 1, per level");
+  }
+};
+
+// Guide, then measure: the guided position starts one unconstrained alignment of a larger patch
+// with the feature's anchor; what the image does not confirm stays predicted.
+struct MeasurementOptions {
+  bool enabled = true;
+  int window_px = 21;
+  double max_distance_px = 3.0;
+  double min_correlation = 0.3;
+  double max_residual_ratio = 2.0;
+
+  template <typename Self, typename Visitor>
+  static void Visit(Self& o, Visitor& v) {
+    v.Flag("enabled", o.enabled, "measure every guided position against the feature's anchor");
+    v.Number("window_px", o.window_px, 5, 63, "side of the measured patch [px], odd");
+    v.Number("max_distance_px",
+             o.max_distance_px,
+             0.1,
+             50.0,
+             "from the guide [px]; further is unconfirmed");
+    v.Number(
+        "min_correlation", o.min_correlation, 0.0, 1.0, "with the anchor; less is unconfirmed");
+    v.Number("max_residual_ratio",
+             o.max_residual_ratio,
+             1.0,
+             100.0,
+             "residual variance over what noise explains; more is unconfirmed");
+  }
+};
+
 struct TrackerOptions {
   TrackerKind tracker = TrackerKind::kSubspace;
   double border_px = 5.0;
@@ -72,6 +152,8 @@ struct TrackerOptions {
   int max_unconfirmed_frames = 30;
   DetectorOptions detector;
   KltOptions klt;
+  SubspaceOptions subspace;
+  MeasurementOptions measurement;
 
   template <typename Self, typename Visitor>
   static void Visit(Self& o, Visitor& v) {
@@ -90,6 +172,8 @@ struct TrackerOptions {
              "a feature that the image has not confirmed for more frames in a row ends");
     v.Group("detector", o.detector, "corner detection");
     v.Group("klt", o.klt, "tracker klt");
+    v.Group("subspace", o.subspace, "tracker subspace");
+    v.Group("measurement", o.measurement, "guide, then measure (tracker subspace)");
   }
 };
 

@@ -1,7 +1,11 @@
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <opencv2/core/mat.hpp>
+#include <vector>
+
+#include "frontend/core/random_stream.h"
 
 namespace cohort::test {
 
@@ -12,17 +16,51 @@ inline double WavesAt(double x, double y) {
          0.08 * std::sin(0.33 * x - 0.29 * y + 1.0) + 0.06 * std::cos(0.41 * x + 0.37 * y + 0.5);
 }
 
-inline cv::Mat WavesImage(int width, int height, double dx, double dy, int depth = CV_8U) {
+// Blurred spots at random places: unlike the waves, no shift repeats it.
+inline double SpotsAt(double x, double y) {
+  struct Spot {
+    double x, y, inverse_variance, height;
+  };
+  static const std::vector<Spot> kSpots = [] {
+    RandomStream random(11, "test/spots");
+    std::vector<Spot> spots;
+    for (int i = 0; i < 250; ++i) {
+      const double radius = random.Uniform(3, 20);
+      spots.push_back({random.Uniform(-60, 700),
+                       random.Uniform(-60, 540),
+                       1.0 / (radius * radius),
+                       random.Uniform(-0.35, 0.35)});
+    }
+    return spots;
+  }();
+  double value = 0.5;
+  for (const Spot& s : kSpots) {
+    const double r2 = ((x - s.x) * (x - s.x) + (y - s.y) * (y - s.y)) * s.inverse_variance;
+    if (r2 < 30.0) value += s.height * std::exp(-0.5 * r2);
+  }
+  return std::clamp(value, 0.0, 1.0);
+}
+
+template <typename Function>
+cv::Mat ImageOf(const Function& value_at, int width, int height, int depth) {
   cv::Mat image(height, width, CV_32FC1);
   for (int y = 0; y < height; ++y) {
     for (int x = 0; x < width; ++x) {
-      image.at<float>(y, x) = static_cast<float>(WavesAt(x - dx, y - dy));
+      image.at<float>(y, x) = static_cast<float>(value_at(x, y));
     }
   }
   if (depth == CV_32F) return image;
   cv::Mat converted;
   image.convertTo(converted, depth, depth == CV_8U ? 255.0 : 65535.0);
   return converted;
+}
+
+inline cv::Mat WavesImage(int width, int height, double dx, double dy, int depth = CV_8U) {
+  return ImageOf([=](double x, double y) { return WavesAt(x - dx, y - dy); }, width, height, depth);
+}
+
+inline cv::Mat SpotsImage(int width, int height, double dx, double dy, int depth = CV_8U) {
+  return ImageOf([=](double x, double y) { return SpotsAt(x - dx, y - dy); }, width, height, depth);
 }
 
 }  // namespace cohort::test

@@ -1,0 +1,200 @@
+#include "frontend/track/optimizer.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <limits>
+#include <utility>
+#include <vector>
+
+#include "frontend/energy/patch_energy.h"
+#include "frontend/track/line_search.h"
+
+namespace cohort {
+namespace {
+
+// No step of a line search moves a feature further than this [px of the level].
+constexpr double kMaxStepPx = 3.0;
+
+double LargestColumnNorm(const Eigen::Matrix2Xd& c) {
+  return c.cols() == 0 ? 0.0 : c.colwise().norm().maxCoeff();
+}
+
+}  // namespace
+
+OptimizerResult MinimizeAlgorithm1(const TotalEnergy& energy,
+                                   Eigen::Matrix2Xd x,
+                                   int min_iterations,
+                                   int max_iterations) {
+  OptimizerResult result;
+  result.energy = energy.Value(x);
+  double old_norm = std::numeric_limits<double>::infinity();
+  double step_px = 0.5;  // where the next line search begins
+  for (int i = 1; i <= max_iterations; ++i) {
+    const Eigen::Matrix2Xd a = -energy.Gradient(x);
+    Eigen::Matrix2Xd b = a;
+    for (Eigen::Index f = 0; f < b.cols(); ++f) {
+      const double norm = b.col(f).norm();
+      if (norm > 0.0) b.col(f) /= norm;
+    }
+    const Eigen::Matrix2Xd c = 0.5 * a + 0.5 * b;
+    const double reach = LargestColumnNorm(c);
+    if (reach == 0.0) break;
+    const LineSearchResult step =
+        NearestMinimum(energy.Along(x, c), result.energy, step_px / reach, kMaxStepPx / reach);
+    result.evaluations += step.evaluations;
+    ++result.iterations;
+    x += step.d * c;
+    result.energy = step.value;
+    step_px = std::clamp(step.d * reach, 0.01, 1.0);
+    const double norm = a.norm();
+    if ((norm > 0.99 * old_norm && i > min_iterations) || step.d == 0.0) break;
+    old_norm = norm;
+  }
+  result.x = std::move(x);
+  return result;
+}
+
+OptimizerResult MinimizeSeparately(const TotalEnergy& energy,
+                                   Eigen::Matrix2Xd x,
+                                   int max_iterations) {
+  OptimizerResult result;
+  const int n = energy.patch_side();
+  for (Eigen::Index f = 0; f < x.cols(); ++f) {
+    const auto patch = energy.patch(f);
+    Eigen::Vector2d xf = x.col(f);
+    double step_px = 0.5;
+    for (int i = 0; i < max_iterations; ++i) {
+      const PatchGradient at = PatchEnergyGradient(energy.picture(), xf, patch, n);
+      const double norm = at.gradient.norm();
+      if (norm == 0.0) break;
+      const Eigen::Vector2d direction = -at.gradient / norm;
+      const auto along = [&](double d) {
+        return PatchEnergy(energy.picture(), xf + d * direction, patch, n);
+      };
+      const LineSearchResult step = NearestMinimum(along, at.energy, step_px, kMaxStepPx);
+      result.evaluations += step.evaluations;
+      xf += step.d * direction;
+      step_px = std::clamp(step.d, 0.02, 1.0);
+      if (step.d < 0.01) break;
+    }
+    x.col(f) = xf;
+    result.iterations += 1;
+  }
+  result.energy = energy.Value(x);
+  result.x = std::move(x);
+  return result;
+}
+
+namespace {
+
+// Coordinates of the features in the leading directions of the history, r x F: the ones row (a
+// common shift costs nothing when M is centred, and next to nothing when it is not), then right
+// singular vectors of B.
+Eigen::MatrixXd LeadingCoordinates(const TrajectoryMatrix& trajectories, int rank) {
+  const Eigen::MatrixXd& B = trajectories.history();
+  const Eigen::Index F = B.cols();
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(B * B.transpose());
+  const Eigen::VectorXd& lambda = eigen.eigenvalues();
+  std::vector<Eigen::VectorXd> rows;
+  rows.push_back(Eigen::VectorXd::Constant(F, 1.0 / std::sqrt(static_cast<double>(F))));
+  for (int k = 0; k < rank && k < lambda.size(); ++k) {
+    const Eigen::Index i = lambda.size() - 1 - k;
+    if (lambda[i] <= 1e-12 * lambda[lambda.size() - 1]) break;
+    rows.emplace_back(B.transpose() * eigen.eigenvectors().col(i) / std::sqrt(lambda[i]));
+  }
+  Eigen::MatrixXd V(static_cast<Eigen::Index>(rows.size()), F);
+  for (std::size_t k = 0; k < rows.size(); ++k) V.row(static_cast<Eigen::Index>(k)) = rows[k];
+  return V;
+}
+
+}  // namespace
+
+OptimizerResult MinimizeJointly(const TotalEnergy& energy,
+                                Eigen::Matrix2Xd x,
+                                int rank,
+                                int max_iterations) {
+  Check(energy.penalty() != nullptr, "MinimizeJointly needs a penalty");
+  const Eigen::Index F = x.cols();
+  const int n = energy.patch_side();
+  const TrajectoryMatrix& trajectories = *energy.trajectories();
+  const Eigen::MatrixXd V = LeadingCoordinates(trajectories, rank);
+  const Eigen::Index r = V.rows();
+
+  OptimizerResult result;
+  result.energy = energy.Value(x);
+  for (int i = 0; i < max_iterations; ++i) {
+    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(trajectories.Gram(x));
+    const Eigen::MatrixXd& U = eigen.eigenvectors();
+    const Eigen::VectorXd h = energy.penalty()->Weights(eigen.eigenvalues());
+    Eigen::Matrix2Xd gradient =
+        trajectories.TopRowsOfProduct(U * h.asDiagonal() * U.transpose(), x);
+    const Eigen::MatrixXd top = U.topRows(2);
+    Eigen::Matrix2d K = top * h.cwiseMax(0.0).asDiagonal() * top.transpose();
+    K += (1e-6 * K.trace() + 1e-300) * Eigen::Matrix2d::Identity();
+
+    // s_f = D_f^-1 (K A v_f - g_f) with D_f = J_f + K; then sum_f (K - K D_f^-1 K) A v_f v_f' =
+    // -sum_f K D_f^-1 g_f v_f'.
+    std::vector<Eigen::Matrix2d> D_inverse(static_cast<std::size_t>(F));
+    Eigen::MatrixXd S = Eigen::MatrixXd::Zero(2 * r, 2 * r);
+    Eigen::VectorXd rhs = Eigen::VectorXd::Zero(2 * r);
+    for (Eigen::Index f = 0; f < F; ++f) {
+      Eigen::Matrix2d D = K;
+      const double weight = energy.data_weights()[f];
+      if (weight > 0.0) {
+        const PatchQuadratic q =
+            PatchEnergyQuadratic(energy.picture(), x.col(f), energy.patch(f), n, 0.01);
+        gradient.col(f) += weight * q.gradient;
+        D += weight * q.hessian;
+      }
+      const Eigen::Matrix2d inverse = D.inverse();
+      const Eigen::Matrix2d KD = K * inverse;
+      const Eigen::Matrix2d schur = K - KD * K;
+      const Eigen::Vector2d b = -KD * gradient.col(f);
+      for (Eigen::Index p = 0; p < r; ++p) {
+        rhs.segment<2>(2 * p) += V(p, f) * b;
+        for (Eigen::Index q = 0; q <= p; ++q) {
+          S.block<2, 2>(2 * p, 2 * q) += V(p, f) * V(q, f) * schur;
+        }
+      }
+      D_inverse[static_cast<std::size_t>(f)] = inverse;
+    }
+    S = S.selfadjointView<Eigen::Lower>();
+    S.diagonal().array() += 1e-9 * S.trace() + 1e-300;
+    const Eigen::VectorXd A = S.ldlt().solve(rhs);
+    Eigen::Matrix2Xd step(2, F);
+    for (Eigen::Index f = 0; f < F; ++f) {
+      Eigen::Vector2d Av = Eigen::Vector2d::Zero();
+      for (Eigen::Index p = 0; p < r; ++p) Av += V(p, f) * A.segment<2>(2 * p);
+      step.col(f) = D_inverse[static_cast<std::size_t>(f)] * (K * Av - gradient.col(f));
+    }
+    if (!step.allFinite()) break;
+    for (Eigen::Index f = 0; f < F; ++f) {
+      const double norm = step.col(f).norm();
+      if (norm > kMaxStepPx) step.col(f) *= kMaxStepPx / norm;
+    }
+
+    const TotalEnergy::Line along = energy.Along(x, step);
+    double d = 1.0;
+    double value = along(d);
+    ++result.evaluations;
+    while (value >= result.energy && d > 0.1) {
+      d *= 0.4;
+      value = along(d);
+      ++result.evaluations;
+    }
+    ++result.iterations;
+    if (value >= result.energy) break;
+    x += d * step;
+    result.energy = value;
+    // The typical feature has come to rest.
+    Eigen::VectorXd lengths = step.colwise().norm();
+    std::nth_element(lengths.begin(), lengths.begin() + F / 2, lengths.end());
+    if (d * lengths[F / 2] < 0.01) break;
+  }
+  result.x = std::move(x);
+  return result;
+}
+
+}  // namespace cohort

@@ -1,0 +1,351 @@
+#include "frontend/track/subspace_tracker.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <deque>
+#include <numeric>
+#include <utility>
+
+#include "frontend/energy/patch_energy.h"
+#include "frontend/energy/total_energy.h"
+#include "frontend/image/frame_offset.h"
+#include "frontend/image/sampling.h"
+#include "frontend/track/measurement.h"
+#include "frontend/track/optimizer.h"
+
+namespace cohort {
+namespace {
+
+double Median(std::vector<double> values) {
+  if (values.empty()) return 0.0;
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+// Templates of one feature, taken from one frame.
+struct Appearance {
+  std::vector<std::vector<float>> levels;  // n x n on each pyramid level, for the energy
+  AnchorPatch anchor;                      // for the measurement
+};
+
+class SubspaceMover final : public FeatureMover {
+ public:
+  explicit SubspaceMover(const TrackerOptions& options)
+      : options_(options.subspace),
+        measure_(options.measurement),
+        joint_(options.tracker == TrackerKind::kSubspace) {
+    penalty_.kind = options_.penalty;
+    penalty_.epsilon = options_.epsilon;
+    penalty_.rank = options_.uncentered ? 4 : 3;
+  }
+
+  std::vector<Move> MoveFeatures(const Pyramid& current) override;
+  void Keep(std::span<const std::uint8_t> keep) override;
+  void Add(std::span<const Eigen::Vector2d> born, const Pyramid& current) override;
+
+ private:
+  Eigen::Index features() const { return static_cast<Eigen::Index>(appearance_.size()); }
+  Eigen::MatrixXd History() const;  // 2 L x F, newest first
+  Appearance TakeAppearance(const Pyramid& pyramid, const Eigen::Vector2d& xy) const;
+  Eigen::Matrix2Xd Guide(const Pyramid& current) const;
+  double Contrast(const Pyramid& current, const Eigen::Matrix2Xd& x) const;
+  std::vector<Move> Measure(const Pyramid& current, const Eigen::Matrix2Xd& guide);
+  void Predict(std::vector<Move>& moves) const;
+  void FillHistory(Eigen::Index first_new);
+  void Remember(const Pyramid& current);
+
+  SubspaceOptions options_;
+  MeasurementOptions measure_;
+  bool joint_;
+  Penalty penalty_;
+
+  std::vector<Appearance> appearance_;
+  std::vector<std::uint8_t> confirmed_;     // in the last frame
+  std::deque<Eigen::Matrix2Xd> positions_;  // newest first, at most L, each 2 x F
+  std::deque<Pyramid> pyramids_;            // of the same frames
+  double contrast_ = 0.0;                   // energy that a displaced template gains [1/px]
+};
+
+Eigen::MatrixXd SubspaceMover::History() const {
+  Eigen::MatrixXd history(2 * static_cast<Eigen::Index>(positions_.size()), features());
+  for (std::size_t l = 0; l < positions_.size(); ++l) {
+    history.middleRows(2 * static_cast<Eigen::Index>(l), 2) = positions_[l];
+  }
+  return history;
+}
+
+Appearance SubspaceMover::TakeAppearance(const Pyramid& pyramid, const Eigen::Vector2d& xy) const {
+  Appearance appearance;
+  const int n = options_.template_px;
+  double scale = 1.0;
+  for (const cv::Mat& level : pyramid.levels) {
+    std::vector<float> patch(static_cast<std::size_t>(n) * n);
+    SamplePatch(level, xy.x() * scale, xy.y() * scale, n, patch.data());
+    appearance.levels.push_back(std::move(patch));
+    scale *= 0.5;
+  }
+  appearance.anchor = TakeAnchor(pyramid, xy, measure_.window_px);
+  return appearance;
+}
+
+// How steeply the energy rises around the features, so that one penalty weight m fits bright and
+// dark pictures: the data term's slope grows with the contrast, the penalty's does not. Median over
+// features of the mean rise at 1.5 px, per px.
+double SubspaceMover::Contrast(const Pyramid& current, const Eigen::Matrix2Xd& x) const {
+  constexpr double kDistancePx = 1.5;
+  const int n = options_.template_px;
+  std::vector<double> rises;
+  for (Eigen::Index f = 0; f < features(); ++f) {
+    const auto i = static_cast<std::size_t>(f);
+    if (!confirmed_[i]) continue;
+    const auto& patch = appearance_[i].levels[0];
+    double sum = 0.0;
+    for (const auto& direction : {Eigen::Vector2d(1, 0),
+                                  Eigen::Vector2d(-1, 0),
+                                  Eigen::Vector2d(0, 1),
+                                  Eigen::Vector2d(0, -1)}) {
+      sum += PatchEnergy(current.levels[0], x.col(f) + kDistancePx * direction, patch, n);
+    }
+    rises.push_back((sum / 4 - PatchEnergy(current.levels[0], x.col(f), patch, n)) / kDistancePx);
+  }
+  return Median(std::move(rises));
+}
+
+Eigen::Matrix2Xd SubspaceMover::Guide(const Pyramid& current) const {
+  const Eigen::Vector2d offset = RegisterFrames(pyramids_.front(), current);
+  Eigen::Matrix2Xd x = positions_.front().colwise() + offset;
+  const Eigen::MatrixXd history = History();
+
+  const bool penalized = joint_ && options_.penalty_weight > 0.0 && contrast_ > 0.0;
+  Eigen::VectorXd weights = Eigen::VectorXd::Ones(features());
+  if (penalized) {
+    double share = 1.0 / (options_.penalty_weight * contrast_);
+    if (options_.constraint == Constraint::kStrong) share /= static_cast<double>(features());
+    for (Eigen::Index f = 0; f < features(); ++f) {
+      // What the last frame contradicted is led by the others until the image confirms it again.
+      weights[f] = confirmed_[static_cast<std::size_t>(f)] ? share : 0.0;
+    }
+  }
+
+  std::vector<const float*> patches(appearance_.size());
+  for (int level = static_cast<int>(current.levels.size()) - 1; level >= 0; --level) {
+    const double scale = std::ldexp(1.0, -level);
+    for (std::size_t f = 0; f < patches.size(); ++f) {
+      patches[f] = appearance_[f].levels[static_cast<std::size_t>(level)].data();
+    }
+    x *= scale;
+    const cv::Mat& picture = current.levels[static_cast<std::size_t>(level)];
+    if (!penalized) {
+      const TotalEnergy energy(picture, patches, options_.template_px, weights, nullptr, nullptr);
+      x = MinimizeSeparately(energy, x, options_.max_iterations).x;
+    } else {
+      const TrajectoryMatrix trajectories(scale * history, !options_.uncentered);
+      Penalty penalty = penalty_;
+      penalty.smoothing =
+          static_cast<double>(features()) * std::pow(options_.smoothing_px * scale, 2);
+      const TotalEnergy energy(
+          picture, patches, options_.template_px, weights, &trajectories, &penalty);
+      x = options_.optimizer == OptimizerKind::kAlgorithm1
+              ? MinimizeAlgorithm1(energy, x, options_.min_iterations, options_.max_iterations).x
+              : MinimizeJointly(energy, x, penalty_.rank, options_.max_iterations).x;
+    }
+    x /= scale;
+  }
+  return x;
+}
+
+std::vector<Move> SubspaceMover::Measure(const Pyramid& current, const Eigen::Matrix2Xd& guide) {
+  const auto F = static_cast<std::size_t>(features());
+  std::vector<Move> moves(F);
+  std::vector<Measurement> measured(F);
+  std::vector<double> variances;
+  for (std::size_t f = 0; f < F; ++f) {
+    measured[f] = MeasurePatch(current,
+                               appearance_[f].anchor,
+                               guide.col(static_cast<Eigen::Index>(f)),
+                               measure_.window_px);
+    if (measured[f].converged) variances.push_back(measured[f].residual_variance);
+  }
+  const double noise_variance = Median(std::move(variances));  // of a difference: twice a picture's
+  for (std::size_t f = 0; f < F; ++f) {
+    const Measurement& m = measured[f];
+    const Eigen::Vector2d start = guide.col(static_cast<Eigen::Index>(f));
+    // Noise, and what the small errors of warp and interpolation leave of the pattern.
+    const double expected = noise_variance + 0.04 * appearance_[f].anchor.signal_variance;
+    const bool seen = m.converged && (m.xy - start).norm() <= measure_.max_distance_px &&
+                      m.correlation >= measure_.min_correlation &&
+                      m.residual_variance <= measure_.max_residual_ratio * expected;
+    moves[f].residual = m.residual;
+    if (seen) {
+      moves[f].xy = m.xy;
+      const Eigen::Matrix2d covariance = m.residual_variance * m.gradient_energy.inverse();
+      moves[f].covariance = PixelCovariance{static_cast<float>(covariance(0, 0)),
+                                            static_cast<float>(covariance(0, 1)),
+                                            static_cast<float>(covariance(1, 1))};
+    } else {
+      moves[f].xy = start;
+      moves[f].state = ObservationState::kPredicted;
+    }
+  }
+  return moves;
+}
+
+// Unconfirmed features from the confirmed ones: the current position as an affine function of the
+// history, x_f = A h_f + c, fitted by ridge regression on the confirmed (the ridge is the noise of
+// the history, so that directions that noise alone spans do not count).
+void SubspaceMover::Predict(std::vector<Move>& moves) const {
+  const Eigen::MatrixXd history = History();
+  std::vector<Eigen::Index> seen;
+  for (std::size_t f = 0; f < moves.size(); ++f) {
+    if (moves[f].state == ObservationState::kObserved) seen.push_back(static_cast<Eigen::Index>(f));
+  }
+  if (seen.size() < 8 || seen.size() == moves.size()) return;
+  const auto C = static_cast<Eigen::Index>(seen.size());
+  Eigen::MatrixXd B(history.rows(), C);
+  Eigen::Matrix2Xd X(2, C);
+  for (Eigen::Index i = 0; i < C; ++i) {
+    B.col(i) = history.col(seen[static_cast<std::size_t>(i)]);
+    X.col(i) = moves[static_cast<std::size_t>(seen[static_cast<std::size_t>(i)])].xy;
+  }
+  const Eigen::VectorXd mean_history = B.rowwise().mean();
+  const Eigen::Vector2d mean_x = X.rowwise().mean();
+  B.colwise() -= mean_history;
+  X.colwise() -= mean_x;
+  constexpr double kHistoryNoisePx = 0.3;
+  Eigen::MatrixXd normal = B * B.transpose();
+  normal.diagonal().array() += static_cast<double>(C) * kHistoryNoisePx * kHistoryNoisePx;
+  const Eigen::MatrixXd A = normal.ldlt().solve(B * X.transpose()).transpose();
+  for (std::size_t f = 0; f < moves.size(); ++f) {
+    if (moves[f].state == ObservationState::kObserved) continue;
+    moves[f].xy = mean_x + A * (history.col(static_cast<Eigen::Index>(f)) - mean_history);
+  }
+}
+
+std::vector<Move> SubspaceMover::MoveFeatures(const Pyramid& current) {
+  const Eigen::Matrix2Xd guide = Guide(current);
+  std::vector<Move> moves;
+  if (measure_.enabled) {
+    moves = Measure(current, guide);
+    if (joint_) Predict(moves);
+  } else {
+    for (Eigen::Index f = 0; f < features(); ++f) {
+      Move move;
+      move.xy = guide.col(f);
+      move.residual = PatchEnergy(current.levels[0],
+                                  guide.col(f),
+                                  appearance_[static_cast<std::size_t>(f)].levels[0],
+                                  options_.template_px);
+      moves.push_back(move);
+    }
+  }
+  for (Move& move : moves) {
+    if (!move.xy.allFinite()) move.loss = LossReason::kDiverged;
+  }
+  Eigen::Matrix2Xd x(2, features());
+  for (Eigen::Index f = 0; f < features(); ++f) {
+    const Move& move = moves[static_cast<std::size_t>(f)];
+    x.col(f) = move.xy;
+    confirmed_[static_cast<std::size_t>(f)] = move.state == ObservationState::kObserved;
+  }
+  const double contrast = Contrast(current, x);
+  if (contrast > 0.0) contrast_ = 0.8 * contrast_ + 0.2 * contrast;
+  positions_.push_front(std::move(x));
+  Remember(current);
+  return moves;
+}
+
+void SubspaceMover::Remember(const Pyramid& current) {
+  pyramids_.push_front(current);
+  const auto length = static_cast<std::size_t>(options_.history_length);
+  if (positions_.size() > length) positions_.pop_back();
+  if (pyramids_.size() > length) pyramids_.pop_back();
+}
+
+void SubspaceMover::Keep(std::span<const std::uint8_t> keep) {
+  std::size_t kept = 0;
+  for (std::size_t f = 0; f < keep.size(); ++f) {
+    if (keep[f] == 0) continue;
+    if (kept != f) {
+      appearance_[kept] = std::move(appearance_[f]);
+      confirmed_[kept] = confirmed_[f];
+      for (auto& x : positions_) {
+        x.col(static_cast<Eigen::Index>(kept)) = x.col(static_cast<Eigen::Index>(f));
+      }
+    }
+    ++kept;
+  }
+  appearance_.resize(kept);
+  confirmed_.resize(kept);
+  for (auto& x : positions_) x.conservativeResize(2, static_cast<Eigen::Index>(kept));
+}
+
+void SubspaceMover::Add(std::span<const Eigen::Vector2d> born, const Pyramid& current) {
+  if (appearance_.empty()) {
+    // The first features, or none survived: the window starts here.
+    positions_.clear();
+    pyramids_.clear();
+    positions_.emplace_front(2, 0);
+    Remember(current);
+  }
+  const Eigen::Index first_new = features();
+  for (auto& x : positions_) {
+    x.conservativeResize(2, first_new + static_cast<Eigen::Index>(born.size()));
+  }
+  for (std::size_t i = 0; i < born.size(); ++i) {
+    appearance_.push_back(TakeAppearance(current, born[i]));
+    confirmed_.push_back(1);
+    positions_.front().col(first_new + static_cast<Eigen::Index>(i)) = born[i];
+  }
+  FillHistory(first_new);
+  if (contrast_ == 0.0) contrast_ = Contrast(current, positions_.front());
+}
+
+void SubspaceMover::FillHistory(Eigen::Index first_new) {
+  constexpr int kNeighbours = 8;
+  for (Eigen::Index f = first_new; f < features(); ++f) {
+    const Eigen::Vector2d at = positions_.front().col(f);
+    // The nearest old features, by distance and then by birth.
+    std::vector<Eigen::Index> near(static_cast<std::size_t>(first_new));
+    std::iota(near.begin(), near.end(), Eigen::Index{0});
+    const auto distance = [&](Eigen::Index g) {
+      return (positions_.front().col(g) - at).squaredNorm();
+    };
+    const auto count = std::min<std::size_t>(kNeighbours, near.size());
+    std::partial_sort(near.begin(),
+                      near.begin() + static_cast<std::ptrdiff_t>(count),
+                      near.end(),
+                      [&](Eigen::Index a, Eigen::Index b) {
+                        return std::pair(distance(a), a) < std::pair(distance(b), b);
+                      });
+    for (std::size_t l = 1; l < positions_.size(); ++l) {
+      Eigen::Vector2d motion = Eigen::Vector2d::Zero();
+      double total = 0.0;
+      for (std::size_t k = 0; k < count; ++k) {
+        const Eigen::Index g = near[k];
+        const double weight = 1.0 / (100.0 + distance(g));  // [1/px^2]
+        motion += weight * (positions_[l].col(g) - positions_[l - 1].col(g));
+        total += weight;
+      }
+      Eigen::Vector2d x = positions_[l - 1].col(f);
+      if (total > 0.0) x += motion / total;
+      const Measurement m = MeasurePatch(
+          pyramids_[l], appearance_[static_cast<std::size_t>(f)].anchor, x, measure_.window_px);
+      if (m.converged && m.correlation >= measure_.min_correlation &&
+          (m.xy - x).norm() <= measure_.max_distance_px) {
+        x = m.xy;
+      }
+      positions_[l].col(f) = x;
+    }
+  }
+}
+
+}  // namespace
+
+std::unique_ptr<FeatureMover> MakeSubspaceMover(const TrackerOptions& options) {
+  return std::make_unique<SubspaceMover>(options);
+}
+
+}  // namespace cohort

@@ -1,0 +1,21 @@
+#pragma once
+
+#include <memory>
+
+#include "frontend/track/track_loop.h"
+
+namespace cohort {
+
+// The paper's tracker: all features move together, from frame to frame, to the minimum of the total
+// energy (eq. 3) over a pyramid, with the trajectories of the last L frames as history. Then guide,
+// then measure (measurement.h): a position that the image confirms is observed, and is what enters
+// the history; one that it does not confirm is predicted from the observed ones.
+//
+// A new feature has no history: its column of the trajectory matrix is filled backwards, frame by
+// frame, by the motion of the features around it, corrected by aligning its template with the
+// frames of the window (kept for this). So every column is always complete.
+//
+// `descent` is the same without a penalty and without memory: every feature for itself.
+std::unique_ptr<FeatureMover> MakeSubspaceMover(const TrackerOptions& options);
+
+}  // namespace cohort
