@@ -1,0 +1,136 @@
+#include "frontend/core/output.h"
+
+#include <fcntl.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
+#include <memory>
+
+#include "frontend/core/error.h"
+
+namespace cohort {
+namespace {
+
+namespace fs = std::filesystem;
+
+fs::path WithoutTrailingSlash(const fs::path& path) {
+  return path.has_filename() ? path : path.parent_path();
+}
+
+void CheckParent(const fs::path& path) {
+  const fs::path parent = fs::absolute(path).parent_path();
+  if (!fs::is_directory(parent)) {
+    ThrowError("cannot write {}: there is no folder {}", path.string(), parent.string());
+  }
+  if (access(parent.c_str(), W_OK) != 0) {
+    ThrowError(
+        "cannot write {}: folder {}: {}", path.string(), parent.string(), std::strerror(errno));
+  }
+}
+
+void Rename(const fs::path& from, const fs::path& to) {
+  if (std::rename(from.c_str(), to.c_str()) != 0) {
+    ThrowError("cannot write {}: {}", to.string(), std::strerror(errno));
+  }
+}
+
+void RemoveQuietly(const fs::path& path) {
+  std::error_code ignored;
+  fs::remove_all(path, ignored);
+}
+
+struct CloseFile {
+  void operator()(std::FILE* file) const { std::fclose(file); }
+};
+
+}  // namespace
+
+OutputFile::OutputFile(fs::path path)
+    : path_(std::move(path)), partial_(path_.string() + ".partial") {
+  if (fs::is_directory(path_)) {
+    ThrowError("cannot write {}: it is a folder", path_.string());
+  }
+  CheckParent(path_);
+  RemoveQuietly(partial_);
+}
+
+OutputFile::~OutputFile() {
+  if (!committed_) RemoveQuietly(partial_);
+}
+
+void OutputFile::Commit() {
+  Rename(partial_, path_);
+  committed_ = true;
+}
+
+OutputFolder::OutputFolder(fs::path path, const std::vector<std::string>& own_names)
+    : path_(WithoutTrailingSlash(path)), partial_(path_.string() + ".partial") {
+  if (fs::exists(path_) && !fs::is_directory(path_)) {
+    ThrowError("cannot write folder {}: it is a file", path_.string());
+  }
+  CheckParent(path_);
+  if (fs::is_directory(path_)) {
+    for (const auto& entry : fs::directory_iterator(path_)) {
+      const std::string name = entry.path().filename().string();
+      if (std::find(own_names.begin(), own_names.end(), name) == own_names.end()) {
+        ThrowError("cannot replace folder {}: it holds {}, which is not ours; give another folder",
+                   path_.string(),
+                   name);
+      }
+    }
+  }
+  RemoveQuietly(partial_);
+  std::error_code error;
+  fs::create_directory(partial_, error);
+  if (error) ThrowError("cannot make folder {}: {}", partial_.string(), error.message());
+}
+
+OutputFolder::~OutputFolder() {
+  if (!committed_) RemoveQuietly(partial_);
+}
+
+void OutputFolder::Commit() {
+  if (fs::exists(path_)) {
+    // Swapped in one step, so that there is a whole folder at every moment; file systems that
+    // cannot do that get two renames.
+    if (renameat2(AT_FDCWD, partial_.c_str(), AT_FDCWD, path_.c_str(), RENAME_EXCHANGE) == 0) {
+      RemoveQuietly(partial_);
+    } else {
+      const fs::path old = path_.string() + ".old";
+      RemoveQuietly(old);
+      Rename(path_, old);
+      Rename(partial_, path_);
+      RemoveQuietly(old);
+    }
+  } else {
+    Rename(partial_, path_);
+  }
+  committed_ = true;
+}
+
+void WriteBytes(const fs::path& path, std::string_view bytes) {
+  std::unique_ptr<std::FILE, CloseFile> file(std::fopen(path.c_str(), "wb"));
+  const bool written = file != nullptr &&
+                       std::fwrite(bytes.data(), 1, bytes.size(), file.get()) == bytes.size() &&
+                       std::fflush(file.get()) == 0;
+  if (!written) ThrowError("cannot write {}: {}", path.string(), std::strerror(errno));
+}
+
+std::string ReadBytes(const fs::path& path) {
+  std::unique_ptr<std::FILE, CloseFile> file(std::fopen(path.c_str(), "rb"));
+  if (file == nullptr) ThrowError("cannot read {}: {}", path.string(), std::strerror(errno));
+  std::string bytes;
+  char buffer[1 << 16];
+  while (const std::size_t n = std::fread(buffer, 1, sizeof(buffer), file.get())) {
+    bytes.append(buffer, n);
+  }
+  if (std::ferror(file.get())) {
+    ThrowError("cannot read {}: {}", path.string(), std::strerror(errno));
+  }
+  return bytes;
+}
+
+}  // namespace cohort

@@ -1,0 +1,56 @@
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace cohort {
+
+// Outputs are written whole or not at all: into a partial file or folder beside the final path,
+// renamed at the end. Until Commit the old one stays; without Commit (an exception) the partial one
+// is removed. Throws Error naming the path.
+//
+//   OutputFile out("a.csv");
+//   ... write out.partial() ...
+//   out.Commit();
+class OutputFile {
+ public:
+  // Throws at once where the folder is missing or not writable, or the path is a folder.
+  explicit OutputFile(std::filesystem::path path);
+  OutputFile(const OutputFile&) = delete;
+  OutputFile& operator=(const OutputFile&) = delete;
+  ~OutputFile();
+
+  const std::filesystem::path& partial() const { return partial_; }  // PATH.partial
+  void Commit();
+
+ private:
+  std::filesystem::path path_;
+  std::filesystem::path partial_;
+  bool committed_ = false;
+};
+
+// The same for a folder. An existing folder is replaced whole; so that a slip of the hand deletes
+// nothing, one that holds an entry not in `own_names` is refused at once.
+class OutputFolder {
+ public:
+  OutputFolder(std::filesystem::path path, const std::vector<std::string>& own_names);
+  OutputFolder(const OutputFolder&) = delete;
+  OutputFolder& operator=(const OutputFolder&) = delete;
+  ~OutputFolder();
+
+  const std::filesystem::path& partial() const { return partial_; }
+  void Commit();
+
+ private:
+  std::filesystem::path path_;
+  std::filesystem::path partial_;
+  bool committed_ = false;
+};
+
+// Writes bytes to a file in place; for whole or not at all write OutputFile's partial().
+void WriteBytes(const std::filesystem::path& path, std::string_view bytes);
+std::string ReadBytes(const std::filesystem::path& path);
+
+}  // namespace cohort
