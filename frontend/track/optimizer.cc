@@ -1,8 +1,8 @@
 #include "frontend/track/optimizer.h"
 
 #include <Eigen/Cholesky>
-#include <Eigen/LU>
 #include <Eigen/Eigenvalues>
+#include <Eigen/LU>
 #include <algorithm>
 #include <limits>
 #include <utility>

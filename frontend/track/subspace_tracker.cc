@@ -1,6 +1,6 @@
 #include "frontend/track/subspace_tracker.h"
 
-#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
@@ -53,7 +53,13 @@ class SubspaceMover final : public FeatureMover {
   Eigen::Matrix2Xd Guide(const Pyramid& current) const;
   double Contrast(const Pyramid& current, const Eigen::Matrix2Xd& x) const;
   std::vector<Move> Measure(const Pyramid& current, const Eigen::Matrix2Xd& guide);
-  void Predict(std::vector<Move>& moves) const;
+  struct Prediction {
+    Eigen::Matrix2Xd x;      // 2 x F; no columns: unknown
+    double spread_px = 0.0;  // typical distance of the trusted features from it, a coordinate
+    bool known() const { return x.cols() > 0; }
+  };
+  Prediction Predict(const Eigen::Matrix2Xd& x, const std::vector<std::uint8_t>& trusted) const;
+  void LeadByTheOthers(std::vector<Move>& moves) const;
   void FillHistory(Eigen::Index first_new);
   void Remember(const Pyramid& current);
 
@@ -193,43 +199,91 @@ std::vector<Move> SubspaceMover::Measure(const Pyramid& current, const Eigen::Ma
   return moves;
 }
 
-// Unconfirmed features from the confirmed ones: the current position as an affine function of the
-// history, x_f = A h_f + c, fitted by ridge regression on the confirmed (the ridge is the noise of
-// the history, so that directions that noise alone spans do not count).
-void SubspaceMover::Predict(std::vector<Move>& moves) const {
+// Where the other features say that each one is: the current position as an affine function of the
+// history, x_f = A h_f + c, fitted to the trusted features by ridge regression with Tukey's
+// weights. The ridge is the history's noise, so that directions which noise alone spans do not
+// count; how many dimensions are left follows from the motion. Empty where too few are trusted.
+SubspaceMover::Prediction SubspaceMover::Predict(const Eigen::Matrix2Xd& x,
+                                                 const std::vector<std::uint8_t>& trusted) const {
+  constexpr Eigen::Index kLeastTrusted = 8;
+  std::vector<Eigen::Index> chosen;
+  for (Eigen::Index f = 0; f < features(); ++f) {
+    if (trusted[static_cast<std::size_t>(f)]) chosen.push_back(f);
+  }
+  const auto C = static_cast<Eigen::Index>(chosen.size());
+  Prediction prediction;
+  if (C < kLeastTrusted) return prediction;
   const Eigen::MatrixXd history = History();
-  std::vector<Eigen::Index> seen;
-  for (std::size_t f = 0; f < moves.size(); ++f) {
-    if (moves[f].state == ObservationState::kObserved) seen.push_back(static_cast<Eigen::Index>(f));
+  const Eigen::MatrixXd B = history(Eigen::all, chosen);
+  const Eigen::Matrix2Xd X = x(Eigen::all, chosen);
+
+  Eigen::VectorXd weights = Eigen::VectorXd::Ones(C);
+  for (int pass = 0; pass < 4; ++pass) {
+    const double total = weights.sum();
+    const Eigen::VectorXd mean_h = B * weights / total;
+    const Eigen::Vector2d mean_x = X * weights / total;
+    const Eigen::MatrixXd B0 = B.colwise() - mean_h;
+    const Eigen::MatrixXd BW = B0 * weights.asDiagonal();
+    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(BW * B0.transpose());
+    const Eigen::VectorXd& lambda = eigen.eigenvalues();
+    // The lower half of the spectrum is noise (at least 0.02 px, where it is too short to tell).
+    const double ridge = std::max(lambda[lambda.size() / 2 - 1], total * 4e-4);
+    const Eigen::VectorXd inverse = (lambda.array() + ridge).inverse();
+    const Eigen::MatrixXd XB = (X.colwise() - mean_x) * BW.transpose();
+    const Eigen::MatrixXd& U = eigen.eigenvectors();
+    const Eigen::MatrixXd A = XB * U * inverse.asDiagonal() * U.transpose();
+    prediction.x = (A * (history.colwise() - mean_h)).colwise() + mean_x;
+
+    std::vector<double> errors;
+    for (Eigen::Index i = 0; i < C; ++i) {
+      errors.push_back((prediction.x.col(chosen[static_cast<std::size_t>(i)]) - X.col(i)).norm());
+    }
+    prediction.spread_px = std::max(0.85 * Median(errors), 0.02);  // of one coordinate, if Gaussian
+    for (Eigen::Index i = 0; i < C; ++i) {
+      const double u = errors[static_cast<std::size_t>(i)] / (6.0 * prediction.spread_px);
+      weights[i] = u < 1.0 ? (1.0 - u * u) * (1.0 - u * u) : 0.0;
+    }
+    if (weights.sum() < kLeastTrusted / 2.0) break;
   }
-  if (seen.size() < 8 || seen.size() == moves.size()) return;
-  const auto C = static_cast<Eigen::Index>(seen.size());
-  Eigen::MatrixXd B(history.rows(), C);
-  Eigen::Matrix2Xd X(2, C);
-  for (Eigen::Index i = 0; i < C; ++i) {
-    B.col(i) = history.col(seen[static_cast<std::size_t>(i)]);
-    X.col(i) = moves[static_cast<std::size_t>(seen[static_cast<std::size_t>(i)])].xy;
-  }
-  const Eigen::VectorXd mean_history = B.rowwise().mean();
-  const Eigen::Vector2d mean_x = X.rowwise().mean();
-  B.colwise() -= mean_history;
-  X.colwise() -= mean_x;
-  constexpr double kHistoryNoisePx = 0.3;
-  Eigen::MatrixXd normal = B * B.transpose();
-  normal.diagonal().array() += static_cast<double>(C) * kHistoryNoisePx * kHistoryNoisePx;
-  const Eigen::MatrixXd A = normal.ldlt().solve(B * X.transpose()).transpose();
+  return prediction;
+}
+
+// What the image shows, but not where the cohort goes, is something else that looks alike or an
+// occluder that carries the feature away: it is predicted like what the image does not show.
+void SubspaceMover::LeadByTheOthers(std::vector<Move>& moves) const {
+  Eigen::Matrix2Xd x(2, features());
+  std::vector<std::uint8_t> trusted(moves.size());
   for (std::size_t f = 0; f < moves.size(); ++f) {
-    if (moves[f].state == ObservationState::kObserved) continue;
-    moves[f].xy = mean_x + A * (history.col(static_cast<Eigen::Index>(f)) - mean_history);
+    x.col(static_cast<Eigen::Index>(f)) = moves[f].xy;
+    trusted[f] = moves[f].state == ObservationState::kObserved;
+  }
+  const Prediction prediction = Predict(x, trusted);
+  if (!prediction.known()) return;
+  const bool strong = options_.constraint == Constraint::kStrong &&
+                      static_cast<int>(positions_.size()) >= std::min(4, options_.history_length);
+  const double limit = std::max(measure_.max_disagreement_px, 6.0 * prediction.spread_px);
+  for (std::size_t f = 0; f < moves.size(); ++f) {
+    const Eigen::Vector2d predicted = prediction.x.col(static_cast<Eigen::Index>(f));
+    if (strong && trusted[f] && (moves[f].xy - predicted).norm() > limit) {
+      moves[f].state = ObservationState::kPredicted;
+      moves[f].covariance.reset();
+    }
+    if (moves[f].state == ObservationState::kPredicted) moves[f].xy = predicted;
   }
 }
 
 std::vector<Move> SubspaceMover::MoveFeatures(const Pyramid& current) {
-  const Eigen::Matrix2Xd guide = Guide(current);
+  Eigen::Matrix2Xd guide = Guide(current);
   std::vector<Move> moves;
   if (measure_.enabled) {
+    if (joint_) {
+      const Prediction prediction = Predict(guide, confirmed_);
+      for (Eigen::Index f = 0; f < features() && prediction.known(); ++f) {
+        if (!confirmed_[static_cast<std::size_t>(f)]) guide.col(f) = prediction.x.col(f);
+      }
+    }
     moves = Measure(current, guide);
-    if (joint_) Predict(moves);
+    if (joint_) LeadByTheOthers(moves);
   } else {
     for (Eigen::Index f = 0; f < features(); ++f) {
       Move move;

@@ -125,6 +125,7 @@ struct MeasurementOptions {
   double max_distance_px = 3.0;
   double min_correlation = 0.3;
   double max_residual_ratio = 2.0;
+  double max_disagreement_px = 3.0;
 
   template <typename Self, typename Visitor>
   static void Visit(Self& o, Visitor& v) {
@@ -142,6 +143,11 @@ struct MeasurementOptions {
              1.0,
              100.0,
              "residual variance over what noise explains; more is unconfirmed");
+    v.Number("max_disagreement_px",
+             o.max_disagreement_px,
+             0.1,
+             1000.0,
+             "from where the other features say it is (strong mode) [px]; further is unconfirmed");
   }
 };
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <opencv2/core/mat.hpp>
 #include <vector>
 
@@ -37,6 +38,36 @@ inline double SpotsAt(double x, double y) {
   for (const Spot& s : kSpots) {
     const double r2 = ((x - s.x) * (x - s.x) + (y - s.y) * (y - s.y)) * s.inverse_variance;
     if (r2 < 30.0) value += s.height * std::exp(-0.5 * r2);
+  }
+  return std::clamp(value, 0.0, 1.0);
+}
+
+// Smooth noise of four octaves, wavelengths 7 to 56 px: texture without an end and without repeats.
+inline double NoiseAt(double x, double y) {
+  const auto lattice = [](std::int64_t i, std::int64_t j, int octave) {
+    std::uint64_t h = static_cast<std::uint64_t>(i) * 0x9e3779b97f4a7c15ULL ^
+                      static_cast<std::uint64_t>(j) * 0xc2b2ae3d27d4eb4fULL ^
+                      static_cast<std::uint64_t>(octave) * 0x165667b19e3779f9ULL;
+    h = (h ^ (h >> 30)) * 0xbf58476d1ce4e5b9ULL;
+    h = (h ^ (h >> 27)) * 0x94d049bb133111ebULL;
+    return static_cast<double>((h ^ (h >> 31)) >> 11) * 0x1.0p-53 - 0.5;
+  };
+  const auto smooth = [](double t) { return t * t * t * (t * (6 * t - 15) + 10); };
+  double value = 0.5;
+  double wavelength = 7.0;
+  double height = 0.3;
+  for (int octave = 0; octave < 4; ++octave) {
+    const double u = x / wavelength;
+    const double v = y / wavelength;
+    const auto i = static_cast<std::int64_t>(std::floor(u));
+    const auto j = static_cast<std::int64_t>(std::floor(v));
+    const double a = smooth(u - static_cast<double>(i));
+    const double b = smooth(v - static_cast<double>(j));
+    const double top = lattice(i, j, octave) * (1 - a) + lattice(i + 1, j, octave) * a;
+    const double bottom = lattice(i, j + 1, octave) * (1 - a) + lattice(i + 1, j + 1, octave) * a;
+    value += height * (top * (1 - b) + bottom * b);
+    wavelength *= 2.0;
+    height *= 1.1;
   }
   return std::clamp(value, 0.0, 1.0);
 }
