@@ -1,0 +1,20 @@
+#pragma once
+
+#include <filesystem>
+#include <opencv2/core/mat.hpp>
+#include <string_view>
+
+namespace cohort {
+
+// The pixels of an image file as stored (EXIF orientation is ignored, as COLMAP does). Throws Error
+// if the file is missing, unreadable, cut short or no image.
+cv::Mat ReadImage(const std::filesystem::path& file);
+
+// CV_8UC1 or CV_16UC1 of a 1, 3 (BGR) or 4 (BGRA, alpha dropped) channel picture of 8 or 16 bits.
+// Throws Error naming `what` on any other kind.
+cv::Mat ToGray(const cv::Mat& picture, std::string_view what);
+
+// Throws Error naming `what` and both sizes unless they are equal.
+void RequireSize(cv::Size size, cv::Size expected, std::string_view what);
+
+}  // namespace cohort
