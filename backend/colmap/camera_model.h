@@ -1,0 +1,41 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "backend/geometry/camera.h"
+
+namespace cohort {
+
+// COLMAP puts the origin at the corner of the top-left pixel, we at its centre: the only shift.
+inline constexpr double kColmapPixelShift = 0.5;
+
+enum class ColmapCameraModel : std::int32_t {
+  kSimplePinhole = 0,  // f cx cy
+  kPinhole = 1,        // fx fy cx cy
+  kSimpleRadial = 2,   // f cx cy k
+  kRadial = 3,         // f cx cy k1 k2
+  kOpencv = 4,         // fx fy cx cy k1 k2 p1 p2
+};
+
+// A row of COLMAP's cameras, in its pixels.
+struct ColmapCamera {
+  ColmapCameraModel model = ColmapCameraModel::kPinhole;
+  int width_px = 0;
+  int height_px = 0;
+  std::vector<double> params;
+  bool prior_focal_length = true;  // calibrated
+};
+
+// PINHOLE, with distortion OPENCV; a guessed camera SIMPLE_RADIAL without prior focal length.
+ColmapCamera ToColmapCamera(const Camera& camera);
+// As `known`. Throws Error on a model or a number of parameters that is not one of the above.
+Camera FromColmapCamera(const ColmapCamera& camera);
+
+std::string ColmapModelName(ColmapCameraModel model);
+ColmapCameraModel ColmapModelFromName(const std::string& name);  // throws Error
+
+std::size_t ColmapParameterCount(ColmapCameraModel model);  // throws Error on an unknown model
+
+}  // namespace cohort

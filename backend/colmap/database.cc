@@ -1,0 +1,453 @@
+#include "backend/colmap/database.h"
+
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+#include <cstring>
+#include <set>
+#include <span>
+
+#include "frontend/core/output.h"
+#include "frontend/core/sqlite.h"
+
+namespace cohort {
+namespace {
+
+constexpr std::int64_t kMaxImages = 2147483647;
+constexpr std::int64_t kUserVersion = 3800;
+
+// COLMAP reads cameras, images, matches and two_view_geometries by column number: the order counts.
+constexpr const char* kSchema = R"(
+CREATE TABLE cameras
+   (camera_id            INTEGER  PRIMARY KEY AUTOINCREMENT  NOT NULL,
+    model                INTEGER                             NOT NULL,
+    width                INTEGER                             NOT NULL,
+    height               INTEGER                             NOT NULL,
+    params               BLOB,
+    prior_focal_length   INTEGER                             NOT NULL);
+CREATE TABLE images
+   (image_id  INTEGER  PRIMARY KEY AUTOINCREMENT  NOT NULL,
+    name      TEXT                                NOT NULL UNIQUE,
+    camera_id INTEGER                             NOT NULL,
+    prior_qw  REAL,
+    prior_qx  REAL,
+    prior_qy  REAL,
+    prior_qz  REAL,
+    prior_tx  REAL,
+    prior_ty  REAL,
+    prior_tz  REAL,
+    CONSTRAINT image_id_check CHECK(image_id >= 0 and image_id < 2147483647),
+    FOREIGN KEY(camera_id) REFERENCES cameras(camera_id));
+CREATE UNIQUE INDEX index_name ON images(name);
+CREATE TABLE keypoints
+   (image_id  INTEGER  PRIMARY KEY  NOT NULL,
+    rows      INTEGER               NOT NULL,
+    cols      INTEGER               NOT NULL,
+    data      BLOB,
+    FOREIGN KEY(image_id) REFERENCES images(image_id) ON DELETE CASCADE);
+CREATE TABLE descriptors
+   (image_id  INTEGER  PRIMARY KEY  NOT NULL,
+    rows      INTEGER               NOT NULL,
+    cols      INTEGER               NOT NULL,
+    data      BLOB,
+    FOREIGN KEY(image_id) REFERENCES images(image_id) ON DELETE CASCADE);
+CREATE TABLE matches
+   (pair_id  INTEGER  PRIMARY KEY  NOT NULL,
+    rows     INTEGER               NOT NULL,
+    cols     INTEGER               NOT NULL,
+    data     BLOB);
+CREATE TABLE two_view_geometries
+   (pair_id  INTEGER  PRIMARY KEY  NOT NULL,
+    rows     INTEGER               NOT NULL,
+    cols     INTEGER               NOT NULL,
+    data     BLOB,
+    config   INTEGER               NOT NULL,
+    F        BLOB,
+    E        BLOB,
+    H        BLOB,
+    qvec     BLOB,
+    tvec     BLOB);
+)";
+
+using RowMajor3 = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
+
+template <typename T>
+std::span<const std::byte> AsBytes(const std::vector<T>& values) {
+  return std::as_bytes(std::span(values));
+}
+
+template <typename T>
+std::vector<T> FromBytes(std::span<const std::byte> bytes,
+                         std::int64_t count,
+                         const std::filesystem::path& path,
+                         const char* table) {
+  if (count < 0 || bytes.size() != static_cast<std::size_t>(count) * sizeof(T)) {
+    ThrowError("COLMAP database {}: a blob of table {} has {} bytes instead of {}",
+               path.string(),
+               table,
+               bytes.size(),
+               count * static_cast<std::int64_t>(sizeof(T)));
+  }
+  std::vector<T> values(static_cast<std::size_t>(count));
+  if (!bytes.empty()) std::memcpy(values.data(), bytes.data(), bytes.size());
+  return values;
+}
+
+void BindMatrix(SqliteStatement& statement,
+                int parameter,
+                const std::optional<Eigen::Matrix3d>& matrix) {
+  if (!matrix) {
+    statement.BindNull(parameter);
+    return;
+  }
+  const RowMajor3 rows = *matrix;
+  statement.Bind(parameter, std::as_bytes(std::span(rows.data(), 9)));
+}
+
+std::optional<Eigen::Matrix3d> ReadMatrix(const SqliteStatement& statement,
+                                          int column,
+                                          const std::filesystem::path& path) {
+  if (statement.Blob(column).empty()) return std::nullopt;
+  const auto values = FromBytes<double>(statement.Blob(column), 9, path, "two_view_geometries");
+  return Eigen::Matrix3d(Eigen::Map<const RowMajor3>(values.data()));
+}
+
+std::vector<ColmapMatch> SwapColumns(std::vector<ColmapMatch> matches) {
+  for (ColmapMatch& match : matches) std::swap(match[0], match[1]);
+  return matches;
+}
+
+ColmapPairConfig ConfigOf(TwoViewKind kind) {
+  switch (kind) {
+    case TwoViewKind::kCalibrated:
+      return ColmapPairConfig::kCalibrated;
+    case TwoViewKind::kUncalibrated:
+      return ColmapPairConfig::kUncalibrated;
+    case TwoViewKind::kPlanar:
+      return ColmapPairConfig::kPlanar;
+    case TwoViewKind::kPanoramic:
+      return ColmapPairConfig::kPanoramic;
+    case TwoViewKind::kDegenerate:
+      return ColmapPairConfig::kDegenerate;
+  }
+  return ColmapPairConfig::kUndefined;
+}
+
+// Our pixels x and COLMAP's S x, S the shift of the origin: F -> S^-T F S^-1, H -> S H S^-1.
+ColmapTwoViewGeometry InColmapPixels(const TwoViewGeometry& geometry, bool camera_known) {
+  Eigen::Matrix3d back = Eigen::Matrix3d::Identity();  // S^-1
+  back(0, 2) = back(1, 2) = -kColmapPixelShift;
+  ColmapTwoViewGeometry result;
+  result.config = ConfigOf(geometry.kind);
+  if (geometry.fundamental) {
+    result.fundamental = back.transpose() * *geometry.fundamental * back;
+  }
+  if (geometry.homography) result.homography = back.inverse() * *geometry.homography * back;
+  if (camera_known) {  // of a guessed focal length these say little
+    result.essential = geometry.essential;
+    result.cam2_from_cam1 = geometry.cam2_from_cam1;
+  }
+  return result;
+}
+
+void CheckMatches(const std::vector<ColmapMatch>& matches,
+                  const ColmapImage& image1,
+                  const ColmapImage& image2) {
+  std::set<std::uint32_t> used1, used2;
+  for (const ColmapMatch& match : matches) {
+    if (match[0] >= image1.keypoints.size() || match[1] >= image2.keypoints.size()) {
+      ThrowError(
+          "COLMAP database: a match of images {} and {} points past their {} and {} keypoints",
+          image1.name,
+          image2.name,
+          image1.keypoints.size(),
+          image2.keypoints.size());
+    }
+    if (!used1.insert(match[0]).second || !used2.insert(match[1]).second) {
+      ThrowError(
+          "COLMAP database: images {} and {} match a keypoint twice", image1.name, image2.name);
+    }
+  }
+}
+
+void WriteRows(SqliteDatabase& db, const ColmapDatabase& database) {
+  constexpr std::int64_t kCameraId = 1;
+  db.Prepare("INSERT INTO cameras VALUES(?, ?, ?, ?, ?, ?)")
+      .Bind(1, kCameraId)
+      .Bind(2, static_cast<std::int64_t>(database.camera.model))
+      .Bind(3, std::int64_t{database.camera.width_px})
+      .Bind(4, std::int64_t{database.camera.height_px})
+      .Bind(5, AsBytes(database.camera.params))
+      .Bind(6, std::int64_t{database.camera.prior_focal_length})
+      .Run();
+
+  auto insert_image = db.Prepare("INSERT INTO images(image_id, name, camera_id) VALUES(?, ?, ?)");
+  auto insert_keypoints = db.Prepare("INSERT INTO keypoints VALUES(?, ?, 2, ?)");
+  for (const auto& [id, image] : database.images) {
+    insert_image.Bind(1, std::int64_t{id}).Bind(2, image.name).Bind(3, kCameraId).Run();
+    insert_keypoints.Bind(1, std::int64_t{id})
+        .Bind(2, static_cast<std::int64_t>(image.keypoints.size()))
+        .Bind(3, AsBytes(image.keypoints))
+        .Run();
+  }
+
+  auto insert_matches = db.Prepare("INSERT INTO matches VALUES(?, ?, 2, ?)");
+  auto insert_geometry =
+      db.Prepare("INSERT INTO two_view_geometries VALUES(?, ?, 2, ?, ?, ?, ?, ?, ?, ?)");
+  for (const auto& [images, pair] : database.pairs) {
+    const std::int64_t pair_id = ColmapPairId(images.first, images.second);
+    insert_matches.Bind(1, pair_id)
+        .Bind(2, static_cast<std::int64_t>(pair.matches.size()))
+        .Bind(3, AsBytes(pair.matches))
+        .Run();
+    if (!pair.geometry) continue;
+    const ColmapTwoViewGeometry& g = *pair.geometry;
+    insert_geometry.Bind(1, pair_id)
+        .Bind(2, static_cast<std::int64_t>(g.inliers.size()))
+        .Bind(3, AsBytes(g.inliers))
+        .Bind(4, static_cast<std::int64_t>(g.config));
+    BindMatrix(insert_geometry, 5, g.fundamental);
+    BindMatrix(insert_geometry, 6, g.essential);
+    BindMatrix(insert_geometry, 7, g.homography);
+    if (g.cam2_from_cam1) {
+      const Eigen::Quaterniond& q = g.cam2_from_cam1->rotation;
+      const double qvec[4] = {q.w(), q.x(), q.y(), q.z()};
+      insert_geometry.Bind(8, std::as_bytes(std::span(qvec)));
+      insert_geometry.Bind(9, std::as_bytes(std::span(g.cam2_from_cam1->translation.data(), 3)));
+    } else {
+      insert_geometry.BindNull(8).BindNull(9);
+    }
+    insert_geometry.Run();
+  }
+}
+
+void CheckSchema(SqliteDatabase& db, const std::filesystem::path& path) {
+  for (const char* table : {"cameras", "images", "keypoints", "matches", "two_view_geometries"}) {
+    if (!db.HasTable(table)) {
+      ThrowError("{} is no COLMAP database: it has no table {}", path.string(), table);
+    }
+  }
+  auto columns = db.Prepare("SELECT name FROM pragma_table_info('images')");
+  bool has_prior = false;
+  while (columns.Step()) has_prior = has_prior || columns.Text(0) == "prior_qw";
+  if (!has_prior) {
+    ThrowError(
+        "COLMAP database {} was created by a newer COLMAP (schema {}, no images.prior_qw): only "
+        "the schema of COLMAP 3.8 is read; export the tracks again instead",
+        path.string(),
+        db.UserVersion());
+  }
+}
+
+}  // namespace
+
+ColmapImageId ColmapImageIdOf(FrameIndex frame) {
+  if (ToInt(frame) >= kMaxImages - 1) {
+    ThrowError("frame {} is beyond the {} images that COLMAP can number", ToInt(frame), kMaxImages);
+  }
+  return ToInt(frame) + 1;
+}
+
+FrameIndex FrameOfColmapImage(ColmapImageId id) {
+  if (id == 0) ThrowError("COLMAP image id 0 is none of ours: they start at 1");
+  return FrameIndex{id - 1};
+}
+
+std::int64_t ColmapPairId(ColmapImageId id1, ColmapImageId id2) {
+  return kMaxImages * std::min(id1, id2) + std::max(id1, id2);
+}
+
+std::pair<ColmapImageId, ColmapImageId> ColmapImagesOfPair(std::int64_t pair_id) {
+  return {static_cast<ColmapImageId>((pair_id - pair_id % kMaxImages) / kMaxImages),
+          static_cast<ColmapImageId>(pair_id % kMaxImages)};
+}
+
+ColmapTwoViewGeometry ColmapTwoViewGeometry::Swapped() const {
+  ColmapTwoViewGeometry swapped;
+  swapped.config = config;
+  swapped.inliers = SwapColumns(inliers);
+  if (fundamental) swapped.fundamental = fundamental->transpose();
+  if (essential) swapped.essential = essential->transpose();
+  if (homography) swapped.homography = homography->inverse();
+  if (cam2_from_cam1) swapped.cam2_from_cam1 = cam2_from_cam1->Inverse();
+  return swapped;
+}
+
+ColmapPair ColmapPair::Swapped() const {
+  ColmapPair swapped;
+  swapped.matches = SwapColumns(matches);
+  if (geometry) swapped.geometry = geometry->Swapped();
+  return swapped;
+}
+
+void ColmapDatabase::AddPair(ColmapImageId image1, ColmapImageId image2, ColmapPair pair) {
+  if (image1 > image2) {
+    AddPair(image2, image1, pair.Swapped());
+    return;
+  }
+  const auto first = images.find(image1);
+  const auto second = images.find(image2);
+  if (image1 == image2 || first == images.end() || second == images.end()) {
+    ThrowError("COLMAP database: there is no pair of images {} and {}", image1, image2);
+  }
+  CheckMatches(pair.matches, first->second, second->second);
+  if (pair.geometry) CheckMatches(pair.geometry->inliers, first->second, second->second);
+  if (!pairs.emplace(std::pair(image1, image2), std::move(pair)).second) {
+    ThrowError("COLMAP database: the pair of images {} and {} occurs twice", image1, image2);
+  }
+}
+
+std::vector<const Observation*> ColmapKeypoints(const TrackSet& tracks,
+                                                FrameIndex frame,
+                                                bool include_predicted) {
+  std::vector<const Observation*> keypoints;
+  for (const Observation* o : tracks.InFrame(frame)) {
+    if (include_predicted || o->state == ObservationState::kObserved) keypoints.push_back(o);
+  }
+  return keypoints;
+}
+
+ColmapDatabase BuildColmapDatabase(const TrackFile& file, const ColmapDatabaseOptions& options) {
+  ValidateOptions(options);
+  const Camera camera = file.camera.value_or(Camera::Guess(file.width_px, file.height_px));
+  ColmapDatabase database;
+  database.camera = ToColmapCamera(camera);
+
+  std::map<FrameIndex, std::map<FeatureId, std::uint32_t>> keypoint_of_feature;
+  std::set<std::string> names;
+  for (const FrameInfo& frame : file.frames) {
+    if (frame.name.empty()) ThrowError("frame {} has no name", ToInt(frame.index));
+    if (!names.insert(frame.name).second) {
+      ThrowError("two frames are named {}: COLMAP needs a name for each", frame.name);
+    }
+    auto& index = keypoint_of_feature[frame.index];
+    ColmapImage& image = database.images[ColmapImageIdOf(frame.index)];
+    image.name = frame.name;
+    for (const Observation* o :
+         ColmapKeypoints(file.tracks, frame.index, options.include_predicted)) {
+      index[o->feature] = static_cast<std::uint32_t>(image.keypoints.size());
+      image.keypoints.push_back(
+          (o->xy + Eigen::Vector2d::Constant(kColmapPixelShift)).cast<float>());
+    }
+  }
+  for (const FrameIndex frame : file.tracks.frames()) {
+    if (!keypoint_of_feature.contains(frame)) {
+      ThrowError("the tracks have positions in frame {}, which is not in the list of frames",
+                 ToInt(frame));
+    }
+  }
+
+  const auto min_matches = static_cast<std::size_t>(options.two_view.min_inliers);
+  for (std::size_t stride = 1;
+       stride < file.frames.size() && stride <= static_cast<std::size_t>(options.max_stride);
+       stride *= 2) {
+    for (std::size_t i = 0; i + stride < file.frames.size();
+         i += std::max<std::size_t>(1, stride / 2)) {
+      const FrameIndex frame1 = file.frames[i].index;
+      const FrameIndex frame2 = file.frames[i + stride].index;
+      const FramePairMatches shared =
+          MatchFrames(file.tracks, frame1, frame2, options.include_predicted);
+      if (shared.features.size() < min_matches) continue;
+      const TwoViewGeometry geometry =
+          EstimateTwoViewGeometry(shared.xy1, shared.xy2, camera, options.two_view);
+      ColmapPair pair;
+      if (geometry.kind != TwoViewKind::kDegenerate) {
+        pair.geometry = InColmapPixels(geometry, camera.known);
+      }
+      for (std::size_t m = 0; m < shared.features.size(); ++m) {
+        const ColmapMatch match{keypoint_of_feature.at(frame1).at(shared.features[m]),
+                                keypoint_of_feature.at(frame2).at(shared.features[m])};
+        pair.matches.push_back(match);
+        if (pair.geometry && geometry.inlier[m]) pair.geometry->inliers.push_back(match);
+      }
+      database.AddPair(ColmapImageIdOf(frame1), ColmapImageIdOf(frame2), std::move(pair));
+    }
+  }
+  return database;
+}
+
+void WriteColmapDatabase(const std::filesystem::path& path, const ColmapDatabase& database) {
+  OutputFile out(path);
+  {
+    auto db = SqliteDatabase::Open(out.partial(), SqliteDatabase::Mode::kCreate);
+    // The file is thrown away if anything fails: no journal needed.
+    db.Execute("PRAGMA journal_mode = OFF; PRAGMA synchronous = OFF; PRAGMA foreign_keys = ON");
+    SqliteTransaction transaction(db);
+    db.Execute(kSchema);
+    db.Execute("PRAGMA user_version = " + std::to_string(kUserVersion));
+    WriteRows(db, database);
+    transaction.Commit();
+  }
+  // A write-ahead log that a colmap run left beside the old file would be replayed into the new.
+  for (const char* suffix : {"-wal", "-shm"}) {
+    std::filesystem::remove(path.string() + suffix);
+  }
+  out.Commit();
+}
+
+void WriteColmapDatabase(const std::filesystem::path& path,
+                         const TrackFile& file,
+                         const ColmapDatabaseOptions& options) {
+  WriteColmapDatabase(path, BuildColmapDatabase(file, options));
+}
+
+ColmapDatabase ReadColmapDatabase(const std::filesystem::path& path) {
+  auto db = SqliteDatabase::Open(path, SqliteDatabase::Mode::kRead);
+  CheckSchema(db, path);
+  ColmapDatabase database;
+  auto cameras = db.Prepare("SELECT model, width, height, params, prior_focal_length FROM cameras");
+  if (!cameras.Step()) ThrowError("COLMAP database {} has no camera", path.string());
+  database.camera.model = static_cast<ColmapCameraModel>(cameras.Int(0));
+  database.camera.width_px = static_cast<int>(cameras.Int(1));
+  database.camera.height_px = static_cast<int>(cameras.Int(2));
+  database.camera.params =
+      FromBytes<double>(cameras.Blob(3),
+                        static_cast<std::int64_t>(ColmapParameterCount(database.camera.model)),
+                        path,
+                        "cameras");
+  database.camera.prior_focal_length = cameras.Int(4) != 0;
+  if (cameras.Step()) {
+    ThrowError("COLMAP database {} has several cameras: only one is read", path.string());
+  }
+
+  auto images = db.Prepare(
+      "SELECT image_id, name, rows, cols, data FROM images LEFT JOIN keypoints USING(image_id)");
+  while (images.Step()) {
+    ColmapImage& image = database.images[static_cast<ColmapImageId>(images.Int(0))];
+    image.name = images.Text(1);
+    const std::int64_t rows = images.Int(2);
+    const std::int64_t cols = images.Int(3);
+    const auto values = FromBytes<float>(images.Blob(4), rows * cols, path, "keypoints");
+    for (std::int64_t i = 0; i < rows; ++i) {
+      const float* xy = values.data() + i * cols;
+      image.keypoints.emplace_back(xy[0], xy[1]);
+    }
+  }
+
+  std::map<std::pair<ColmapImageId, ColmapImageId>, ColmapPair> pairs;
+  auto matches = db.Prepare("SELECT pair_id, rows, data FROM matches");
+  while (matches.Step()) {
+    pairs[ColmapImagesOfPair(matches.Int(0))].matches =
+        FromBytes<ColmapMatch>(matches.Blob(2), matches.Int(1), path, "matches");
+  }
+  auto geometries = db.Prepare(
+      "SELECT pair_id, rows, data, config, F, E, H, qvec, tvec FROM two_view_geometries");
+  while (geometries.Step()) {
+    ColmapTwoViewGeometry g;
+    g.inliers =
+        FromBytes<ColmapMatch>(geometries.Blob(2), geometries.Int(1), path, "two_view_geometries");
+    g.config = static_cast<ColmapPairConfig>(geometries.Int(3));
+    g.fundamental = ReadMatrix(geometries, 4, path);
+    g.essential = ReadMatrix(geometries, 5, path);
+    g.homography = ReadMatrix(geometries, 6, path);
+    if (!geometries.Blob(7).empty()) {
+      const auto q = FromBytes<double>(geometries.Blob(7), 4, path, "two_view_geometries");
+      const auto t = FromBytes<double>(geometries.Blob(8), 3, path, "two_view_geometries");
+      g.cam2_from_cam1 = Rigid3{{q[0], q[1], q[2], q[3]}, {t[0], t[1], t[2]}};
+    }
+    pairs[ColmapImagesOfPair(geometries.Int(0))].geometry = std::move(g);
+  }
+  for (auto& [ids, pair] : pairs) database.AddPair(ids.first, ids.second, std::move(pair));
+  return database;
+}
+
+}  // namespace cohort

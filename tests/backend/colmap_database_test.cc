@@ -1,0 +1,436 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cstring>
+#include <limits>
+
+#include "backend/colmap/database.h"
+#include "frontend/core/output.h"
+#include "frontend/core/sqlite.h"
+#include "tests/support/synthetic_tracks.h"
+#include "tests/support/temp_dir.h"
+
+namespace cohort {
+namespace {
+
+using test::CameraPath;
+using test::MakeSyntheticTracks;
+using test::SyntheticTracks;
+using test::SyntheticTracksOptions;
+using test::TempDir;
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::ThrowsMessage;
+
+SqliteDatabase Open(const std::filesystem::path& path) {
+  return SqliteDatabase::Open(path, SqliteDatabase::Mode::kWrite);
+}
+
+std::vector<std::string> Columns(SqliteDatabase& db, const std::string& table) {
+  std::vector<std::string> columns;
+  auto select = db.Prepare("SELECT name FROM pragma_table_info(?) ORDER BY cid");
+  select.Bind(1, table);
+  while (select.Step()) columns.emplace_back(select.Text(0));
+  return columns;
+}
+
+template <typename T>
+std::vector<T> As(std::span<const std::byte> bytes) {
+  std::vector<T> values(bytes.size() / sizeof(T));
+  std::memcpy(values.data(), bytes.data(), values.size() * sizeof(T));
+  return values;
+}
+
+Observation At(std::uint32_t feature,
+               std::uint32_t frame,
+               double x,
+               double y,
+               ObservationState state = ObservationState::kObserved) {
+  Observation o;
+  o.feature = FeatureId{feature};
+  o.frame = FrameIndex{frame};
+  o.xy = {x, y};
+  o.state = state;
+  return o;
+}
+
+TrackFile ThreeFrames() {
+  TrackFile file;
+  file.width_px = 640;
+  file.height_px = 480;
+  file.camera = SyntheticTracksOptions::DefaultCamera();
+  file.frames = {
+      {FrameIndex{0}, "a/0.png", 0}, {FrameIndex{1}, "a/1.png", 1}, {FrameIndex{2}, "a/2.png", 2}};
+  file.tracks = TrackSet::Build({At(4, 0, 10.25, 20.5),
+                                 At(9, 0, 0, 0),
+                                 At(9, 1, 1, 2),
+                                 At(5, 1, 3, 4, ObservationState::kPredicted)});
+  return file;
+}
+
+TEST(ColmapDatabase, HasTheSchemaOf38InColumnOrder) {
+  const TempDir dir;
+  WriteColmapDatabase(dir / "a.db", ThreeFrames());
+  auto db = Open(dir / "a.db");
+  EXPECT_EQ(db.UserVersion(), 3800);
+  EXPECT_THAT(Columns(db, "cameras"),
+              ElementsAre("camera_id", "model", "width", "height", "params", "prior_focal_length"));
+  EXPECT_THAT(Columns(db, "images"),
+              ElementsAre("image_id",
+                          "name",
+                          "camera_id",
+                          "prior_qw",
+                          "prior_qx",
+                          "prior_qy",
+                          "prior_qz",
+                          "prior_tx",
+                          "prior_ty",
+                          "prior_tz"));
+  EXPECT_THAT(Columns(db, "keypoints"), ElementsAre("image_id", "rows", "cols", "data"));
+  EXPECT_THAT(Columns(db, "descriptors"), ElementsAre("image_id", "rows", "cols", "data"));
+  EXPECT_THAT(Columns(db, "matches"), ElementsAre("pair_id", "rows", "cols", "data"));
+  EXPECT_THAT(
+      Columns(db, "two_view_geometries"),
+      ElementsAre("pair_id", "rows", "cols", "data", "config", "F", "E", "H", "qvec", "tvec"));
+  auto foreign_keys = db.Prepare("PRAGMA foreign_key_check");
+  EXPECT_FALSE(foreign_keys.Step());
+}
+
+TEST(ColmapDatabase, KeypointBytesAreOurPixelsPlusAHalf) {
+  const TempDir dir;
+  WriteColmapDatabase(dir / "a.db", ThreeFrames());
+  auto db = Open(dir / "a.db");
+  auto select = db.Prepare("SELECT rows, cols, data FROM keypoints ORDER BY image_id");
+  ASSERT_TRUE(select.Step());
+  EXPECT_EQ(select.Int(0), 2);
+  EXPECT_EQ(select.Int(1), 2);
+  EXPECT_THAT(As<float>(select.Blob(2)), ElementsAre(10.75F, 21.0F, 0.5F, 0.5F));
+  ASSERT_TRUE(select.Step());
+  EXPECT_EQ(select.Int(0), 1) << "the predicted position is left out";
+  EXPECT_THAT(As<float>(select.Blob(2)), ElementsAre(1.5F, 2.5F));
+  ASSERT_TRUE(select.Step());
+  EXPECT_EQ(select.Int(0), 0);
+  EXPECT_EQ(select.Int(1), 2) << "COLMAP 3.8 aborts on an empty frame of 0 columns";
+  EXPECT_FALSE(select.IsNull(2));
+}
+
+TEST(ColmapDatabase, TakesPredictedPositionsWhenAskedFor) {
+  ColmapDatabaseOptions options;
+  options.include_predicted = true;
+  const ColmapDatabase database = BuildColmapDatabase(ThreeFrames(), options);
+  EXPECT_EQ(database.images.at(2).keypoints.size(), 2u);
+}
+
+TEST(ColmapDatabase, CameraIsPinholeOpencvOrAGuess) {
+  TrackFile file = ThreeFrames();
+  EXPECT_EQ(BuildColmapDatabase(file).camera.model, ColmapCameraModel::kPinhole);
+  EXPECT_THAT(BuildColmapDatabase(file).camera.params, ElementsAre(500, 500, 320, 240));
+  EXPECT_TRUE(BuildColmapDatabase(file).camera.prior_focal_length);
+  file.camera->k1 = -0.1;
+  file.camera->p2 = 0.01;
+  EXPECT_EQ(BuildColmapDatabase(file).camera.model, ColmapCameraModel::kOpencv);
+  EXPECT_THAT(BuildColmapDatabase(file).camera.params,
+              ElementsAre(500, 500, 320, 240, -0.1, 0, 0, 0.01));
+  file.camera.reset();
+  EXPECT_EQ(BuildColmapDatabase(file).camera.model, ColmapCameraModel::kSimpleRadial);
+  EXPECT_THAT(BuildColmapDatabase(file).camera.params, ElementsAre(768, 320, 240, 0));
+  EXPECT_FALSE(BuildColmapDatabase(file).camera.prior_focal_length);
+}
+
+TEST(ColmapDatabase, CamerasComeBackFromTheirColmapForm) {
+  Camera camera = SyntheticTracksOptions::DefaultCamera();
+  camera.fy = 510;
+  camera.k1 = -0.1;
+  camera.k2 = 0.02;
+  camera.p1 = 0.003;
+  camera.p2 = -0.004;
+  const Camera back = FromColmapCamera(ToColmapCamera(camera));
+  EXPECT_EQ(back.fy, 510);
+  EXPECT_EQ(back.cx, camera.cx);
+  EXPECT_EQ(back.k2, 0.02);
+  EXPECT_EQ(back.p2, -0.004);
+  ColmapCamera wrong = ToColmapCamera(camera);
+  wrong.params.pop_back();
+  EXPECT_THAT([&] { FromColmapCamera(wrong); },
+              ThrowsMessage<Error>(HasSubstr("7 parameters instead of 8")));
+  EXPECT_THAT([] { ColmapModelFromName("FISHEYE"); },
+              ThrowsMessage<Error>(HasSubstr("FISHEYE is not supported")));
+}
+
+TEST(ColmapDatabase, PairIdsComeBackUpToTheLargest) {
+  const ColmapImageId largest = 2147483646;
+  EXPECT_EQ(ColmapPairId(1, 2), 2147483649);
+  EXPECT_EQ(ColmapPairId(2, 1), ColmapPairId(1, 2));
+  for (const auto& [a, b] : {std::pair<ColmapImageId, ColmapImageId>{1, 2},
+                             {1, largest},
+                             {largest - 1, largest},
+                             {77, 90210}}) {
+    EXPECT_EQ(ColmapImagesOfPair(ColmapPairId(a, b)), std::pair(a, b));
+  }
+  EXPECT_EQ(FrameOfColmapImage(ColmapImageIdOf(FrameIndex{41})), FrameIndex{41});
+  EXPECT_EQ(ColmapImageIdOf(FrameIndex{largest - 1}), largest);
+  EXPECT_THROW(ColmapImageIdOf(FrameIndex{largest}), Error);
+}
+
+TEST(ColmapDatabase, SwappedPairSaysTheSame) {
+  SyntheticTracksOptions options;
+  options.noise_px = 0;
+  options.frames = 12;
+  const SyntheticTracks scene = MakeSyntheticTracks(options);
+  const ColmapDatabase database = BuildColmapDatabase(scene.file);
+  const ColmapPair& pair = database.pairs.at({1, 9});
+  ASSERT_TRUE(pair.geometry && pair.geometry->cam2_from_cam1);
+  const ColmapPair swapped = pair.Swapped();
+  const auto& keypoints1 = database.images.at(9).keypoints;  // of the swapped pair
+  const auto& keypoints2 = database.images.at(1).keypoints;
+  for (std::size_t i = 0; i < swapped.geometry->inliers.size(); ++i) {
+    const auto [i1, i2] = swapped.geometry->inliers[i];
+    EXPECT_EQ(swapped.matches[i][0], pair.matches[i][1]);
+    const Eigen::Vector3d x1 = keypoints1[i1].cast<double>().homogeneous();
+    const Eigen::Vector3d x2 = keypoints2[i2].cast<double>().homogeneous();
+    const Eigen::Vector3d line = *swapped.geometry->fundamental * x1;
+    EXPECT_LT(std::abs(x2.dot(line)) / line.head<2>().norm(), 0.01);
+  }
+  const Rigid3 cam1_from_cam9 =
+      scene.cam_from_world.at(FrameIndex{0}) * scene.cam_from_world.at(FrameIndex{8}).Inverse();
+  const Rigid3& pose = *swapped.geometry->cam2_from_cam1;
+  EXPECT_LT(AngleBetween(pose.rotation, cam1_from_cam9.rotation), 1e-5);
+  EXPECT_LT((pose.translation - cam1_from_cam9.translation.normalized()).norm(), 1e-5);
+  const Eigen::Matrix3d from_pose = EssentialFromPose(pose);  // up to sign
+  EXPECT_NEAR(std::abs(swapped.geometry->essential->cwiseProduct(from_pose).sum()), 2.0, 1e-9);
+  ColmapDatabase other = database;
+  other.pairs.clear();
+  other.AddPair(9, 1, swapped);
+  EXPECT_EQ(other.pairs.at({1, 9}).matches, pair.matches);
+}
+
+TEST(ColmapDatabase, MatricesAreRowMajorAndActOnColmapPixels) {
+  const TempDir dir;
+  SyntheticTracksOptions options;
+  options.noise_px = 0;
+  const SyntheticTracks scene = MakeSyntheticTracks(options);
+  WriteColmapDatabase(dir / "a.db", scene.file);
+  auto db = Open(dir / "a.db");
+  auto keypoints = db.Prepare("SELECT data FROM keypoints WHERE image_id = ?");
+  const auto points_of = [&](std::int64_t image) {
+    keypoints.Bind(1, image);
+    EXPECT_TRUE(keypoints.Step());
+    const auto values = As<float>(keypoints.Blob(0));
+    keypoints.Step();
+    return values;
+  };
+  auto select = db.Prepare(
+      "SELECT rows, cols, data, config, F, E, qvec, tvec FROM two_view_geometries "
+      "WHERE pair_id = ?");
+  select.Bind(1, ColmapPairId(1, 17));
+  ASSERT_TRUE(select.Step());
+  EXPECT_EQ(select.Int(1), 2);
+  EXPECT_EQ(select.Int(3), 2);
+  const auto inliers = As<std::uint32_t>(select.Blob(2));
+  ASSERT_EQ(inliers.size(), static_cast<std::size_t>(2 * select.Int(0)));
+  const auto f = As<double>(select.Blob(4));
+  const auto e = As<double>(select.Blob(5));
+  const auto q = As<double>(select.Blob(6));
+  const auto t = As<double>(select.Blob(7));
+  ASSERT_EQ(f.size(), 9u);
+  ASSERT_EQ(e.size(), 9u);
+  const auto x1 = points_of(1);
+  const auto x2 = points_of(17);
+  for (std::size_t i = 0; i < inliers.size(); i += 2) {
+    const float* a = &x1[2 * inliers[i]];
+    const float* b = &x2[2 * inliers[i + 1]];
+    const double line[3] = {f[0] * a[0] + f[1] * a[1] + f[2],
+                            f[3] * a[0] + f[4] * a[1] + f[5],
+                            f[6] * a[0] + f[7] * a[1] + f[8]};
+    EXPECT_LT(std::abs(line[0] * b[0] + line[1] * b[1] + line[2]) / std::hypot(line[0], line[1]),
+              0.01);
+    const double ray[2] = {(a[0] - 320) / 500, (a[1] - 240) / 500};
+    const double ray2[2] = {(b[0] - 320) / 500, (b[1] - 240) / 500};
+    EXPECT_NEAR(ray2[0] * (e[0] * ray[0] + e[1] * ray[1] + e[2]) +
+                    ray2[1] * (e[3] * ray[0] + e[4] * ray[1] + e[5]) +
+                    (e[6] * ray[0] + e[7] * ray[1] + e[8]),
+                0.0,
+                1e-4);
+  }
+  const Rigid3 truth =
+      scene.cam_from_world.at(FrameIndex{16}) * scene.cam_from_world.at(FrameIndex{0}).Inverse();
+  EXPECT_LT(AngleBetween(Eigen::Quaterniond(q[0], q[1], q[2], q[3]), truth.rotation), 1e-5);
+  EXPECT_LT((Eigen::Vector3d(t[0], t[1], t[2]) - truth.translation.normalized()).norm(), 1e-4);
+}
+
+TEST(ColmapDatabase, PairsLieOnAChainAndPowersOfTwo) {
+  SyntheticTracksOptions options;
+  options.frames = 20;
+  const ColmapDatabase database = BuildColmapDatabase(MakeSyntheticTracks(options).file);
+  std::map<std::uint32_t, int> pairs_of_stride;
+  for (const auto& [ids, pair] : database.pairs) {
+    const std::uint32_t stride = ids.second - ids.first;
+    ++pairs_of_stride[stride];
+    EXPECT_EQ((ids.first - 1) % std::max(1u, stride / 2), 0u);
+  }
+  EXPECT_THAT(pairs_of_stride,
+              ElementsAre(std::pair(1u, 19),
+                          std::pair(2u, 18),
+                          std::pair(4u, 8),
+                          std::pair(8u, 3),
+                          std::pair(16u, 1)));
+  ColmapDatabaseOptions chain;
+  chain.max_stride = 1;
+  EXPECT_EQ(BuildColmapDatabase(MakeSyntheticTracks(options).file, chain).pairs.size(), 19u);
+}
+
+TEST(ColmapDatabase, AContradictedMatchIsAMatchButNoInlier) {
+  SyntheticTracksOptions options;
+  options.outlier_fraction = 0.05;
+  const SyntheticTracks scene = MakeSyntheticTracks(options);
+  const ColmapDatabase database = BuildColmapDatabase(scene.file);
+  std::size_t outliers = 0, outliers_kept = 0, lost = 0, matches = 0;
+  for (const auto& [ids, pair] : database.pairs) {
+    const FrameIndex frame1 = FrameOfColmapImage(ids.first);
+    const FrameIndex frame2 = FrameOfColmapImage(ids.second);
+    ASSERT_TRUE(pair.geometry);
+    const std::set<ColmapMatch> inliers(pair.geometry->inliers.begin(),
+                                        pair.geometry->inliers.end());
+    const auto keypoints1 = ColmapKeypoints(scene.file.tracks, frame1, false);
+    const auto keypoints2 = ColmapKeypoints(scene.file.tracks, frame2, false);
+    for (const ColmapMatch& match : pair.matches) {
+      const FeatureId feature = keypoints1[match[0]]->feature;
+      ASSERT_EQ(keypoints2[match[1]]->feature, feature);
+      const bool outlier =
+          scene.outliers.contains({feature, frame1}) || scene.outliers.contains({feature, frame2});
+      ++matches;
+      outliers += outlier;
+      outliers_kept += outlier && inliers.contains(match);
+      lost += !outlier && !inliers.contains(match);
+    }
+  }
+  EXPECT_GT(outliers, matches / 20);
+  EXPECT_LT(outliers_kept, outliers / 25) << outliers << " outliers";
+  EXPECT_LT(lost, matches / 500) << matches << " matches";
+}
+
+TEST(ColmapDatabase, TurningOnTheSpotIsPanoramicAndHasNoPose) {
+  SyntheticTracksOptions options;
+  options.path = CameraPath::kRotation;
+  const ColmapDatabase database = BuildColmapDatabase(MakeSyntheticTracks(options).file);
+  const auto& geometry = *database.pairs.at({1, 9}).geometry;
+  EXPECT_EQ(geometry.config, ColmapPairConfig::kPanoramic);
+  EXPECT_TRUE(geometry.homography);
+  EXPECT_FALSE(geometry.essential || geometry.fundamental || geometry.cam2_from_cam1);
+}
+
+TEST(ColmapDatabase, ReadsWhatItWrote) {
+  const TempDir dir;
+  SyntheticTracksOptions options;
+  options.frames = 9;
+  options.first_frame = 30;
+  options.frame_stride = 3;
+  options.outlier_fraction = 0.02;
+  const ColmapDatabase built = BuildColmapDatabase(MakeSyntheticTracks(options).file);
+  WriteColmapDatabase(dir / "a.db", built);
+  const ColmapDatabase read = ReadColmapDatabase(dir / "a.db");
+  EXPECT_EQ(read.camera.params, built.camera.params);
+  ASSERT_EQ(read.images.size(), 9u);
+  for (const auto& [id, image] : built.images) {
+    EXPECT_EQ(read.images.at(id).name, image.name);
+    EXPECT_EQ(read.images.at(id).keypoints, image.keypoints);
+  }
+  ASSERT_EQ(read.pairs.size(), built.pairs.size());
+  for (const auto& [ids, pair] : built.pairs) {
+    const ColmapPair& other = read.pairs.at(ids);
+    EXPECT_EQ(other.matches, pair.matches);
+    ASSERT_EQ(other.geometry.has_value(), pair.geometry.has_value());
+    EXPECT_EQ(other.geometry->inliers, pair.geometry->inliers);
+    EXPECT_EQ(other.geometry->fundamental, pair.geometry->fundamental);
+    EXPECT_EQ(other.geometry->essential, pair.geometry->essential);
+    EXPECT_EQ(other.geometry->homography, pair.geometry->homography);
+    EXPECT_EQ(other.geometry->cam2_from_cam1->translation,
+              pair.geometry->cam2_from_cam1->translation);
+  }
+}
+
+TEST(ColmapDatabase, SameTracksGiveTheSameBytes) {
+  const TempDir dir;
+  SyntheticTracksOptions options;
+  options.frames = 6;
+  const SyntheticTracks scene = MakeSyntheticTracks(options);
+  WriteColmapDatabase(dir / "a.db", scene.file);
+  WriteColmapDatabase(dir / "b.db", scene.file);
+  EXPECT_EQ(ReadBytes(dir / "a.db"), ReadBytes(dir / "b.db"));
+}
+
+TEST(ColmapDatabase, ReplacesAnOldFileWholeWithItsLogs) {
+  const TempDir dir;
+  WriteBytes(dir / "a.db", "old");
+  WriteBytes(dir / "a.db-wal", "stale");
+  WriteBytes(dir / "a.db-shm", "stale");
+  TrackFile bad = ThreeFrames();
+  bad.frames[1].name = bad.frames[0].name;
+  EXPECT_THAT([&] { WriteColmapDatabase(dir / "a.db", bad); },
+              ThrowsMessage<Error>(HasSubstr("two frames are named a/0.png")));
+  EXPECT_EQ(ReadBytes(dir / "a.db"), "old");
+  WriteColmapDatabase(dir / "a.db", ThreeFrames());
+  EXPECT_EQ(ReadColmapDatabase(dir / "a.db").images.size(), 3u);
+  EXPECT_FALSE(std::filesystem::exists(dir / "a.db-wal"));
+  EXPECT_FALSE(std::filesystem::exists(dir / "a.db-shm"));
+  EXPECT_FALSE(std::filesystem::exists(dir / "a.db.partial"));
+}
+
+TEST(ColmapDatabase, RefusesTracksInAFrameThatIsNotListed) {
+  TrackFile file = ThreeFrames();
+  file.frames.erase(file.frames.begin());
+  EXPECT_THAT([&] { BuildColmapDatabase(file); }, ThrowsMessage<Error>(HasSubstr("frame 0")));
+}
+
+TEST(ColmapDatabase, RefusesMatchesThatColmapWouldDrop) {
+  ColmapDatabase database = BuildColmapDatabase(ThreeFrames());
+  EXPECT_THAT(
+      [&] {
+        database.AddPair(1, 2, {{{0, 7}}, {}});
+      },
+      ThrowsMessage<Error>(HasSubstr("past their")));
+  EXPECT_THAT(
+      [&] {
+        database.AddPair(1, 2, {{{0, 0}, {1, 0}}, {}});
+      },
+      ThrowsMessage<Error>(HasSubstr("match a keypoint twice")));
+  EXPECT_THAT([&] { database.AddPair(2, 2, {}); }, ThrowsMessage<Error>(HasSubstr("no pair")));
+}
+
+TEST(ColmapDatabase, NamesAFileOfANewerColmap) {
+  const TempDir dir;
+  WriteColmapDatabase(dir / "a.db", ThreeFrames());
+  auto db = Open(dir / "a.db");
+  // What 4.x adds when it opens a 3.8 file: still read.
+  db.Execute(
+      "CREATE TABLE rigs(rig_id INTEGER PRIMARY KEY, ref_sensor_id INTEGER);"
+      "ALTER TABLE descriptors ADD COLUMN type INTEGER DEFAULT 0;"
+      "ALTER TABLE two_view_geometries ADD COLUMN camera1 BLOB;"
+      "PRAGMA user_version = 4020000;");
+  EXPECT_EQ(ReadColmapDatabase(dir / "a.db").images.size(), 3u);
+  // The images table as 4.x creates it.
+  db.Execute(
+      "CREATE TABLE new(image_id INTEGER PRIMARY KEY, name TEXT, camera_id INTEGER);"
+      "INSERT INTO new SELECT image_id, name, camera_id FROM images;"
+      "DROP TABLE images; ALTER TABLE new RENAME TO images;");
+  EXPECT_THAT([&] { ReadColmapDatabase(dir / "a.db"); },
+              ThrowsMessage<Error>(testing::AllOf(
+                  HasSubstr("a.db"), HasSubstr("newer COLMAP"), HasSubstr("4020000"))));
+}
+
+TEST(ColmapDatabase, NamesADamagedOrForeignFile) {
+  const TempDir dir;
+  {
+    auto db = SqliteDatabase::Open(dir / "other.db", SqliteDatabase::Mode::kCreate);
+    db.Execute("CREATE TABLE t(x)");
+  }
+  EXPECT_THAT([&] { ReadColmapDatabase(dir / "other.db"); },
+              ThrowsMessage<Error>(HasSubstr("is no COLMAP database")));
+  WriteColmapDatabase(dir / "a.db", ThreeFrames());
+  Open(dir / "a.db").Execute("UPDATE keypoints SET rows = 5 WHERE image_id = 1");
+  EXPECT_THAT([&] { ReadColmapDatabase(dir / "a.db"); },
+              ThrowsMessage<Error>(HasSubstr("table keypoints has 16 bytes instead of 40")));
+}
+
+}  // namespace
+}  // namespace cohort
