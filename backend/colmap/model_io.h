@@ -1,0 +1,73 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <filesystem>
+#include <map>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "backend/colmap/database.h"
+#include "backend/scene/reconstruction.h"
+
+namespace cohort {
+
+// COLMAP's sparse model as its files have it, in COLMAP's pixels.
+struct ColmapPoint2D {
+  Eigen::Vector2d xy = Eigen::Vector2d::Zero();
+  std::optional<std::uint64_t> point3d;
+};
+
+struct ColmapModelImage {
+  Rigid3 cam_from_world;
+  std::uint32_t camera_id = 1;
+  std::string name;
+  std::vector<ColmapPoint2D> points2d;
+};
+
+struct ColmapPoint3D {
+  Eigen::Vector3d xyz = Eigen::Vector3d::Zero();
+  std::array<std::uint8_t, 3> rgb{};
+  double error_px = 0.0;                                       // mean reprojection error
+  std::vector<std::pair<ColmapImageId, std::uint32_t>> track;  // image, index in its points2d
+};
+
+struct ColmapModel {
+  std::map<std::uint32_t, ColmapCamera> cameras;
+  std::map<ColmapImageId, ColmapModelImage> images;
+  std::map<std::uint64_t, ColmapPoint3D> points;
+};
+
+enum class ColmapModelFormat { kText, kBinary };
+
+// cameras, images, points3D .txt or .bin in an existing folder. Reading prefers .bin, as COLMAP
+// does. Throws Error naming the file, and in text the line, of what is missing or damaged.
+void WriteColmapModel(const std::filesystem::path& folder,
+                      const ColmapModel& model,
+                      ColmapModelFormat format);
+ColmapModel ReadColmapModel(const std::filesystem::path& folder);
+
+// Image id = frame + 1, point id = feature + 1, an image's points are the views of it.
+ColmapModel ToColmapModel(const Reconstruction& reconstruction);
+// The reverse, for a model that ToColmapModel made.
+Reconstruction FromColmapModel(const ColmapModel& model);
+// A model that COLMAP made of BuildColmapDatabase(file): point -> keypoint index -> feature. Of two
+// points of one feature the one with more views stays.
+Reconstruction FromColmapModel(const ColmapModel& model,
+                               const TrackFile& file,
+                               bool include_predicted);
+
+// A model folder: text and binary model, trajectory.tum (world_from_cam, `t tx ty tz qx qy qz qw`;
+// t in seconds, the frame's index where there is no time stamp), points.ply.
+void WriteReconstructionFiles(const std::filesystem::path& existing_folder,
+                              const Reconstruction& reconstruction);
+// All names that a model folder may hold: for OutputFolder.
+const std::vector<std::string>& ModelFolderNames();
+// Whole or not at all: OutputFolder and WriteReconstructionFiles.
+void WriteReconstruction(const std::filesystem::path& folder, const Reconstruction& reconstruction);
+// A folder of ours, with the time stamps of its trajectory.tum.
+Reconstruction ReadReconstruction(const std::filesystem::path& folder);
+
+}  // namespace cohort

@@ -1,0 +1,217 @@
+#include "backend/colmap/model_io.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cstring>
+
+#include "frontend/core/output.h"
+#include "tests/support/synthetic_tracks.h"
+#include "tests/support/temp_dir.h"
+
+namespace cohort {
+namespace {
+
+using test::MakeSyntheticTracks;
+using test::SyntheticTracks;
+using test::SyntheticTracksOptions;
+using test::TempDir;
+using testing::HasSubstr;
+using testing::ThrowsMessage;
+
+Reconstruction TrueReconstruction(const SyntheticTracks& scene) {
+  Reconstruction reconstruction;
+  reconstruction.camera = *scene.file.camera;
+  reconstruction.cam_from_world = scene.cam_from_world;
+  for (const FrameInfo& frame : scene.file.frames) {
+    reconstruction.frame_names[frame.index] = "rgb/" + frame.name;
+    reconstruction.timestamps_ns[frame.index] = 1'700'000'000'123'456'789 + frame.timestamp_ns;
+  }
+  for (const auto& [feature, in_world] : scene.points_in_world) {
+    ScenePoint& point = reconstruction.points[feature];
+    point.in_world = in_world;
+    point.mean_reprojection_px = 0.25 + ToInt(feature) * 0.001;
+    for (const Observation& o : scene.file.tracks.Track(feature)) {
+      point.views.push_back({o.frame, o.xy});
+    }
+  }
+  return reconstruction;
+}
+
+SyntheticTracks SmallScene() {
+  SyntheticTracksOptions options;
+  options.frames = 5;
+  options.points = 20;
+  options.first_frame = 7;
+  options.frame_stride = 2;
+  options.camera.k1 = -0.1;
+  return MakeSyntheticTracks(options);
+}
+
+void ExpectSame(const Reconstruction& a, const Reconstruction& b) {
+  EXPECT_EQ(a.camera.fx, b.camera.fx);
+  EXPECT_EQ(a.camera.cx, b.camera.cx);
+  EXPECT_EQ(a.camera.k1, b.camera.k1);
+  EXPECT_EQ(a.frame_names, b.frame_names);
+  ASSERT_EQ(a.cam_from_world.size(), b.cam_from_world.size());
+  for (const auto& [frame, pose] : a.cam_from_world) {
+    EXPECT_LT(AngleBetween(pose.rotation, b.cam_from_world.at(frame).rotation), 1e-12);
+    EXPECT_EQ(pose.translation, b.cam_from_world.at(frame).translation);
+  }
+  ASSERT_EQ(a.points.size(), b.points.size());
+  for (const auto& [feature, point] : a.points) {
+    const ScenePoint& other = b.points.at(feature);
+    EXPECT_EQ(point.in_world, other.in_world);
+    EXPECT_EQ(point.mean_reprojection_px, other.mean_reprojection_px);
+    ASSERT_EQ(point.views.size(), other.views.size());
+    for (std::size_t i = 0; i < point.views.size(); ++i) {
+      EXPECT_EQ(point.views[i].frame, other.views[i].frame);
+      EXPECT_LT((point.views[i].xy - other.views[i].xy).norm(), 1e-12);
+    }
+  }
+}
+
+TEST(ColmapModel, MemoryTextAndBinaryAgree) {
+  const TempDir dir;
+  const Reconstruction truth = TrueReconstruction(SmallScene());
+  const ColmapModel model = ToColmapModel(truth);
+  ExpectSame(FromColmapModel(model), truth);
+  for (const auto format : {ColmapModelFormat::kText, ColmapModelFormat::kBinary}) {
+    const auto folder = dir / (format == ColmapModelFormat::kText ? "txt" : "bin");
+    std::filesystem::create_directory(folder);
+    WriteColmapModel(folder, model, format);
+    ExpectSame(FromColmapModel(ReadColmapModel(folder)), truth);
+  }
+}
+
+TEST(ColmapModel, PointsLieHalfAPixelFurtherThanOurs) {
+  const Reconstruction truth = TrueReconstruction(SmallScene());
+  const ColmapModel model = ToColmapModel(truth);
+  EXPECT_DOUBLE_EQ(model.cameras.at(1).params[2], truth.camera.cx + 0.5);
+  const auto& [feature, point] = *truth.points.begin();
+  const auto& [image, index] = model.points.at(ToInt(feature) + 1u).track[0];
+  EXPECT_EQ(image, ToInt(point.views[0].frame) + 1);
+  EXPECT_DOUBLE_EQ(model.images.at(image).points2d[index].xy.x(), point.views[0].xy.x() + 0.5);
+}
+
+TEST(ColmapModel, TextFillsTheErrorColumn) {
+  const TempDir dir;
+  const Reconstruction truth = TrueReconstruction(SmallScene());
+  WriteColmapModel(dir.path(), ToColmapModel(truth), ColmapModelFormat::kText);
+  const auto& [feature, point] = *truth.points.begin();
+  EXPECT_THAT(ReadBytes(dir / "points3D.txt"),
+              HasSubstr(fmt::format(" 200 200 200 {} ", point.mean_reprojection_px)));
+}
+
+TEST(ColmapModel, MapsAMappersPointsToFeatures) {
+  const SyntheticTracks scene = SmallScene();
+  const Reconstruction truth = TrueReconstruction(scene);
+  // As the mapper writes it: all keypoints of an image, its own point ids.
+  ColmapModel model;
+  model.cameras[1] = ToColmapCamera(truth.camera);
+  for (const auto& [frame, pose] : truth.cam_from_world) {
+    ColmapModelImage& image = model.images[ColmapImageIdOf(frame)];
+    image.cam_from_world = pose;
+    image.name = truth.frame_names.at(frame);
+    for (const Observation* o : ColmapKeypoints(scene.file.tracks, frame, false)) {
+      const std::uint64_t id = 1000 - ToInt(o->feature);
+      model.points[id].xyz = truth.points.at(o->feature).in_world;
+      model.points[id].error_px = truth.points.at(o->feature).mean_reprojection_px;
+      model.points[id].track.emplace_back(ColmapImageIdOf(frame),
+                                          static_cast<std::uint32_t>(image.points2d.size()));
+      image.points2d.push_back({o->xy + Eigen::Vector2d(0.5, 0.5), id});
+    }
+  }
+  const Reconstruction read = FromColmapModel(model, scene.file, false);
+  ExpectSame(read, truth);
+  EXPECT_EQ(read.timestamps_ns.at(FrameIndex{9}), scene.file.frames[1].timestamp_ns);
+
+  // A second, shorter point of one feature.
+  ColmapModel split = model;
+  split.points[5000] = model.points.begin()->second;
+  split.points[5000].track.resize(2);
+  split.points[5000].xyz.setZero();
+  ExpectSame(FromColmapModel(split, scene.file, false), truth);
+
+  model.points.begin()->second.track[0].second += 1;
+  EXPECT_THAT([&] { FromColmapModel(model, scene.file, false); },
+              ThrowsMessage<Error>(HasSubstr("not of these tracks")));
+}
+
+TEST(ModelFolder, HoldsModelTrajectoryAndPoints) {
+  const TempDir dir;
+  const Reconstruction truth = TrueReconstruction(SmallScene());
+  WriteReconstruction(dir / "model", truth);
+  for (const char* name : {"cameras.txt",
+                           "images.txt",
+                           "points3D.txt",
+                           "cameras.bin",
+                           "images.bin",
+                           "points3D.bin",
+                           "trajectory.tum",
+                           "points.ply"}) {
+    EXPECT_TRUE(std::filesystem::exists(dir / "model" / name)) << name;
+  }
+  const Reconstruction read = ReadReconstruction(dir / "model");
+  ExpectSame(read, truth);
+  EXPECT_EQ(read.timestamps_ns, truth.timestamps_ns);
+}
+
+TEST(ModelFolder, TrajectoryIsWorldFromCamInEightFields) {
+  const TempDir dir;
+  const Reconstruction truth = TrueReconstruction(SmallScene());
+  WriteReconstruction(dir / "model", truth);
+  std::istringstream lines(ReadBytes(dir / "model" / "trajectory.tum"));
+  std::string line;
+  std::getline(lines, line);
+  EXPECT_THAT(line, testing::StartsWith("1700000000.356790120 "));  // .123456789 + 7 * .033333333
+  EXPECT_EQ(std::count(line.begin(), line.end(), ' '), 7);
+  std::istringstream fields(line);
+  double t, x, y, z;
+  fields >> t >> x >> y >> z;
+  const Eigen::Vector3d centre = truth.cam_from_world.begin()->second.Inverse().translation;
+  EXPECT_LT((Eigen::Vector3d(x, y, z) - centre).norm(), 1e-12);
+}
+
+TEST(ModelFolder, PlyHasFifteenBytesAPoint) {
+  const TempDir dir;
+  const Reconstruction truth = TrueReconstruction(SmallScene());
+  WriteReconstruction(dir / "model", truth);
+  const std::string ply = ReadBytes(dir / "model" / "points.ply");
+  const std::size_t header = ply.find("end_header\n") + 11;
+  EXPECT_THAT(ply, HasSubstr("format binary_little_endian 1.0\n"));
+  EXPECT_EQ(ply.size(), header + 15 * truth.points.size());
+  float xyz[3];
+  std::memcpy(xyz, ply.data() + header, sizeof(xyz));
+  EXPECT_EQ(xyz[2], static_cast<float>(truth.points.begin()->second.in_world.z()));
+}
+
+TEST(ModelFolder, AnEmptyReconstructionIsAModelToo) {
+  const TempDir dir;
+  Reconstruction empty;
+  empty.camera = SyntheticTracksOptions::DefaultCamera();
+  WriteReconstruction(dir / "model", empty);
+  EXPECT_TRUE(ReadReconstruction(dir / "model").cam_from_world.empty());
+}
+
+TEST(ColmapModel, NamesTheLineOrByteThatIsDamaged) {
+  const TempDir dir;
+  EXPECT_THAT([&] { ReadColmapModel(dir.path()); },
+              ThrowsMessage<Error>(HasSubstr("is no model folder")));
+  const ColmapModel model = ToColmapModel(TrueReconstruction(SmallScene()));
+  WriteColmapModel(dir.path(), model, ColmapModelFormat::kText);
+  WriteBytes(dir / "points3D.txt", "# points\n1 0 0 zero 1 2 3 0.5\n");
+  EXPECT_THAT([&] { ReadColmapModel(dir.path()); },
+              ThrowsMessage<Error>(HasSubstr("points3D.txt, line 2: \"zero\" is not a number")));
+  WriteBytes(dir / "points3D.txt", "1 0 0 0 1 2 3 0.5 77 0\n");
+  EXPECT_THAT([&] { ReadColmapModel(dir.path()); },
+              ThrowsMessage<Error>(HasSubstr("image 77, which is not there")));
+  WriteColmapModel(dir.path(), model, ColmapModelFormat::kBinary);
+  const std::string bytes = ReadBytes(dir / "images.bin");
+  WriteBytes(dir / "images.bin", bytes.substr(0, bytes.size() / 2));
+  EXPECT_THAT([&] { ReadColmapModel(dir.path()); },
+              ThrowsMessage<Error>(HasSubstr("images.bin is cut short or damaged")));
+}
+
+}  // namespace
+}  // namespace cohort
