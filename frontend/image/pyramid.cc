@@ -33,4 +33,21 @@ Pyramid BuildPyramid(const cv::Mat& gray, int num_levels) {
   return pyramid;
 }
 
+Pyramid SmoothPyramid(const Pyramid& pyramid, double sigma_px) {
+  Pyramid smooth;
+  if (sigma_px <= 0.0) {
+    smooth.levels.assign(pyramid.levels.begin(),
+                         pyramid.levels.begin() + static_cast<std::ptrdiff_t>(std::min<std::size_t>(
+                                                      2, pyramid.levels.size())));
+    return smooth;
+  }
+  smooth.levels.emplace_back();
+  cv::GaussianBlur(pyramid.levels[0], smooth.levels[0], cv::Size(0, 0), sigma_px);
+  if (pyramid.levels.size() > 1) {
+    smooth.levels.emplace_back();
+    cv::pyrDown(smooth.levels[0], smooth.levels[1]);
+  }
+  return smooth;
+}
+
 }  // namespace cohort

@@ -18,4 +18,8 @@ struct Pyramid {
 // is left out.
 Pyramid BuildPyramid(const cv::Mat& gray, int num_levels = 4);
 
+// The two finest levels of a picture that is first blurred by a Gaussian (0: as it is): what
+// alignment by least squares gains in the dark, as the product of two pictures' noise misleads it.
+Pyramid SmoothPyramid(const Pyramid& pyramid, double sigma_px);
+
 }  // namespace cohort

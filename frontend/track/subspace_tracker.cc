@@ -49,19 +49,23 @@ class SubspaceMover final : public FeatureMover {
  private:
   Eigen::Index features() const { return static_cast<Eigen::Index>(appearance_.size()); }
   Eigen::MatrixXd History() const;  // 2 L x F, newest first
-  Appearance TakeAppearance(const Pyramid& pyramid, const Eigen::Vector2d& xy) const;
+  Appearance TakeAppearance(const Pyramid& pyramid,
+                            const Pyramid& smooth,
+                            const Eigen::Vector2d& xy) const;
   Eigen::Matrix2Xd Guide(const Pyramid& current) const;
   double Contrast(const Pyramid& current, const Eigen::Matrix2Xd& x) const;
   std::vector<Move> Measure(const Pyramid& current, const Eigen::Matrix2Xd& guide);
   struct Prediction {
-    Eigen::Matrix2Xd x;      // 2 x F; no columns: unknown
-    double spread_px = 0.0;  // typical distance of the trusted features from it, a coordinate
+    Eigen::Matrix2Xd x;       // 2 x F; no columns: unknown
+    double spread_px = 0.0;   // typical distance of the trusted features from it, a coordinate
+    double noise_gain = 0.0;  // variance that it takes over from the history, a coordinate
     bool known() const { return x.cols() > 0; }
   };
   Prediction Predict(const Eigen::Matrix2Xd& x, const std::vector<std::uint8_t>& trusted) const;
-  void LeadByTheOthers(std::vector<Move>& moves) const;
+  void LeadByTheOthers(std::vector<Move>& moves);
+  void CalibrateCovariances(std::vector<Move>& moves, const Prediction& prediction);
   void FillHistory(Eigen::Index first_new);
-  void Remember(const Pyramid& current);
+  void Remember(const Pyramid& current, Pyramid smooth);
 
   SubspaceOptions options_;
   MeasurementOptions measure_;
@@ -71,8 +75,11 @@ class SubspaceMover final : public FeatureMover {
   std::vector<Appearance> appearance_;
   std::vector<std::uint8_t> confirmed_;     // in the last frame
   std::deque<Eigen::Matrix2Xd> positions_;  // newest first, at most L, each 2 x F
-  std::deque<Pyramid> pyramids_;            // of the same frames
-  double contrast_ = 0.0;                   // energy that a displaced template gains [1/px]
+  Pyramid previous_;                        // of the newest of these frames
+  std::deque<Pyramid> smooth_;              // of all of them, for measuring
+  double covariance_scale_ = 10.0;          // until the cohort tells
+  bool calibrated_ = false;
+  double contrast_ = 0.0;  // energy that a displaced template gains [1/px]
 };
 
 Eigen::MatrixXd SubspaceMover::History() const {
@@ -83,7 +90,9 @@ Eigen::MatrixXd SubspaceMover::History() const {
   return history;
 }
 
-Appearance SubspaceMover::TakeAppearance(const Pyramid& pyramid, const Eigen::Vector2d& xy) const {
+Appearance SubspaceMover::TakeAppearance(const Pyramid& pyramid,
+                                         const Pyramid& smooth,
+                                         const Eigen::Vector2d& xy) const {
   Appearance appearance;
   const int n = options_.template_px;
   double scale = 1.0;
@@ -93,7 +102,7 @@ Appearance SubspaceMover::TakeAppearance(const Pyramid& pyramid, const Eigen::Ve
     appearance.levels.push_back(std::move(patch));
     scale *= 0.5;
   }
-  appearance.anchor = TakeAnchor(pyramid, xy, measure_.window_px);
+  appearance.anchor = TakeAnchor(smooth, xy, measure_.window_px);
   return appearance;
 }
 
@@ -121,7 +130,7 @@ double SubspaceMover::Contrast(const Pyramid& current, const Eigen::Matrix2Xd& x
 }
 
 Eigen::Matrix2Xd SubspaceMover::Guide(const Pyramid& current) const {
-  const Eigen::Vector2d offset = RegisterFrames(pyramids_.front(), current);
+  const Eigen::Vector2d offset = RegisterFrames(previous_, current);
   Eigen::Matrix2Xd x = positions_.front().colwise() + offset;
   const Eigen::MatrixXd history = History();
 
@@ -232,6 +241,7 @@ SubspaceMover::Prediction SubspaceMover::Predict(const Eigen::Matrix2Xd& x,
     const Eigen::MatrixXd XB = (X.colwise() - mean_x) * BW.transpose();
     const Eigen::MatrixXd& U = eigen.eigenvectors();
     const Eigen::MatrixXd A = XB * U * inverse.asDiagonal() * U.transpose();
+    prediction.noise_gain = 0.5 * A.squaredNorm();
     prediction.x = (A * (history.colwise() - mean_h)).colwise() + mean_x;
 
     std::vector<double> errors;
@@ -248,9 +258,44 @@ SubspaceMover::Prediction SubspaceMover::Predict(const Eigen::Matrix2Xd& x,
   return prediction;
 }
 
+// The inverse gradient energy gives a covariance its shape; its size depends on how the noise is
+// correlated, which the blur of the lens or of the codec decides. So it is taken from the cohort:
+// the distance of a measured position from its prediction has the measurement's own variance plus
+// what the prediction takes over from the history.
+void SubspaceMover::CalibrateCovariances(std::vector<Move>& moves, const Prediction& prediction) {
+  constexpr std::size_t kLeastHistory = 5;
+  if (positions_.size() >= kLeastHistory) {
+    std::vector<double> squares;
+    for (std::size_t f = 0; f < moves.size(); ++f) {
+      if (!moves[f].covariance) continue;
+      const PixelCovariance& c = *moves[f].covariance;
+      const Eigen::Vector2d d = moves[f].xy - prediction.x.col(static_cast<Eigen::Index>(f));
+      const double determinant = double{c.xx} * c.yy - double{c.xy} * c.xy;
+      if (!(determinant > 0.0)) continue;
+      squares.push_back((c.yy * d.x() * d.x() - 2.0 * c.xy * d.x() * d.y() + c.xx * d.y() * d.y()) /
+                        determinant);
+    }
+    if (squares.size() >= 8) {
+      // The median of a chi-square with two degrees of freedom is 2 ln 2. An anchor's own noise
+      // shifts all positions of its track alike: the prediction does not see it, the truth does.
+      const double scale =
+          2.0 * Median(std::move(squares)) / (2.0 * std::log(2.0)) / (1.0 + prediction.noise_gain);
+      covariance_scale_ = calibrated_ ? 0.9 * covariance_scale_ + 0.1 * scale : scale;
+      calibrated_ = true;
+    }
+  }
+  for (Move& move : moves) {
+    if (!move.covariance) continue;
+    PixelCovariance& c = *move.covariance;
+    c.xx = static_cast<float>(c.xx * covariance_scale_);
+    c.xy = static_cast<float>(c.xy * covariance_scale_);
+    c.yy = static_cast<float>(c.yy * covariance_scale_);
+  }
+}
+
 // What the image shows, but not where the cohort goes, is something else that looks alike or an
 // occluder that carries the feature away: it is predicted like what the image does not show.
-void SubspaceMover::LeadByTheOthers(std::vector<Move>& moves) const {
+void SubspaceMover::LeadByTheOthers(std::vector<Move>& moves) {
   Eigen::Matrix2Xd x(2, features());
   std::vector<std::uint8_t> trusted(moves.size());
   for (std::size_t f = 0; f < moves.size(); ++f) {
@@ -259,6 +304,7 @@ void SubspaceMover::LeadByTheOthers(std::vector<Move>& moves) const {
   }
   const Prediction prediction = Predict(x, trusted);
   if (!prediction.known()) return;
+  CalibrateCovariances(moves, prediction);
   const bool strong = options_.constraint == Constraint::kStrong &&
                       static_cast<int>(positions_.size()) >= std::min(4, options_.history_length);
   const double limit = std::max(measure_.max_disagreement_px, 6.0 * prediction.spread_px);
@@ -273,6 +319,7 @@ void SubspaceMover::LeadByTheOthers(std::vector<Move>& moves) const {
 }
 
 std::vector<Move> SubspaceMover::MoveFeatures(const Pyramid& current) {
+  Pyramid smooth = SmoothPyramid(current, measure_.denoise_sigma_px);
   Eigen::Matrix2Xd guide = Guide(current);
   std::vector<Move> moves;
   if (measure_.enabled) {
@@ -282,7 +329,7 @@ std::vector<Move> SubspaceMover::MoveFeatures(const Pyramid& current) {
         if (!confirmed_[static_cast<std::size_t>(f)]) guide.col(f) = prediction.x.col(f);
       }
     }
-    moves = Measure(current, guide);
+    moves = Measure(smooth, guide);
     if (joint_) LeadByTheOthers(moves);
   } else {
     for (Eigen::Index f = 0; f < features(); ++f) {
@@ -307,15 +354,16 @@ std::vector<Move> SubspaceMover::MoveFeatures(const Pyramid& current) {
   const double contrast = Contrast(current, x);
   if (contrast > 0.0) contrast_ = 0.8 * contrast_ + 0.2 * contrast;
   positions_.push_front(std::move(x));
-  Remember(current);
+  Remember(current, std::move(smooth));
   return moves;
 }
 
-void SubspaceMover::Remember(const Pyramid& current) {
-  pyramids_.push_front(current);
+void SubspaceMover::Remember(const Pyramid& current, Pyramid smooth) {
+  previous_ = current;
+  smooth_.push_front(std::move(smooth));
   const auto length = static_cast<std::size_t>(options_.history_length);
   if (positions_.size() > length) positions_.pop_back();
-  if (pyramids_.size() > length) pyramids_.pop_back();
+  if (smooth_.size() > length) smooth_.pop_back();
 }
 
 void SubspaceMover::Keep(std::span<const std::uint8_t> keep) {
@@ -340,16 +388,16 @@ void SubspaceMover::Add(std::span<const Eigen::Vector2d> born, const Pyramid& cu
   if (appearance_.empty()) {
     // The first features, or none survived: the window starts here.
     positions_.clear();
-    pyramids_.clear();
+    smooth_.clear();
     positions_.emplace_front(2, 0);
-    Remember(current);
+    Remember(current, SmoothPyramid(current, measure_.denoise_sigma_px));
   }
   const Eigen::Index first_new = features();
   for (auto& x : positions_) {
     x.conservativeResize(2, first_new + static_cast<Eigen::Index>(born.size()));
   }
   for (std::size_t i = 0; i < born.size(); ++i) {
-    appearance_.push_back(TakeAppearance(current, born[i]));
+    appearance_.push_back(TakeAppearance(current, smooth_.front(), born[i]));
     confirmed_.push_back(1);
     positions_.front().col(first_new + static_cast<Eigen::Index>(i)) = born[i];
   }
@@ -386,7 +434,7 @@ void SubspaceMover::FillHistory(Eigen::Index first_new) {
       Eigen::Vector2d x = positions_[l - 1].col(f);
       if (total > 0.0) x += motion / total;
       const Measurement m = MeasurePatch(
-          pyramids_[l], appearance_[static_cast<std::size_t>(f)].anchor, x, measure_.window_px);
+          smooth_[l], appearance_[static_cast<std::size_t>(f)].anchor, x, measure_.window_px);
       if (m.converged && m.correlation >= measure_.min_correlation &&
           (m.xy - x).norm() <= measure_.max_distance_px) {
         x = m.xy;

@@ -122,6 +122,7 @@ struct SubspaceOptions {
 struct MeasurementOptions {
   bool enabled = true;
   int window_px = 21;
+  double denoise_sigma_px = 0.8;
   double max_distance_px = 3.0;
   double min_correlation = 0.3;
   double max_residual_ratio = 2.0;
