@@ -1,0 +1,107 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "backend/geometry/camera.h"
+#include "backend/geometry/rigid3.h"
+#include "frontend/core/options.h"
+
+namespace cohort {
+
+// What bundle adjustment minimises over cameras, points and (if asked) intrinsics:
+//   sum_k rho(|W_k (xy_k - projection of point_k in camera_k)|^2),  W_k^T W_k = covariance_k^-1
+struct BundleObservation {
+  int camera = 0;                                // index into BundleProblem::cameras
+  int point = 0;                                 // index into BundleProblem::points_in_world
+  Eigen::Vector2d xy = Eigen::Vector2d::Zero();  // pixels
+  Eigen::Matrix2d covariance_px2 = Eigen::Matrix2d::Identity();
+};
+
+struct BundleCamera {
+  Rigid3 cam_from_world;
+  bool fixed = false;
+};
+
+struct BundleProblem {
+  Camera intrinsics;  // of all cameras
+  std::vector<BundleCamera> cameras;
+  std::vector<Eigen::Vector3d> points_in_world;
+  std::vector<BundleObservation> observations;
+};
+
+enum class RobustLoss : std::uint8_t {
+  kNone,    // rho(s) = s
+  kHuber,   // s up to scale^2, then 2 scale sqrt(s) - scale^2
+  kCauchy,  // scale^2 log(1 + s / scale^2)
+};
+inline constexpr ChoiceNames<RobustLoss, 3> kRobustLossNames{
+    {{"none", RobustLoss::kNone}, {"huber", RobustLoss::kHuber}, {"cauchy", RobustLoss::kCauchy}}};
+
+struct BundleOptions {
+  RobustLoss loss = RobustLoss::kCauchy;
+  double loss_scale = 1.0;  // in standard deviations of an observation
+  int max_iterations = 50;
+  double function_tolerance = 1e-6;  // relative decrease of the cost at which it has converged
+  int threads = 1;
+  bool refine_focal = false;
+  bool refine_principal_point = false;
+  bool refine_radial = false;
+  // A guess of the focal length counts as one observation of log(f / guess) with this standard
+  // deviation: it decides only where the tracks say nothing. Only with refine_focal.
+  double focal_prior_log_sigma = 1.0;
+  bool covariances = false;
+
+  bool RefinesIntrinsics() const { return refine_focal || refine_principal_point || refine_radial; }
+
+  template <typename Self, typename Visitor>
+  static void Visit(Self& o, Visitor& v) {
+    v.Choice("loss", o.loss, kRobustLossNames, "robust loss on a whitened residual");
+    v.Number("loss_scale", o.loss_scale, 1e-3, 1e3, "where the loss turns [standard deviations]");
+    v.Number("max_iterations", o.max_iterations, 1, 10000, "at most so many steps");
+    v.Number("function_tolerance", o.function_tolerance, 0.0, 1.0, "relative decrease to stop at");
+    v.Number("threads", o.threads, 1, 1024, "threads of the solver");
+    v.Flag("refine_focal", o.refine_focal, "refine the focal length");
+    v.Flag("refine_principal_point", o.refine_principal_point, "refine the principal point");
+    v.Flag("refine_radial", o.refine_radial, "refine k1 and k2");
+    v.Number("focal_prior_log_sigma",
+             o.focal_prior_log_sigma,
+             1e-3,
+             1e3,
+             "standard deviation of log(f / guess)");
+    v.Flag("covariances", o.covariances, "estimate covariances of cameras, points, intrinsics");
+  }
+};
+
+enum class BundleTermination : std::uint8_t { kConverged, kMaxIterations, kFailed };
+
+// Covariances of the estimate if the whitened residuals have unit variance, in the gauge that keeps
+// the first camera and the distance to the camera farthest from it.
+struct BundleCovariances {
+  std::vector<Eigen::Matrix<double, 6, 6>> cameras;  // of (omega [rad], centre), see CameraPose
+  std::vector<Eigen::Matrix3d> points;
+  Eigen::Matrix<double, 5, 5> intrinsics;  // see IntrinsicVector; 0 for those kept fixed
+};
+
+struct BundleResult {
+  BundleTermination termination = BundleTermination::kFailed;
+  BundleProblem solution;     // the problem with what was found
+  double initial_cost = 0.0;  // half the sum above
+  double final_cost = 0.0;
+  int iterations = 0;
+  std::optional<BundleCovariances> covariances;
+
+  std::string Brief() const;
+};
+
+// Levenberg-Marquardt with the points eliminated (dense, sparse or iterative Schur complement by
+// the number of cameras); analytic derivatives. The seven free dimensions of the world are settled
+// by keeping camera 0 (unless some camera is fixed already) and, if only one is fixed, the distance
+// to the camera farthest from it. Every camera and point needs an observation to be moved.
+// Throws Error on an index out of range or a covariance that is not positive definite.
+BundleResult AdjustBundle(BundleProblem problem, const BundleOptions& options);
+
+}  // namespace cohort
