@@ -1,21 +1,58 @@
 #include "frontend/track/measurement.h"
 
+#include <Eigen/Cholesky>
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
+#include "frontend/core/error.h"
 #include "frontend/image/sampling.h"
 
 namespace cohort {
 namespace {
 
-// Gauss-Newton on one level; `x` in px of the level. Stops when a step is below 0.01 px.
-bool Align(const cv::Mat& picture,
-           const std::vector<float>& patch,
-           int n,
-           int max_iterations,
-           Eigen::Vector2d& x,
-           Measurement& measurement) {
+int MarginOf(int window_px) { return std::min(window_px / 2, (kMaxPatchSide - window_px) / 2); }
+
+cv::Mat CopyPatch(const cv::Mat& picture, const Eigen::Vector2d& xy, int side) {
+  cv::Mat patch(side, side, CV_32FC1);
+  SamplePatch(picture, xy.x(), xy.y(), side, patch.ptr<float>());
+  return patch;
+}
+
+// The window as it should look now: T(warp^-1 u).
+void WarpAnchor(const cv::Mat& wide,
+                const Eigen::Matrix2d& picture_from_anchor,
+                int n,
+                float* out) {
+  const Eigen::Matrix2d inverse = picture_from_anchor.inverse();
+  const int center = wide.cols / 2;
+  const int half = n / 2;
+  const int last = wide.cols - 2;
+  const auto ixx = static_cast<float>(inverse(0, 0));
+  const auto iyx = static_cast<float>(inverse(1, 0));
+  for (int v = -half; v <= half; ++v) {
+    const auto x0 = static_cast<float>(center + inverse(0, 1) * v);
+    const auto y0 = static_cast<float>(center + inverse(1, 1) * v);
+    for (int u = -half; u <= half; ++u) {
+      const float x = x0 + ixx * static_cast<float>(u);
+      const float y = y0 + iyx * static_cast<float>(u);
+      const int xi = std::clamp(static_cast<int>(x), 0, last);
+      const int yi = std::clamp(static_cast<int>(y), 0, last);
+      const float a = std::clamp(x - static_cast<float>(xi), 0.0F, 1.0F);
+      const float b = std::clamp(y - static_cast<float>(yi), 0.0F, 1.0F);
+      const float* p = wide.ptr<float>(yi) + xi;
+      const float* q = wide.ptr<float>(yi + 1) + xi;
+      const float top = p[0] + a * (p[1] - p[0]);
+      *out++ = top + b * (q[0] + a * (q[1] - q[0]) - top);
+    }
+  }
+}
+
+// Gauss-Newton for the translation on one level; `x` in px of the level. None where the window has
+// no texture.
+std::optional<Eigen::Vector2d> Align(
+    const cv::Mat& picture, const float* patch, int n, int max_iterations, Eigen::Vector2d x) {
   const int area = n * n;
   float values[kMaxPatchArea];
   float dx[kMaxPatchArea];
@@ -39,65 +76,34 @@ bool Align(const cv::Mat& picture,
     Eigen::Matrix2d H;
     H << sxx - sx * sx * inverse, sxy - sx * sy * inverse, 0.0, syy - sy * sy * inverse;
     H(1, 0) = H(0, 1);
-    const Eigen::Vector2d g(srx - sr * sx * inverse, sry - sr * sy * inverse);
-    measurement.gradient_energy = H;
-    const double determinant = H.determinant();
-    if (!(determinant > 1e-12)) return false;
-    Eigen::Vector2d step = -H.inverse() * g;
+    if (!(H.determinant() > 1e-12)) return std::nullopt;
+    Eigen::Vector2d step =
+        -H.inverse() * Eigen::Vector2d(srx - sr * sx * inverse, sry - sr * sy * inverse);
     const double length = step.norm();
-    if (!std::isfinite(length)) return false;
+    if (!std::isfinite(length)) return std::nullopt;
     if (length > 2.0) step *= 2.0 / length;
     x += step;
-    if (length < 0.01) return true;
+    if (length < 0.01) break;  // if it never is: slow is not wrong, the tests on the result decide
   }
-  return true;  // slow is not wrong: the tests on the result decide
+  return x;
 }
 
-}  // namespace
-
-AnchorPatch TakeAnchor(const Pyramid& pyramid, const Eigen::Vector2d& xy, int window_px) {
-  const int area = window_px * window_px;
-  AnchorPatch anchor;
-  anchor.full.resize(static_cast<std::size_t>(area));
-  SamplePatch(pyramid.levels[0], xy.x(), xy.y(), window_px, anchor.full.data());
-  if (pyramid.levels.size() > 1) {
-    anchor.half.resize(static_cast<std::size_t>(area));
-    SamplePatch(pyramid.levels[1], xy.x() / 2, xy.y() / 2, window_px, anchor.half.data());
-  }
-  double sum = 0.0;
-  double square = 0.0;
-  for (const float v : anchor.full) {
-    sum += v;
-    square += static_cast<double>(v) * v;
-  }
-  anchor.signal_variance = std::max(0.0, square / area - sum * sum / area / area);
-  return anchor;
-}
-
-Measurement MeasurePatch(const Pyramid& current,
-                         const AnchorPatch& anchor,
-                         const Eigen::Vector2d& guide,
-                         int window_px) {
-  const int n = window_px;
+// Anchor against picture at x: the statistics, and the joint step of translation and warp.
+void Conclude(const cv::Mat& picture,
+              const float* patch,
+              int n,
+              double noise_factor,
+              const AnchorPatch& anchor,
+              Measurement& m) {
   const int area = n * n;
-  Measurement measurement;
-  measurement.xy = guide;
-  if (!anchor.half.empty()) {
-    Eigen::Vector2d half = guide / 2;
-    // Where the half resolution leads astray, the full one starts from the guide.
-    if (Align(current.levels[1], anchor.half, n, 10, half, measurement) &&
-        (2 * half - guide).norm() < 6.0) {
-      measurement.xy = 2 * half;
-    }
-  }
-  measurement.converged = Align(current.levels[0], anchor.full, n, 15, measurement.xy, measurement);
-
   float values[kMaxPatchArea];
-  SamplePatch(current.levels[0], measurement.xy.x(), measurement.xy.y(), n, values);
+  float dx[kMaxPatchArea];
+  float dy[kMaxPatchArea];
+  SamplePatchWithGradient(picture, m.xy.x(), m.xy.y(), n, values, dx, dy);
   double sv = 0, st = 0, svv = 0, stt = 0, svt = 0, sabs = 0;
   for (int k = 0; k < area; ++k) {
     const double v = values[k];
-    const double t = anchor.full[static_cast<std::size_t>(k)];
+    const double t = patch[k];
     sv += v;
     st += t;
     svv += v * v;
@@ -108,10 +114,89 @@ Measurement MeasurePatch(const Pyramid& current,
   const double cvv = svv - sv * sv / area;
   const double ctt = stt - st * st / area;
   const double cvt = svt - sv * st / area;
-  measurement.correlation = cvv > 0.0 && ctt > 0.0 ? cvt / std::sqrt(cvv * ctt) : 0.0;
-  measurement.residual_variance = std::max(0.0, (cvv + ctt - 2.0 * cvt) / area);
-  measurement.residual = sabs / area;
-  return measurement;
+  m.correlation = cvv > 0.0 && ctt > 0.0 ? cvt / std::sqrt(cvv * ctt) : 0.0;
+  m.residual_variance = std::max(0.0, (cvv + ctt - 2.0 * cvt) / area);
+  m.residual = sabs / area;
+
+  // r(u) + g.s + g.(D u) - mean = 0 for the step s, the relative warp D = (d11 d12; d21 d22), mean.
+  using Matrix7f = Eigen::Matrix<float, 7, 7>;
+  using Vector7f = Eigen::Matrix<float, 7, 1>;
+  Matrix7f normal = Matrix7f::Zero();
+  Vector7f rhs = Vector7f::Zero();
+  const int half = n / 2;
+  int k = 0;
+  for (int v = -half; v <= half; ++v) {
+    for (int u = -half; u <= half; ++u, ++k) {
+      const auto uf = static_cast<float>(u);
+      const auto vf = static_cast<float>(v);
+      Vector7f j;
+      j << dx[k], dy[k], dx[k] * uf, dx[k] * vf, dy[k] * uf, dy[k] * vf, 1.0F;
+      const float r = values[k] - patch[k];
+      normal.noalias() += j * j.transpose();
+      rhs.noalias() -= r * j;
+    }
+  }
+  const double variance = std::max(m.residual_variance, 1e-6) * noise_factor;
+  Eigen::Matrix<double, 7, 7> information = normal.cast<double>() / variance;
+  Eigen::Matrix<double, 7, 1> b = rhs.cast<double>() / variance;
+  information.block<4, 4>(2, 2) +=
+      (anchor.warp_covariance + 1e-10 * Eigen::Matrix4d::Identity()).inverse();
+  const Eigen::Matrix<double, 7, 7> covariance =
+      information.ldlt().solve(Eigen::Matrix<double, 7, 7>::Identity());
+  const Eigen::Matrix<double, 7, 1> step = covariance * b;
+  m.warp = anchor.warp;
+  m.warp_covariance = anchor.warp_covariance;
+  m.shape = covariance.topLeftCorner<2, 2>() / noise_factor;
+  if (!step.allFinite() || step.head<2>().norm() > 1.0 || step.segment<4>(2).norm() > 0.2) return;
+  m.xy += step.head<2>();
+  Eigen::Matrix2d D;
+  D << step[2], step[3], step[4], step[5];
+  m.warp = (Eigen::Matrix2d::Identity() + D) * anchor.warp;
+  m.warp_covariance = covariance.block<4, 4>(2, 2);
+}
+
+}  // namespace
+
+AnchorPatch TakeAnchor(const Pyramid& pyramid, const Eigen::Vector2d& xy, int window_px) {
+  const int side = window_px + 2 * MarginOf(window_px);
+  AnchorPatch anchor;
+  anchor.full = CopyPatch(pyramid.levels[0], xy, side);
+  if (pyramid.levels.size() > 1) anchor.half = CopyPatch(pyramid.levels[1], xy / 2, side);
+  float window[kMaxPatchArea];
+  WarpAnchor(anchor.full, anchor.warp, window_px, window);
+  const int area = window_px * window_px;
+  double sum = 0.0;
+  double square = 0.0;
+  for (int k = 0; k < area; ++k) {
+    sum += window[k];
+    square += static_cast<double>(window[k]) * window[k];
+  }
+  anchor.signal_variance = std::max(0.0, square / area - sum * sum / area / area);
+  return anchor;
+}
+
+Measurement MeasurePatch(const Pyramid& current,
+                         const AnchorPatch& anchor,
+                         const Eigen::Vector2d& guide,
+                         int window_px,
+                         double noise_factor) {
+  Check(window_px <= kMaxPatchSide, "the window fits the patch buffers");
+  float patch[kMaxPatchArea];
+  Measurement m;
+  m.xy = guide;
+  if (!anchor.half.empty()) {
+    WarpAnchor(anchor.half, anchor.warp, window_px, patch);
+    const auto half = Align(current.levels[1], patch, window_px, 10, guide / 2);
+    // Where the half resolution leads astray, the full one starts from the guide.
+    if (half && (2 * *half - guide).norm() < 6.0) m.xy = 2 * *half;
+  }
+  WarpAnchor(anchor.full, anchor.warp, window_px, patch);
+  const auto full = Align(current.levels[0], patch, window_px, 15, m.xy);
+  if (!full) return m;
+  m.xy = *full;
+  m.converged = true;
+  Conclude(current.levels[0], patch, window_px, noise_factor, anchor, m);
+  return m;
 }
 
 }  // namespace cohort

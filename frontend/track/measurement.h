@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <opencv2/core/mat.hpp>
 #include <vector>
 
 #include "frontend/image/pyramid.h"
@@ -9,13 +10,17 @@
 
 namespace cohort {
 
-// What a feature looked like where it was last anchored: a patch of the full resolution and one of
-// the half, each window_px wide. Every later frame is measured against the anchor, so that errors
-// do not add up from frame to frame.
+// What a feature looked like where it was anchored, and how that picture has deformed since. Every
+// later frame is measured against the anchor, so that errors do not add up from frame to frame.
 struct AnchorPatch {
-  std::vector<float> full;
-  std::vector<float> half;
-  double signal_variance = 0.0;  // of `full`
+  cv::Mat
+      full;  // window and a margin around it, of the full resolution and of the half (may be empty)
+  cv::Mat half;
+  double signal_variance = 0.0;  // of the window
+  // Anchor to picture: the pixel at offset v from the feature then is at offset warp v now.
+  Eigen::Matrix2d warp = Eigen::Matrix2d::Identity();
+  // Of the error of warp's entries (11, 12, 21, 22), relative: (I + d) warp.
+  Eigen::Matrix4d warp_covariance = Eigen::Matrix4d::Zero();
 };
 AnchorPatch TakeAnchor(const Pyramid& pyramid, const Eigen::Vector2d& xy, int window_px);
 
@@ -25,15 +30,22 @@ struct Measurement {
   double correlation = 0.0;        // normalised, of anchor and picture, -1..1
   double residual_variance = 0.0;  // of anchor - picture after removing the mean difference
   double residual = 0.0;           // mean |anchor - picture|
-  Eigen::Matrix2d gradient_energy =
-      Eigen::Matrix2d::Zero();  // sum over the window of grad grad' [1/px^2]
+  Eigen::Matrix2d shape = Eigen::Matrix2d::Identity();  // covariance of xy for white noise [px^2]
+  Eigen::Matrix2d warp = Eigen::Matrix2d::Identity();   // after this frame
+  Eigen::Matrix4d warp_covariance = Eigen::Matrix4d::Zero();
 };
 
-// One unconstrained alignment: the translation x that minimises sum_u (T(u) - I(x + u) - mean)^2 by
-// Gauss-Newton, first on the half resolution, then on the full, starting at `guide`.
+// One unconstrained alignment. First the translation x that minimises
+//   sum_u (T(warp^-1 u) - I(x + u) - mean)^2
+// over the window by Gauss-Newton, on the half resolution and then on the full, starting at
+// `guide`. Then one step of translation and warp together, in which the anchor's warp counts with
+// its covariance as prior: a bright patch measures its deformation, a dark one keeps what it was
+// told. `noise_factor` is how much less the window's pixels say than as many independent ones
+// would.
 Measurement MeasurePatch(const Pyramid& current,
                          const AnchorPatch& anchor,
                          const Eigen::Vector2d& guide,
-                         int window_px);
+                         int window_px,
+                         double noise_factor);
 
 }  // namespace cohort

@@ -54,6 +54,7 @@ class SubspaceMover final : public FeatureMover {
                             const Eigen::Vector2d& xy) const;
   Eigen::Matrix2Xd Guide(const Pyramid& current) const;
   double Contrast(const Pyramid& current, const Eigen::Matrix2Xd& x) const;
+  void DeformAnchors(const Eigen::Matrix2Xd& x);
   std::vector<Move> Measure(const Pyramid& current, const Eigen::Matrix2Xd& guide);
   struct Prediction {
     Eigen::Matrix2Xd x;       // 2 x F; no columns: unknown
@@ -172,6 +173,49 @@ Eigen::Matrix2Xd SubspaceMover::Guide(const Pyramid& current) const {
   return x;
 }
 
+// The cohort's similarity (scale and rotation) from the last frame to this one carries every
+// anchor's warp along; what it misses is left to the measurement.
+void SubspaceMover::DeformAnchors(const Eigen::Matrix2Xd& x) {
+  const Eigen::Matrix2Xd& before = positions_.front();
+  Eigen::VectorXd weights = Eigen::VectorXd::Zero(features());
+  for (Eigen::Index f = 0; f < features(); ++f) {
+    weights[f] = confirmed_[static_cast<std::size_t>(f)] ? 1.0 : 0.0;
+  }
+  double a = 1.0;  // s cos
+  double b = 0.0;  // s sin
+  for (int pass = 0; pass < 4 && weights.sum() >= 4.0; ++pass) {
+    const Eigen::Vector2d mean_before = before * weights / weights.sum();
+    const Eigen::Vector2d mean_now = x * weights / weights.sum();
+    double dot = 0.0;
+    double cross = 0.0;
+    double square = 0.0;
+    for (Eigen::Index f = 0; f < features(); ++f) {
+      const Eigen::Vector2d p = before.col(f) - mean_before;
+      const Eigen::Vector2d q = x.col(f) - mean_now;
+      dot += weights[f] * p.dot(q);
+      cross += weights[f] * (p.x() * q.y() - p.y() * q.x());
+      square += weights[f] * p.squaredNorm();
+    }
+    if (!(square > 0.0)) break;
+    a = dot / square;
+    b = cross / square;
+    for (Eigen::Index f = 0; f < features(); ++f) {  // towards least absolute distances
+      const Eigen::Vector2d p = before.col(f) - mean_before;
+      const Eigen::Vector2d q = x.col(f) - mean_now;
+      const double distance =
+          (q - Eigen::Vector2d(a * p.x() - b * p.y(), b * p.x() + a * p.y())).norm();
+      weights[f] = confirmed_[static_cast<std::size_t>(f)] ? 1.0 / std::max(distance, 0.3) : 0.0;
+    }
+  }
+  Eigen::Matrix2d similarity;
+  similarity << a, -b, b, a;
+  const double noise = measure_.warp_noise * measure_.warp_noise;
+  for (Appearance& appearance : appearance_) {
+    appearance.anchor.warp = similarity * appearance.anchor.warp;
+    appearance.anchor.warp_covariance.diagonal().array() += noise;
+  }
+}
+
 std::vector<Move> SubspaceMover::Measure(const Pyramid& current, const Eigen::Matrix2Xd& guide) {
   const auto F = static_cast<std::size_t>(features());
   std::vector<Move> moves(F);
@@ -181,7 +225,8 @@ std::vector<Move> SubspaceMover::Measure(const Pyramid& current, const Eigen::Ma
     measured[f] = MeasurePatch(current,
                                appearance_[f].anchor,
                                guide.col(static_cast<Eigen::Index>(f)),
-                               measure_.window_px);
+                               measure_.window_px,
+                               covariance_scale_);
     if (measured[f].converged) variances.push_back(measured[f].residual_variance);
   }
   const double noise_variance = Median(std::move(variances));  // of a difference: twice a picture's
@@ -196,10 +241,11 @@ std::vector<Move> SubspaceMover::Measure(const Pyramid& current, const Eigen::Ma
     moves[f].residual = m.residual;
     if (seen) {
       moves[f].xy = m.xy;
-      const Eigen::Matrix2d covariance = m.residual_variance * m.gradient_energy.inverse();
-      moves[f].covariance = PixelCovariance{static_cast<float>(covariance(0, 0)),
-                                            static_cast<float>(covariance(0, 1)),
-                                            static_cast<float>(covariance(1, 1))};
+      moves[f].covariance = PixelCovariance{static_cast<float>(m.shape(0, 0)),
+                                            static_cast<float>(m.shape(0, 1)),
+                                            static_cast<float>(m.shape(1, 1))};
+      appearance_[f].anchor.warp = m.warp;
+      appearance_[f].anchor.warp_covariance = m.warp_covariance;
     } else {
       moves[f].xy = start;
       moves[f].state = ObservationState::kPredicted;
@@ -329,6 +375,7 @@ std::vector<Move> SubspaceMover::MoveFeatures(const Pyramid& current) {
         if (!confirmed_[static_cast<std::size_t>(f)]) guide.col(f) = prediction.x.col(f);
       }
     }
+    DeformAnchors(guide);
     moves = Measure(smooth, guide);
     if (joint_) LeadByTheOthers(moves);
   } else {
@@ -433,8 +480,11 @@ void SubspaceMover::FillHistory(Eigen::Index first_new) {
       }
       Eigen::Vector2d x = positions_[l - 1].col(f);
       if (total > 0.0) x += motion / total;
-      const Measurement m = MeasurePatch(
-          smooth_[l], appearance_[static_cast<std::size_t>(f)].anchor, x, measure_.window_px);
+      const Measurement m = MeasurePatch(smooth_[l],
+                                         appearance_[static_cast<std::size_t>(f)].anchor,
+                                         x,
+                                         measure_.window_px,
+                                         covariance_scale_);
       if (m.converged && m.correlation >= measure_.min_correlation &&
           (m.xy - x).norm() <= measure_.max_distance_px) {
         x = m.xy;

@@ -127,6 +127,7 @@ struct MeasurementOptions {
   double min_correlation = 0.3;
   double max_residual_ratio = 2.0;
   double max_disagreement_px = 3.0;
+  double warp_noise = 0.003;
 
   template <typename Self, typename Visitor>
   static void Visit(Self& o, Visitor& v) {
@@ -144,6 +145,11 @@ struct MeasurementOptions {
              1.0,
              100.0,
              "residual variance over what noise explains; more is unconfirmed");
+    v.Number("warp_noise",
+             o.warp_noise,
+             0.0,
+             1.0,
+             "how much a patch may deform from frame to frame, beyond what all do, as a share");
     v.Number("max_disagreement_px",
              o.max_disagreement_px,
              0.1,
