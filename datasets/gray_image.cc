@@ -1,28 +1,43 @@
 #include "datasets/gray_image.h"
 
-#include <cerrno>
-#include <cstring>
-#include <fstream>
-#include <iterator>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
-#include <vector>
+#include <string>
+#include <string_view>
 
 #include "frontend/core/error.h"
+#include "frontend/core/output.h"
 
 namespace cohort {
 
+namespace {
+
+// Decoders fill what a cut JPEG lacks with grey and say nothing. After the headers (segments with
+// their lengths) comes the coded picture, in which the end mark FF D9 cannot occur by chance.
+bool IsCutJpeg(std::string_view bytes) {
+  if (!bytes.starts_with("\xFF\xD8\xFF")) return false;
+  std::size_t at = 2;
+  while (at + 4 <= bytes.size() && bytes[at] == '\xFF' && bytes[at + 1] != '\xDA') {
+    const auto high = static_cast<unsigned char>(bytes[at + 2]);
+    const auto low = static_cast<unsigned char>(bytes[at + 3]);
+    at += 2 + high * 256U + low;
+  }
+  return bytes.find("\xFF\xD9", at) == std::string_view::npos;
+}
+
+}  // namespace
+
 cv::Mat ReadImage(const std::filesystem::path& file) {
-  // imdecode instead of imread: the reason is ours to tell, and no line goes to stderr.
-  std::ifstream stream(file, std::ios::binary);
-  if (!stream) ThrowError("cannot read {}: {}", file.string(), std::strerror(errno));
-  const std::vector<char> bytes{std::istreambuf_iterator<char>(stream), {}};
+  std::string bytes = ReadBytes(file);
   if (bytes.empty()) ThrowError("cannot decode {}: the file is empty", file.string());
   cv::Mat picture;
-  try {
-    picture = cv::imdecode(bytes, cv::IMREAD_UNCHANGED);
-  } catch (const cv::Exception& e) {
-    ThrowError("cannot decode {}: {}", file.string(), e.err);
+  if (!IsCutJpeg(bytes)) {
+    try {
+      picture = cv::imdecode(cv::Mat(1, static_cast<int>(bytes.size()), CV_8UC1, bytes.data()),
+                             cv::IMREAD_UNCHANGED);
+    } catch (const cv::Exception& e) {
+      ThrowError("cannot decode {}: {}", file.string(), e.err);
+    }
   }
   if (picture.empty()) {
     ThrowError("cannot decode {}: it is damaged, cut short or no image", file.string());

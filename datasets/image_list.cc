@@ -14,6 +14,7 @@ class ImageListSequence final : public Sequence {
  public:
   ImageListSequence(ImageList list, const FrameRange& range)
       : list_(std::move(list)), range_(range), count_(range.Count(list_.images.size())) {
+    if (list_.images.empty()) ThrowError("{} lists no images", list_.name);
     if (count_ == 0) {
       ThrowError("{} has {} frames, the range starts at frame {}: give an earlier one",
                  list_.name,

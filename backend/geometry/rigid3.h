@@ -2,6 +2,8 @@
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
+#include <Eigen/LU>
+#include <optional>
 
 namespace cohort {
 
@@ -25,6 +27,13 @@ struct Rigid3 {
     return {inverse, -(inverse * translation)};
   }
 };
+
+// The motion of a 3x4 matrix [R t]; none unless R is a rotation to 1e-3.
+inline std::optional<Rigid3> RigidFromMatrix(const Eigen::Matrix<double, 3, 4>& matrix) {
+  const Eigen::Matrix3d rotation = matrix.leftCols<3>();
+  if (!rotation.isUnitary(1e-3) || rotation.determinant() < 0.0) return std::nullopt;
+  return Rigid3{Eigen::Quaterniond(rotation).normalized(), matrix.col(3)};
+}
 
 // Angle between two rotations [rad].
 inline double AngleBetween(const Eigen::Quaterniond& a, const Eigen::Quaterniond& b) {
