@@ -23,18 +23,17 @@ fs::path Mav(const fs::path& folder) {
   return fs::exists(folder / "mav0") ? folder / "mav0" : folder;
 }
 
-std::vector<double> Numbers(const cv::FileNode& node, std::size_t count, const std::string& file) {
+std::vector<double> Numbers(const cv::FileNode& node,
+                            const char* name,
+                            std::size_t count,
+                            const std::string& file) {
   std::vector<double> numbers;
   for (const cv::FileNode& item : node) {
-    if (!item.isReal() && !item.isInt()) ThrowError("{}: {} is not all numbers", file, node.name());
+    if (!item.isReal() && !item.isInt()) ThrowError("{}: {} is not all numbers", file, name);
     numbers.push_back(static_cast<double>(item));
   }
   if (numbers.size() != count) {
-    ThrowError("{}: {} has {} numbers instead of {}",
-               file,
-               node.empty() ? "a field" : node.name(),
-               numbers.size(),
-               count);
+    ThrowError("{}: {} has {} numbers instead of {}", file, name, numbers.size(), count);
   }
   return numbers;
 }
@@ -57,10 +56,10 @@ CameraSensor ReadSensor(const fs::path& path) {
           model,
           distortion);
     }
-    const auto resolution = Numbers(yaml["resolution"], 2, file);
-    const auto f = Numbers(yaml["intrinsics"], 4, file);
-    const auto d = Numbers(yaml["distortion_coefficients"], 4, file);
-    const auto t = Numbers(yaml["T_BS"]["data"], 16, file);
+    const auto resolution = Numbers(yaml["resolution"], "resolution", 2, file);
+    const auto f = Numbers(yaml["intrinsics"], "intrinsics", 4, file);
+    const auto d = Numbers(yaml["distortion_coefficients"], "distortion_coefficients", 4, file);
+    const auto t = Numbers(yaml["T_BS"]["data"], "T_BS", 16, file);
     sensor.camera = {.width_px = static_cast<int>(resolution[0]),
                      .height_px = static_cast<int>(resolution[1]),
                      .fx = f[0],
