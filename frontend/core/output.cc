@@ -50,10 +50,7 @@ struct CloseFile {
 
 OutputFile::OutputFile(fs::path path)
     : path_(std::move(path)), partial_(path_.string() + ".partial") {
-  if (fs::is_directory(path_)) {
-    ThrowError("cannot write {}: it is a folder", path_.string());
-  }
-  CheckParent(path_);
+  CheckOutputPath(path_);
   RemoveQuietly(partial_);
 }
 
@@ -109,6 +106,11 @@ void OutputFolder::Commit() {
     Rename(partial_, path_);
   }
   committed_ = true;
+}
+
+void CheckOutputPath(const fs::path& path) {
+  if (fs::is_directory(path)) ThrowError("cannot write {}: it is a folder", path.string());
+  CheckParent(path);
 }
 
 void WriteBytes(const fs::path& path, std::string_view bytes) {

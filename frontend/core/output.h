@@ -49,6 +49,9 @@ class OutputFolder {
   bool committed_ = false;
 };
 
+// What OutputFile checks at once, for those who write a file in another way.
+void CheckOutputPath(const std::filesystem::path& path);
+
 // Writes bytes to a file in place; for whole or not at all write OutputFile's partial().
 void WriteBytes(const std::filesystem::path& path, std::string_view bytes);
 std::string ReadBytes(const std::filesystem::path& path);

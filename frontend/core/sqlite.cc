@@ -7,9 +7,27 @@
 namespace cohort {
 namespace {
 
+// What to do about it, where the message alone does not say.
+const char* Advice(int code) {
+  switch (code & 0xFF) {
+    case SQLITE_FULL:
+    case SQLITE_IOERR:
+      return " (free some disk space, or choose another folder)";
+    case SQLITE_READONLY:
+      return " (check that the file and its folder may be written)";
+    case SQLITE_BUSY:
+      return " (another program is writing it: wait for its end)";
+    default:
+      return "";
+  }
+}
+
 [[noreturn]] void ThrowSqlite(sqlite3* db) {
   const char* path = sqlite3_db_filename(db, "main");
-  ThrowError("database {}: {}", path != nullptr ? path : "(unnamed)", sqlite3_errmsg(db));
+  ThrowError("database {}: {}{}",
+             path != nullptr ? path : "(unnamed)",
+             sqlite3_errmsg(db),
+             Advice(sqlite3_extended_errcode(db)));
 }
 
 }  // namespace
@@ -64,9 +82,9 @@ bool SqliteStatement::Step() {
     sqlite3_reset(statement_.get());
     return false;
   }
-  const std::string message = sqlite3_errmsg(db_);
+  // Resetting repeats the step's error in the database, so the message survives it.
   sqlite3_reset(statement_.get());
-  ThrowError("database {}: {}", sqlite3_db_filename(db_, "main"), message);
+  ThrowSqlite(db_);
 }
 
 void SqliteStatement::Run() {

@@ -48,7 +48,8 @@ struct Observation {
   Eigen::Vector2d xy = Eigen::Vector2d::Zero();
   ObservationState state = ObservationState::kObserved;
   double residual = 0.0;  // mean absolute difference to the template, intensities 0..1
-  std::optional<PixelCovariance> covariance;  // of xy, where the measurement step gives one
+  // Of xy, where the measurement step gives one.
+  std::optional<PixelCovariance> covariance = std::nullopt;
 };
 
 }  // namespace cohort

@@ -29,25 +29,31 @@ struct TrackFile {
   std::map<std::string, std::string> meta;  // tracker, options as JSON, program version ...
   std::vector<FrameInfo> frames;            // ascending; also frames without observations
   TrackSet tracks;
+  bool complete = true;  // false: tracking still runs, or was ended before the last frame
 };
 
-// Writes a .tracks file (SQLite; schema in frontend/README.md) while tracking: each AppendFrame is
-// kept by a kill that comes after the next commit (every frame by default). `header` gives all but
-// frames and tracks.
+// Writes a .tracks file (SQLite; schema in frontend/README.md) while tracking. Every AppendFrame is
+// a transaction: whatever ends the program, the frames appended before are kept. `header` gives all
+// but frames and tracks.
 //
 //   auto writer = TrackWriter::Create("clip.tracks", header);
 //   for each frame: writer.AppendFrame(info, observations, ends);
 //   writer.Finish();
 //
-// Create writes to PATH.partial and Finish renames it to PATH, so PATH is the old file or a
-// complete one... until then the partial file opens with ReadTrackFile and Resume goes on with it.
+// Where PATH does not exist, it is written in place, marked unfinished until Finish. Where it does,
+// PATH.partial is written and Finish renames it, so that PATH stays the old file until then. Either
+// is found by FindUnfinishedTracks, read by ReadTrackFile and continued by Resume.
 class TrackWriter {
  public:
+  // Starts anew: what an earlier unfinished run has left in PATH.partial is lost.
   static TrackWriter Create(const std::filesystem::path& path, const TrackFile& header);
+  // Goes on behind the last frame of FindUnfinishedTracks(path); throws Error if there is none.
+  static TrackWriter Resume(const std::filesystem::path& path);
   TrackWriter(TrackWriter&&) noexcept;
   TrackWriter& operator=(TrackWriter&&) noexcept;
   ~TrackWriter();
 
+  // Frames ascend; `observations` are of this frame, `ends` of tracks that ended before it.
   void AppendFrame(const FrameInfo& frame,
                    const std::vector<Observation>& observations,
                    const std::vector<TrackEnd>& ends);
@@ -60,7 +66,11 @@ class TrackWriter {
   std::unique_ptr<Impl> impl_;
 };
 
-// Throws Error naming the path on a file that is missing, is no .tracks file or is damaged.
+// PATH.partial or PATH itself, whichever holds the work of a run that did not end; else none.
+std::optional<std::filesystem::path> FindUnfinishedTracks(const std::filesystem::path& path);
+
+// Reads unfinished files too (`complete` says so). Throws Error naming the path on a file that is
+// missing, is no .tracks file or is damaged.
 TrackFile ReadTrackFile(const std::filesystem::path& path);
 // Whole or not at all.
 void WriteTrackFile(const std::filesystem::path& path, const TrackFile& file);

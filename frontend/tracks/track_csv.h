@@ -1,0 +1,40 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <vector>
+
+#include "frontend/tracks/track_set.h"
+#include "frontend/tracks/track_store.h"
+
+namespace cohort {
+
+// Tracks as comma-separated text, one row an observation, the header naming the columns:
+//   track_id,frame,x,y,observed,residual
+// track_id and frame are integers from 0; x, y in pixels, the centre of the top-left pixel is
+// (0, 0); observed is 1, or 0 where the position is predicted; residual in intensities 0..1.
+
+struct TracksCsv {
+  TrackSet tracks;
+  // Empty: FeatureId{n} is track_id n. Else an id of the file needs more than 32 bits, and
+  // FeatureId{n} stands for track_ids[n], ascending.
+  std::vector<std::uint64_t> track_ids;
+};
+
+// Columns are found by their names, in any order; observed (default 1) and residual (default 0) may
+// be missing, other columns are skipped. Throws Error naming path and line on what it cannot use.
+TracksCsv ReadTracksCsv(const std::filesystem::path& path);
+
+// Sorted by (track_id, frame), numbers in the fewest digits that read back the same. Whole or not
+// at all.
+void WriteTracksCsv(const std::filesystem::path& path, const TrackSet& tracks);
+
+// tracks.csv of OpenSfM, version 2: tab-separated image, track_id, feature_id, x, y, scale, r, g,
+// b, segmentation, instance; with D = max(width, height)
+//   x = (x_px + 0.5 - width / 2) / D,  y = (y_px + 0.5 - height / 2) / D,  scale = 1 px / D.
+// Colours are black, segmentation and instance -1 (none). Whole or not at all.
+void WriteOpenSfmTracks(const std::filesystem::path& path,
+                        const TrackFile& file,
+                        bool include_predicted = false);
+
+}  // namespace cohort

@@ -1,0 +1,397 @@
+#include "frontend/tracks/track_store.h"
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <string_view>
+
+#include "frontend/core/error.h"
+#include "frontend/core/output.h"
+#include "frontend/core/sqlite.h"
+
+namespace cohort {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::int64_t kApplicationId = 0x636F6872;  // "cohr": tells our SQLite files from others
+constexpr std::int64_t kVersion = 1;
+
+constexpr const char* kSchema = R"(
+  CREATE TABLE meta(key TEXT PRIMARY KEY NOT NULL, value TEXT NOT NULL) WITHOUT ROWID;
+  CREATE TABLE camera(
+    width_px INTEGER NOT NULL, height_px INTEGER NOT NULL,
+    fx REAL NOT NULL, fy REAL NOT NULL, cx REAL NOT NULL, cy REAL NOT NULL,
+    k1 REAL NOT NULL, k2 REAL NOT NULL, p1 REAL NOT NULL, p2 REAL NOT NULL,
+    known INTEGER NOT NULL);
+  CREATE TABLE frames(
+    "index" INTEGER PRIMARY KEY NOT NULL, name TEXT NOT NULL, timestamp_ns INTEGER NOT NULL);
+  CREATE TABLE observations(
+    frame INTEGER NOT NULL REFERENCES frames("index"), track_id INTEGER NOT NULL,
+    x REAL NOT NULL, y REAL NOT NULL, observed INTEGER NOT NULL, residual REAL NOT NULL,
+    cov_xx REAL, cov_xy REAL, cov_yy REAL,
+    PRIMARY KEY(frame, track_id)) WITHOUT ROWID;
+  CREATE TABLE ends(
+    track_id INTEGER PRIMARY KEY NOT NULL, last_frame INTEGER NOT NULL, reason TEXT NOT NULL);
+)";
+
+// The keys of table meta that are fields of TrackFile.
+constexpr std::array<std::string_view, 5> kFieldKeys{
+    "source", "image_root", "width_px", "height_px", "status"};
+constexpr std::string_view kRunning = "running";
+constexpr std::string_view kComplete = "complete";
+
+bool IsFieldKey(std::string_view key) {
+  return std::find(kFieldKeys.begin(), kFieldKeys.end(), key) != kFieldKeys.end();
+}
+
+void PutMeta(SqliteDatabase& db, std::string_view key, std::string_view value) {
+  db.Prepare("INSERT OR REPLACE INTO meta VALUES(?, ?)").Bind(1, key).Bind(2, value).Run();
+}
+
+std::string GetMeta(SqliteDatabase& db, std::string_view key) {
+  auto select = db.Prepare("SELECT value FROM meta WHERE key = ?");
+  return select.Bind(1, key).Step() ? std::string(select.Text(0)) : std::string();
+}
+
+void CreateSchema(SqliteDatabase& db, const TrackFile& header, std::string_view status) {
+  db.Execute(fmt::format("PRAGMA application_id = {}; PRAGMA user_version = {};{}",
+                         kApplicationId,
+                         kVersion,
+                         kSchema));
+  for (const auto& [key, value] : header.meta) {
+    Check(!IsFieldKey(key), "meta keys of a .tracks file are not its fields' names");
+    PutMeta(db, key, value);
+  }
+  PutMeta(db, "source", header.source);
+  PutMeta(db, "image_root", header.image_root);
+  PutMeta(db, "width_px", std::to_string(header.width_px));
+  PutMeta(db, "height_px", std::to_string(header.height_px));
+  PutMeta(db, "status", status);
+  if (header.camera) {
+    const Camera& camera = *header.camera;
+    auto insert = db.Prepare("INSERT INTO camera VALUES(?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)");
+    insert.Bind(1, std::int64_t{camera.width_px}).Bind(2, std::int64_t{camera.height_px});
+    insert.Bind(3, camera.fx).Bind(4, camera.fy).Bind(5, camera.cx).Bind(6, camera.cy);
+    insert.Bind(7, camera.k1).Bind(8, camera.k2).Bind(9, camera.p1).Bind(10, camera.p2);
+    insert.Bind(11, std::int64_t{camera.known}).Run();
+  }
+}
+
+// The statements that add rows, prepared once.
+struct Inserter {
+  explicit Inserter(SqliteDatabase& db)
+      : frame(db.Prepare("INSERT INTO frames VALUES(?, ?, ?)")),
+        observation(db.Prepare("INSERT INTO observations VALUES(?, ?, ?, ?, ?, ?, ?, ?, ?)")),
+        end(db.Prepare("INSERT INTO ends VALUES(?, ?, ?)")) {}
+
+  void Insert(const FrameInfo& f) {
+    frame.Bind(1, std::int64_t{ToInt(f.index)}).Bind(2, f.name).Bind(3, f.timestamp_ns).Run();
+  }
+  void Insert(const Observation& o) {
+    observation.Bind(1, std::int64_t{ToInt(o.frame)}).Bind(2, std::int64_t{ToInt(o.feature)});
+    observation.Bind(3, o.xy.x()).Bind(4, o.xy.y());
+    observation.Bind(5, std::int64_t{o.state == ObservationState::kObserved}).Bind(6, o.residual);
+    if (o.covariance) {
+      observation.Bind(7, double{o.covariance->xx});
+      observation.Bind(8, double{o.covariance->xy}).Bind(9, double{o.covariance->yy});
+    } else {
+      observation.BindNull(7).BindNull(8).BindNull(9);
+    }
+    observation.Run();
+  }
+  void Insert(const TrackEnd& e) {
+    end.Bind(1, std::int64_t{ToInt(e.feature)}).Bind(2, std::int64_t{ToInt(e.last_frame)});
+    end.Bind(3, NameOf(kLossReasonNames, e.reason)).Run();
+  }
+
+  SqliteStatement frame, observation, end;
+};
+
+fs::path PartialOf(const fs::path& path) { return path.string() + ".partial"; }
+
+// With the journal that SQLite leaves beside it when it fails on a full disk: it must not meet a
+// later file of the same name.
+void RemoveDatabase(const fs::path& path) {
+  std::error_code ignored;
+  fs::remove(path, ignored);
+  fs::remove(path.string() + "-journal", ignored);
+}
+
+bool HoldsTracks(SqliteDatabase& db) {
+  auto select = db.Prepare("PRAGMA application_id");
+  return select.Step() && select.Int(0) == kApplicationId;
+}
+
+SqliteDatabase OpenExisting(const fs::path& path) {
+  // For writing even where we only read: SQLite may have to roll back what a kill left half done.
+  // It falls back to reading where the file is write-protected.
+  auto db = SqliteDatabase::Open(path, SqliteDatabase::Mode::kWrite);
+  // A frame being written by another program makes us wait instead of fail.
+  db.Execute("PRAGMA busy_timeout = 10000");
+  return db;
+}
+
+[[noreturn]] void ThrowDamaged(const fs::path& path, std::string_view what) {
+  ThrowError("{} is damaged: {}; make it again", path.string(), what);
+}
+
+std::uint32_t ReadId(std::int64_t value, const fs::path& path, std::string_view what) {
+  if (value < 0 || value > std::int64_t{UINT32_MAX}) {
+    ThrowDamaged(path, fmt::format("it has {} {}", what, value));
+  }
+  return static_cast<std::uint32_t>(value);
+}
+
+int ReadSize(const std::string& text, const fs::path& path) {
+  int value = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (error != std::errc() || end != text.data() + text.size() || value < 0) {
+    ThrowDamaged(path, fmt::format("'{}' is no image size", text));
+  }
+  return value;
+}
+
+std::optional<Camera> ReadCamera(SqliteDatabase& db) {
+  auto row =
+      db.Prepare("SELECT width_px, height_px, fx, fy, cx, cy, k1, k2, p1, p2, known FROM camera");
+  if (!row.Step()) return std::nullopt;
+  return Camera{.width_px = static_cast<int>(row.Int(0)),
+                .height_px = static_cast<int>(row.Int(1)),
+                .fx = row.Real(2),
+                .fy = row.Real(3),
+                .cx = row.Real(4),
+                .cy = row.Real(5),
+                .k1 = row.Real(6),
+                .k2 = row.Real(7),
+                .p1 = row.Real(8),
+                .p2 = row.Real(9),
+                .known = row.Int(10) != 0};
+}
+
+std::vector<Observation> ReadObservations(SqliteDatabase& db, const fs::path& path) {
+  std::vector<Observation> observations;
+  auto count = db.Prepare("SELECT COUNT(*) FROM observations");
+  if (count.Step()) observations.reserve(static_cast<std::size_t>(count.Int(0)));
+  auto row = db.Prepare(
+      "SELECT frame, track_id, x, y, observed, residual, cov_xx, cov_xy, cov_yy "
+      "FROM observations ORDER BY frame, track_id");
+  while (row.Step()) {
+    Observation& o = observations.emplace_back();
+    o.frame = FrameIndex{ReadId(row.Int(0), path, "frame")};
+    o.feature = FeatureId{ReadId(row.Int(1), path, "track")};
+    o.xy = {row.Real(2), row.Real(3)};
+    o.state = row.Int(4) != 0 ? ObservationState::kObserved : ObservationState::kPredicted;
+    o.residual = row.Real(5);
+    if (!row.IsNull(6)) {
+      o.covariance = PixelCovariance{.xx = static_cast<float>(row.Real(6)),
+                                     .xy = static_cast<float>(row.Real(7)),
+                                     .yy = static_cast<float>(row.Real(8))};
+    }
+  }
+  return observations;
+}
+
+std::vector<TrackEnd> ReadEnds(SqliteDatabase& db, const fs::path& path) {
+  std::vector<TrackEnd> ends;
+  auto row = db.Prepare("SELECT track_id, last_frame, reason FROM ends ORDER BY track_id");
+  while (row.Step()) {
+    const auto* name = std::find_if(kLossReasonNames.begin(),
+                                    kLossReasonNames.end(),
+                                    [&](const auto& entry) { return entry.first == row.Text(2); });
+    if (name == kLossReasonNames.end()) {
+      ThrowDamaged(path, fmt::format("'{}' is no reason to end a track", row.Text(2)));
+    }
+    ends.push_back({.feature = FeatureId{ReadId(row.Int(0), path, "track")},
+                    .last_frame = FrameIndex{ReadId(row.Int(1), path, "frame")},
+                    .reason = name->second});
+  }
+  return ends;
+}
+
+}  // namespace
+
+struct TrackWriter::Impl {
+  Impl(fs::path final_path, fs::path working_path, SqliteDatabase opened)
+      : path(std::move(final_path)), working(std::move(working_path)), db(std::move(opened)) {
+    // A kill of the program loses nothing that was written, synced or not; only Finish syncs, so
+    // that a finished file survives the machine's end too.
+    db->Execute("PRAGMA synchronous = OFF; PRAGMA busy_timeout = 10000");
+  }
+
+  fs::path path;
+  fs::path working;
+  std::optional<SqliteDatabase> db;  // none: finished
+  std::optional<Inserter> insert;    // after db: statements must not outlive it
+  std::optional<FrameIndex> last;
+};
+
+TrackWriter::TrackWriter(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
+TrackWriter::TrackWriter(TrackWriter&&) noexcept = default;
+TrackWriter& TrackWriter::operator=(TrackWriter&&) noexcept = default;
+TrackWriter::~TrackWriter() = default;
+
+TrackWriter TrackWriter::Create(const fs::path& path, const TrackFile& header) {
+  CheckOutputPath(path);
+  const fs::path partial = PartialOf(path);
+  RemoveDatabase(partial);
+  const fs::path working = fs::exists(path) ? partial : path;
+  try {
+    auto impl = std::make_unique<Impl>(
+        path, working, SqliteDatabase::Open(working, SqliteDatabase::Mode::kCreate));
+    SqliteTransaction transaction(*impl->db);
+    CreateSchema(*impl->db, header, kRunning);
+    transaction.Commit();
+    impl->insert.emplace(*impl->db);
+    return TrackWriter(std::move(impl));
+  } catch (const Error&) {
+    RemoveDatabase(working);  // it holds nothing
+    throw;
+  }
+}
+
+TrackWriter TrackWriter::Resume(const fs::path& path) {
+  const auto working = FindUnfinishedTracks(path);
+  if (!working) {
+    ThrowError("nothing to resume: neither {} nor {} is the file of an unfinished run",
+               path.string(),
+               PartialOf(path).string());
+  }
+  auto impl = std::make_unique<Impl>(path, *working, OpenExisting(*working));
+  impl->insert.emplace(*impl->db);
+  auto last = impl->db->Prepare("SELECT MAX(\"index\") FROM frames");
+  if (last.Step() && !last.IsNull(0)) {
+    impl->last = FrameIndex{ReadId(last.Int(0), *working, "frame")};
+  }
+  return TrackWriter(std::move(impl));
+}
+
+void TrackWriter::AppendFrame(const FrameInfo& frame,
+                              const std::vector<Observation>& observations,
+                              const std::vector<TrackEnd>& ends) {
+  Check(impl_->db.has_value(), "no frame is appended to a finished .tracks file");
+  Check(!impl_->last || *impl_->last < frame.index, "frames of a .tracks file ascend");
+  SqliteTransaction transaction(*impl_->db);
+  impl_->insert->Insert(frame);
+  for (const Observation& observation : observations) {
+    Check(observation.frame == frame.index, "observations are of the frame they come with");
+    Check(observation.xy.allFinite(), "positions are finite");
+    impl_->insert->Insert(observation);
+  }
+  for (const TrackEnd& end : ends) impl_->insert->Insert(end);
+  transaction.Commit();
+  impl_->last = frame.index;
+}
+
+void TrackWriter::SetMeta(const std::string& key, const std::string& value) {
+  Check(impl_->db.has_value(), "a finished .tracks file is not changed");
+  Check(!IsFieldKey(key), "meta keys of a .tracks file are not its fields' names");
+  PutMeta(*impl_->db, key, value);
+}
+
+void TrackWriter::Finish() {
+  Check(impl_->db.has_value(), "a .tracks file is finished once");
+  impl_->db->Execute("PRAGMA synchronous = FULL");
+  PutMeta(*impl_->db, "status", kComplete);
+  impl_->insert.reset();
+  impl_->db.reset();
+  if (impl_->working == impl_->path) return;
+  std::error_code error;
+  fs::rename(impl_->working, impl_->path, error);
+  if (error) {
+    ThrowError("cannot replace {}: {}; the tracks are in {}",
+               impl_->path.string(),
+               error.message(),
+               impl_->working.string());
+  }
+}
+
+std::optional<fs::path> FindUnfinishedTracks(const fs::path& path) {
+  const fs::path partial = PartialOf(path);
+  if (fs::is_regular_file(partial)) {
+    auto db = OpenExisting(partial);
+    if (HoldsTracks(db)) return partial;
+  }
+  if (fs::is_regular_file(path)) {
+    auto db = OpenExisting(path);
+    if (HoldsTracks(db) && GetMeta(db, "status") == kRunning) return path;
+  }
+  return std::nullopt;
+}
+
+TrackFile ReadTrackFile(const fs::path& path) {
+  if (!fs::is_regular_file(path)) ThrowError("there is no file {}", path.string());
+  auto db = OpenExisting(path);
+  if (!HoldsTracks(db)) ThrowError("{} is no .tracks file of cohort", path.string());
+  if (db.UserVersion() != kVersion) {
+    ThrowError("{} is a .tracks file of version {}, this program reads version {}: make it again",
+               path.string(),
+               db.UserVersion(),
+               kVersion);
+  }
+  const SqliteTransaction one_moment(db);  // of a file that may still be written
+  TrackFile file;
+  auto meta = db.Prepare("SELECT key, value FROM meta");
+  while (meta.Step()) file.meta.emplace(meta.Text(0), meta.Text(1));
+  const auto take = [&](const char* key) {
+    const auto node = file.meta.extract(key);
+    if (node.empty()) ThrowDamaged(path, fmt::format("table meta has no {}", key));
+    return node.mapped();
+  };
+  file.source = take("source");
+  file.image_root = take("image_root");
+  file.width_px = ReadSize(take("width_px"), path);
+  file.height_px = ReadSize(take("height_px"), path);
+  file.complete = take("status") == kComplete;
+  file.camera = ReadCamera(db);
+  auto frames = db.Prepare("SELECT \"index\", name, timestamp_ns FROM frames ORDER BY \"index\"");
+  while (frames.Step()) {
+    file.frames.push_back({.index = FrameIndex{ReadId(frames.Int(0), path, "frame")},
+                           .name = std::string(frames.Text(1)),
+                           .timestamp_ns = frames.Int(2)});
+  }
+  auto unlisted = db.Prepare(
+      "SELECT frame FROM observations WHERE frame NOT IN (SELECT \"index\" FROM frames) LIMIT 1");
+  if (unlisted.Step()) {
+    ThrowDamaged(path,
+                 fmt::format("it has observations in frame {}, which is not in table frames",
+                             unlisted.Int(0)));
+  }
+  try {
+    file.tracks = TrackSet::Build(ReadObservations(db, path), ReadEnds(db, path));
+  } catch (const Error& error) {
+    ThrowError("{}: {}", path.string(), error.what());
+  }
+  return file;
+}
+
+void WriteTrackFile(const fs::path& path, const TrackFile& file) {
+  OutputFile out(path);
+  RemoveDatabase(out.partial());
+  try {
+    auto db = SqliteDatabase::Open(out.partial(), SqliteDatabase::Mode::kCreate);
+    SqliteTransaction transaction(db);
+    CreateSchema(db, file, file.complete ? kComplete : kRunning);
+    Inserter insert(db);
+    std::size_t inserted = 0;
+    for (const FrameInfo& frame : file.frames) {
+      insert.Insert(frame);
+      for (const Observation* observation : file.tracks.InFrame(frame.index)) {
+        insert.Insert(*observation);
+        ++inserted;
+      }
+    }
+    if (inserted != file.tracks.observations().size()) {
+      ThrowError("cannot write {}: it has observations in frames that its list of frames lacks",
+                 path.string());
+    }
+    for (const TrackEnd& end : file.tracks.ends()) insert.Insert(end);
+    transaction.Commit();
+  } catch (const Error&) {
+    RemoveDatabase(out.partial());
+    throw;
+  }
+  out.Commit();
+}
+
+}  // namespace cohort

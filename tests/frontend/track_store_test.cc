@@ -1,0 +1,414 @@
+#include "frontend/tracks/track_store.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/mount.h>
+#include <sys/resource.h>
+
+#include <csignal>
+#include <fstream>
+#include <limits>
+
+#include "frontend/core/error.h"
+#include "frontend/core/output.h"
+#include "frontend/core/sqlite.h"
+#include "tests/support/child_process.h"
+#include "tests/support/temp_dir.h"
+
+namespace cohort {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::AllOf;
+using testing::HasSubstr;
+using testing::ThrowsMessage;
+
+constexpr std::uint32_t kFeatures = 50;
+
+TrackFile Header() {
+  TrackFile header;
+  header.source = "/clips/dark.mp4";
+  header.image_root = "";
+  header.width_px = 640;
+  header.height_px = 480;
+  header.camera = Camera{.width_px = 640,
+                         .height_px = 480,
+                         .fx = 0.1,
+                         .fy = 500.25,
+                         .cx = 319.5,
+                         .cy = 239.5,
+                         .k1 = -0.3,
+                         .known = false};
+  header.meta = {{"tracker", "subspace"}, {"options", "{\"a\": \"b'c\"}"}};
+  return header;
+}
+
+FrameInfo Info(std::uint32_t frame) {
+  return {.index = FrameIndex{frame},
+          .name = "frame" + std::to_string(frame) + ".png",
+          .timestamp_ns = std::int64_t{1'700'000'000'000'000'000} + frame};
+}
+
+std::vector<Observation> ObservationsOf(std::uint32_t frame) {
+  std::vector<Observation> observations;
+  for (std::uint32_t f = 0; f < kFeatures; ++f) {
+    Observation o{.feature = FeatureId{f},
+                  .frame = FrameIndex{frame},
+                  .xy = {f + 0.1 * frame, 1.0 / (1.0 + f)},
+                  .state = f % 3 == 0 ? ObservationState::kPredicted : ObservationState::kObserved,
+                  .residual = 1e-3 * f};
+    if (f % 2 == 0) o.covariance = PixelCovariance{.xx = 0.1F, .xy = -0.01F, .yy = 1e-3F};
+    observations.push_back(o);
+  }
+  return observations;
+}
+
+TrackFile Example(std::uint32_t frames) {
+  TrackFile file = Header();
+  std::vector<Observation> all;
+  for (std::uint32_t frame = 0; frame < frames; ++frame) {
+    file.frames.push_back(Info(frame));
+    const auto observations = ObservationsOf(frame);
+    all.insert(all.end(), observations.begin(), observations.end());
+  }
+  file.frames.push_back(Info(frames + 7));  // a gap, and a frame without observations
+  file.tracks = TrackSet::Build(all,
+                                {{FeatureId{3}, FrameIndex{1}, LossReason::kContradicted},
+                                 {FeatureId{9}, FrameIndex{0}, LossReason::kMasked}});
+  return file;
+}
+
+void ExpectSame(const TrackFile& a, const TrackFile& b) {
+  EXPECT_EQ(a.source, b.source);
+  EXPECT_EQ(a.image_root, b.image_root);
+  EXPECT_EQ(a.width_px, b.width_px);
+  EXPECT_EQ(a.height_px, b.height_px);
+  EXPECT_EQ(a.meta, b.meta);
+  EXPECT_EQ(a.complete, b.complete);
+  ASSERT_EQ(a.camera.has_value(), b.camera.has_value());
+  if (a.camera) {
+    EXPECT_EQ(a.camera->width_px, b.camera->width_px);
+    EXPECT_EQ(a.camera->fx, b.camera->fx);
+    EXPECT_EQ(a.camera->cy, b.camera->cy);
+    EXPECT_EQ(a.camera->k1, b.camera->k1);
+    EXPECT_EQ(a.camera->known, b.camera->known);
+  }
+  ASSERT_EQ(a.frames.size(), b.frames.size());
+  for (std::size_t i = 0; i < a.frames.size(); ++i) {
+    EXPECT_EQ(a.frames[i].index, b.frames[i].index);
+    EXPECT_EQ(a.frames[i].name, b.frames[i].name);
+    EXPECT_EQ(a.frames[i].timestamp_ns, b.frames[i].timestamp_ns);
+  }
+  ASSERT_EQ(a.tracks.observations().size(), b.tracks.observations().size());
+  for (std::size_t i = 0; i < a.tracks.observations().size(); ++i) {
+    const Observation& p = a.tracks.observations()[i];
+    const Observation& q = b.tracks.observations()[i];
+    EXPECT_EQ(p.feature, q.feature);
+    EXPECT_EQ(p.frame, q.frame);
+    EXPECT_EQ(p.xy, q.xy);
+    EXPECT_EQ(p.state, q.state);
+    EXPECT_EQ(p.residual, q.residual);
+    ASSERT_EQ(p.covariance.has_value(), q.covariance.has_value());
+    if (p.covariance) {
+      EXPECT_EQ(p.covariance->xx, q.covariance->xx);
+      EXPECT_EQ(p.covariance->xy, q.covariance->xy);
+      EXPECT_EQ(p.covariance->yy, q.covariance->yy);
+    }
+  }
+  ASSERT_EQ(a.tracks.ends().size(), b.tracks.ends().size());
+  for (std::size_t i = 0; i < a.tracks.ends().size(); ++i) {
+    EXPECT_EQ(a.tracks.ends()[i].feature, b.tracks.ends()[i].feature);
+    EXPECT_EQ(a.tracks.ends()[i].last_frame, b.tracks.ends()[i].last_frame);
+    EXPECT_EQ(a.tracks.ends()[i].reason, b.tracks.ends()[i].reason);
+  }
+}
+
+TrackWriter WriteFrames(TrackWriter writer, std::uint32_t first, std::uint32_t end) {
+  for (std::uint32_t f = first; f < end; ++f) writer.AppendFrame(Info(f), ObservationsOf(f), {});
+  return writer;
+}
+
+std::vector<std::string> NamesIn(const fs::path& folder) {
+  std::vector<std::string> names;
+  for (const auto& entry : fs::directory_iterator(folder)) names.push_back(entry.path().filename());
+  std::sort(names.begin(), names.end());
+  return names;
+}
+
+TEST(TrackStore, ReadsBackWhatWasWrittenToTheLastBit) {
+  const test::TempDir dir;
+  const TrackFile file = Example(4);
+  WriteTrackFile(dir / "a.tracks", file);
+  ExpectSame(ReadTrackFile(dir / "a.tracks"), file);
+  EXPECT_THAT(NamesIn(dir.path()), testing::ElementsAre("a.tracks"));
+
+  TrackFile bare;
+  WriteTrackFile(dir / "bare.tracks", bare);
+  ExpectSame(ReadTrackFile(dir / "bare.tracks"), bare);
+}
+
+TEST(TrackStore, WrittenFrameByFrameIsTheSameFile) {
+  const test::TempDir dir;
+  TrackFile file = Example(4);
+  auto writer = TrackWriter::Create(dir / "a.tracks", Header());
+  for (const FrameInfo& frame : file.frames) {
+    std::vector<Observation> observations;
+    for (const auto* o : file.tracks.InFrame(frame.index)) observations.push_back(*o);
+    const bool last = frame.index == file.frames.back().index;
+    writer.AppendFrame(frame,
+                       observations,
+                       last ? std::vector(file.tracks.ends().begin(), file.tracks.ends().end())
+                            : std::vector<TrackEnd>());
+  }
+  writer.SetMeta("seconds", "1.5");
+  file.meta["seconds"] = "1.5";
+  file.complete = false;
+  ExpectSame(ReadTrackFile(dir / "a.tracks"), file);  // while it is being written
+  writer.Finish();
+  file.complete = true;
+  ExpectSame(ReadTrackFile(dir / "a.tracks"), file);
+  EXPECT_THAT(NamesIn(dir.path()), testing::ElementsAre("a.tracks"));
+}
+
+TEST(TrackStore, AnOldFileStaysUntilTheNewOneIsFinished) {
+  const test::TempDir dir;
+  const TrackFile old = Example(2);
+  WriteTrackFile(dir / "a.tracks", old);
+  auto writer = WriteFrames(TrackWriter::Create(dir / "a.tracks", Header()), 0, 3);
+  ExpectSame(ReadTrackFile(dir / "a.tracks"), old);
+  EXPECT_EQ(FindUnfinishedTracks(dir / "a.tracks"), dir / "a.tracks.partial");
+  writer.Finish();
+  EXPECT_EQ(ReadTrackFile(dir / "a.tracks").frames.size(), 3u);
+  EXPECT_FALSE(FindUnfinishedTracks(dir / "a.tracks"));
+  EXPECT_THAT(NamesIn(dir.path()), testing::ElementsAre("a.tracks"));
+}
+
+// A writer that is killed at an arbitrary moment: while it writes, or between two frames.
+class KilledWriter : public testing::TestWithParam<std::tuple<bool, int>> {};
+
+TEST_P(KilledWriter, KeepsEveryFinishedFrameAndIsResumed) {
+  const auto [old_file, delay_us] = GetParam();
+  const test::TempDir dir;
+  const fs::path path = dir / "a.tracks";
+  if (old_file) WriteTrackFile(path, Example(1));
+
+  int ends[2];
+  ASSERT_EQ(pipe(ends), 0);
+  const pid_t child = fork();
+  if (child == 0) {
+    auto writer = TrackWriter::Create(path, Header());
+    for (std::uint32_t f = 0;; ++f) {
+      writer.AppendFrame(Info(f), ObservationsOf(f), {});
+      if (write(ends[1], "", 1) != 1) _exit(1);
+    }
+  }
+  char byte;
+  for (int i = 0; i < 5; ++i) ASSERT_EQ(read(ends[0], &byte, 1), 1);
+  usleep(static_cast<useconds_t>(delay_us));
+  kill(child, SIGKILL);
+  int status = 0;
+  waitpid(child, &status, 0);
+  ASSERT_TRUE(WIFSIGNALED(status));
+  close(ends[1]);
+  std::uint32_t finished = 5;
+  while (read(ends[0], &byte, 1) == 1) ++finished;
+  close(ends[0]);
+
+  const auto unfinished = FindUnfinishedTracks(path);
+  ASSERT_EQ(unfinished, old_file ? dir / "a.tracks.partial" : path);
+  const TrackFile kept = ReadTrackFile(*unfinished);
+  EXPECT_FALSE(kept.complete);
+  EXPECT_GE(kept.frames.size(), finished);
+  EXPECT_LE(kept.frames.size(), finished + 1);  // committed, but not yet reported
+  EXPECT_EQ(kept.tracks.observations().size(), kept.frames.size() * kFeatures);
+  if (old_file) {
+    EXPECT_TRUE(ReadTrackFile(path).complete);
+  }
+
+  const auto first = static_cast<std::uint32_t>(kept.frames.size());
+  WriteFrames(TrackWriter::Resume(path), first, first + 2).Finish();
+  const TrackFile whole = ReadTrackFile(path);
+  EXPECT_TRUE(whole.complete);
+  EXPECT_EQ(whole.frames.size(), first + 2);
+  EXPECT_EQ(whole.tracks.observations().size(), whole.frames.size() * kFeatures);
+  EXPECT_EQ(whole.meta.at("tracker"), "subspace");
+  EXPECT_THAT(NamesIn(dir.path()), testing::ElementsAre("a.tracks"));
+}
+
+INSTANTIATE_TEST_SUITE_P(TrackStore,
+                         KilledWriter,
+                         testing::Combine(testing::Bool(),
+                                          testing::Values(0, 130, 410, 770, 1500)));
+
+TEST(TrackStore, ResumesOnlyWhatIsUnfinished) {
+  const test::TempDir dir;
+  EXPECT_FALSE(FindUnfinishedTracks(dir / "a.tracks"));
+  EXPECT_THAT([&] { TrackWriter::Resume(dir / "a.tracks"); },
+              ThrowsMessage<Error>(AllOf(HasSubstr("nothing to resume"), HasSubstr("a.tracks"))));
+  WriteTrackFile(dir / "a.tracks", Example(1));
+  EXPECT_FALSE(FindUnfinishedTracks(dir / "a.tracks"));
+  std::ofstream(dir / "a.tracks.partial");  // killed before it held anything
+  EXPECT_FALSE(FindUnfinishedTracks(dir / "a.tracks"));
+}
+
+TEST(TrackStore, RefusesFramesThatDoNotAscendAlsoAfterResuming) {
+  const test::TempDir dir;
+  WriteFrames(TrackWriter::Create(dir / "a.tracks", Header()), 0, 3);
+  auto writer = TrackWriter::Resume(dir / "a.tracks");
+  EXPECT_THROW(writer.AppendFrame(Info(2), {}, {}), std::logic_error);
+  writer.AppendFrame(Info(3), {}, {});
+}
+
+TEST(TrackStore, AFrameThatFailsLeavesTheOnesBefore) {
+  const test::TempDir dir;
+  auto writer = WriteFrames(TrackWriter::Create(dir / "a.tracks", Header()), 0, 2);
+  auto observations = ObservationsOf(2);
+  observations.back().feature = FeatureId{0};  // twice in one frame
+  EXPECT_THROW(writer.AppendFrame(Info(2), observations, {}), Error);
+  writer.AppendFrame(Info(2), ObservationsOf(2), {});
+  EXPECT_EQ(ReadTrackFile(dir / "a.tracks").tracks.observations().size(), 3 * kFeatures);
+}
+
+TEST(TrackStore, NamesAFileThatIsMissingForeignOrDamaged) {
+  const test::TempDir dir;
+  EXPECT_THAT([&] { ReadTrackFile(dir / "missing.tracks"); },
+              ThrowsMessage<Error>(HasSubstr("missing.tracks")));
+  EXPECT_THAT([&] { ReadTrackFile(dir.path()); }, ThrowsMessage<Error>(HasSubstr("no file")));
+  WriteBytes(dir / "text.tracks", std::string(5000, 'x'));
+  EXPECT_THAT([&] { ReadTrackFile(dir / "text.tracks"); },
+              ThrowsMessage<Error>(HasSubstr("text.tracks")));
+  WriteBytes(dir / "empty.tracks", "");
+  EXPECT_THAT([&] { ReadTrackFile(dir / "empty.tracks"); },
+              ThrowsMessage<Error>(HasSubstr("is no .tracks file")));
+  {
+    auto db = SqliteDatabase::Open(dir / "other.db", SqliteDatabase::Mode::kCreate);
+    db.Execute("CREATE TABLE t(a)");
+  }
+  EXPECT_THAT([&] { ReadTrackFile(dir / "other.db"); },
+              ThrowsMessage<Error>(HasSubstr("other.db is no .tracks file")));
+
+  WriteTrackFile(dir / "cut.tracks", Example(20));
+  fs::resize_file(dir / "cut.tracks", fs::file_size(dir / "cut.tracks") / 2);
+  EXPECT_THAT([&] { ReadTrackFile(dir / "cut.tracks"); },
+              ThrowsMessage<Error>(AllOf(HasSubstr("cut.tracks"), HasSubstr("malformed"))));
+  const std::map<std::string, std::string> damages{
+      {"UPDATE observations SET frame = 99 WHERE frame = 0", "frame 99"},
+      {"UPDATE observations SET track_id = -1 WHERE track_id = 0", "track -1"},
+      {"UPDATE observations SET x = 9e999 WHERE track_id = 0", "not finite"},
+      {"INSERT INTO ends VALUES(4, 1, 'tired')", "'tired'"},
+      {"UPDATE meta SET value = 'wide' WHERE key = 'width_px'", "'wide'"},
+      {"DELETE FROM meta WHERE key = 'status'", "status"},
+      {"DROP TABLE camera", "camera"},
+      {"PRAGMA user_version = 7", "version 7"}};
+  for (const auto& [sql, message] : damages) {
+    WriteTrackFile(dir / "bad.tracks", Example(2));
+    SqliteDatabase::Open(dir / "bad.tracks", SqliteDatabase::Mode::kWrite).Execute(sql);
+    EXPECT_THAT([&] { ReadTrackFile(dir / "bad.tracks"); },
+                ThrowsMessage<Error>(AllOf(HasSubstr("bad.tracks"), HasSubstr(message))))
+        << sql;
+  }
+}
+
+TEST(TrackStore, AFolderThatMayNotBeWrittenIsNamedAndTheOldFileStays) {
+  const test::TempDir dir;
+  fs::create_directory(dir / "locked");
+  const fs::path path = dir / "locked/a.tracks";
+  WriteTrackFile(path, Example(2));
+  fs::permissions(dir.path(), fs::perms(0755));
+  fs::permissions(path, fs::perms(0444));
+  fs::permissions(dir / "locked", fs::perms(0555));
+  for (const std::string name : {"a.tracks", "new.tracks"}) {
+    const fs::path target = dir / "locked" / name;
+    EXPECT_THAT(test::RunInChild([&] {
+                  test::DropRoot();
+                  TrackWriter::Create(target, Header());
+                  return "written";
+                }),
+                AllOf(HasSubstr("threw: cannot write"), HasSubstr(target.string())));
+    EXPECT_THAT(test::RunInChild([&] {
+                  test::DropRoot();
+                  WriteTrackFile(target, Example(3));
+                  return "written";
+                }),
+                AllOf(HasSubstr("threw: cannot write"), HasSubstr(target.string())));
+  }
+  // What may only be read is still read.
+  EXPECT_EQ(test::RunInChild([&] {
+              test::DropRoot();
+              return std::to_string(ReadTrackFile(path).frames.size());
+            }),
+            "3");
+  EXPECT_THAT(NamesIn(dir / "locked"), testing::ElementsAre("a.tracks"));
+  fs::permissions(dir / "locked", fs::perms(0755));
+  EXPECT_THAT([&] { TrackWriter::Create(dir / "nowhere/a.tracks", Header()); },
+              ThrowsMessage<Error>(HasSubstr("nowhere")));
+  EXPECT_THAT([&] { TrackWriter::Create(dir / "locked", Header()); },
+              ThrowsMessage<Error>(HasSubstr("it is a folder")));
+}
+
+// A file that may not grow behaves as on a full disk.
+void LimitFileSize(rlim_t bytes) {
+  std::signal(SIGXFSZ, SIG_IGN);
+  const rlimit limit{bytes, bytes};
+  ASSERT_EQ(setrlimit(RLIMIT_FSIZE, &limit), 0);
+}
+
+TEST(TrackStore, AFullDiskIsOneErrorAndTheOldFileStays) {
+  const test::TempDir dir;
+  const fs::path path = dir / "a.tracks";
+  const TrackFile old = Example(2);
+  WriteTrackFile(path, old);
+  EXPECT_THAT(test::RunInChild([&] {
+                LimitFileSize(200'000);
+                WriteTrackFile(path, Example(1000));
+                return "written";
+              }),
+              AllOf(HasSubstr("threw: "), HasSubstr("a.tracks.partial"), HasSubstr("disk")));
+  ExpectSame(ReadTrackFile(path), old);
+  EXPECT_THAT(NamesIn(dir.path()), testing::ElementsAre("a.tracks"));
+
+  EXPECT_THAT(test::RunInChild([&] {
+                LimitFileSize(200'000);
+                WriteFrames(TrackWriter::Create(path, Header()), 0, 1000).Finish();
+                return "written";
+              }),
+              AllOf(HasSubstr("threw: "), HasSubstr("a.tracks.partial"), HasSubstr("disk")));
+  ExpectSame(ReadTrackFile(path), old);
+  const auto done =
+      static_cast<std::uint32_t>(ReadTrackFile(dir / "a.tracks.partial").frames.size());
+  EXPECT_GT(done, 10u);
+  WriteFrames(TrackWriter::Resume(path), done, 1000).Finish();
+  EXPECT_EQ(ReadTrackFile(path).tracks.observations().size(), 1000 * kFeatures);
+
+  EXPECT_THAT(test::RunInChild([&] {
+                LimitFileSize(100);
+                TrackWriter::Create(dir / "new.tracks", Header());
+                return "written";
+              }),
+              AllOf(HasSubstr("threw: "), HasSubstr("new.tracks")));
+  EXPECT_THAT(NamesIn(dir.path()), testing::ElementsAre("a.tracks"));
+}
+
+TEST(TrackStore, ASmallDiskThatFillsUpIsOneError) {
+  const test::TempDir dir;
+  fs::create_directory(dir / "disk");
+  if (mount("tmpfs", (dir / "disk").c_str(), "tmpfs", 0, "size=300k") != 0) {
+    GTEST_SKIP() << "needs the right to mount";
+  }
+  const fs::path path = dir / "disk/a.tracks";
+  std::string message = "written";
+  try {
+    WriteFrames(TrackWriter::Create(path, Header()), 0, 1000).Finish();
+  } catch (const Error& error) {
+    message = error.what();
+  }
+  EXPECT_THAT(message, AllOf(HasSubstr("a.tracks: "), HasSubstr("disk")));
+  const TrackFile kept = ReadTrackFile(path);
+  EXPECT_FALSE(kept.complete);
+  EXPECT_EQ(kept.tracks.observations().size(), kept.frames.size() * kFeatures);
+  EXPECT_GT(kept.frames.size(), 10u);
+  EXPECT_EQ(umount((dir / "disk").c_str()), 0);
+}
+
+}  // namespace
+}  // namespace cohort
