@@ -306,7 +306,10 @@ std::vector<const Observation*> ColmapKeypoints(const TrackSet& tracks,
   return keypoints;
 }
 
-ColmapDatabase BuildColmapDatabase(const TrackFile& file, const ColmapDatabaseOptions& options) {
+ColmapDatabase BuildColmapDatabase(
+    const TrackFile& file,
+    const ColmapDatabaseOptions& options,
+    const std::vector<std::pair<FrameIndex, FrameIndex>>& extra_pairs) {
   ValidateOptions(options);
   const Camera camera = file.camera.value_or(Camera::Guess(file.width_px, file.height_px));
   ColmapDatabase database;
@@ -336,31 +339,33 @@ ColmapDatabase BuildColmapDatabase(const TrackFile& file, const ColmapDatabaseOp
     }
   }
 
-  const auto min_matches = static_cast<std::size_t>(options.two_view.min_inliers);
+  std::set<std::pair<FrameIndex, FrameIndex>> frame_pairs(extra_pairs.begin(), extra_pairs.end());
   for (std::size_t stride = 1;
        stride < file.frames.size() && stride <= static_cast<std::size_t>(options.max_stride);
        stride *= 2) {
-    for (std::size_t i = 0; i + stride < file.frames.size();
-         i += std::max<std::size_t>(1, stride / 2)) {
-      const FrameIndex frame1 = file.frames[i].index;
-      const FrameIndex frame2 = file.frames[i + stride].index;
-      const FramePairMatches shared =
-          MatchFrames(file.tracks, frame1, frame2, options.include_predicted);
-      if (shared.features.size() < min_matches) continue;
-      const TwoViewGeometry geometry =
-          EstimateTwoViewGeometry(shared.xy1, shared.xy2, camera, options.two_view);
-      ColmapPair pair;
-      if (geometry.kind != TwoViewKind::kDegenerate) {
-        pair.geometry = InColmapPixels(geometry, camera.known);
-      }
-      for (std::size_t m = 0; m < shared.features.size(); ++m) {
-        const ColmapMatch match{keypoint_of_feature.at(frame1).at(shared.features[m]),
-                                keypoint_of_feature.at(frame2).at(shared.features[m])};
-        pair.matches.push_back(match);
-        if (pair.geometry && geometry.inlier[m]) pair.geometry->inliers.push_back(match);
-      }
-      database.AddPair(ColmapImageIdOf(frame1), ColmapImageIdOf(frame2), std::move(pair));
+    const std::size_t step = std::max<std::size_t>(1, stride / 2);
+    for (std::size_t i = 0; i + stride < file.frames.size(); i += step) {
+      frame_pairs.emplace(file.frames[i].index, file.frames[i + stride].index);
     }
+  }
+  for (const auto& [frame1, frame2] : frame_pairs) {
+    const FramePairMatches shared =
+        MatchFrames(file.tracks, frame1, frame2, options.include_predicted);
+    if (shared.features.size() < static_cast<std::size_t>(options.two_view.min_inliers)) continue;
+    const TwoViewGeometry geometry =
+        EstimateTwoViewGeometry(shared.xy1, shared.xy2, camera, options.two_view);
+    ColmapPair pair;
+    if (geometry.kind != TwoViewKind::kDegenerate) {
+      pair.geometry = InColmapPixels(geometry, camera.known);
+    }
+    const auto& index1 = keypoint_of_feature.at(frame1);
+    const auto& index2 = keypoint_of_feature.at(frame2);
+    for (std::size_t m = 0; m < shared.features.size(); ++m) {
+      const ColmapMatch match{index1.at(shared.features[m]), index2.at(shared.features[m])};
+      pair.matches.push_back(match);
+      if (pair.geometry && geometry.inlier[m]) pair.geometry->inliers.push_back(match);
+    }
+    database.AddPair(ColmapImageIdOf(frame1), ColmapImageIdOf(frame2), std::move(pair));
   }
   return database;
 }

@@ -98,9 +98,12 @@ std::vector<const Observation*> ColmapKeypoints(const TrackSet& tracks,
 // costs three pairs a frame and gives COLMAP what all pairs would. A pair with fewer common tracks
 // than min_inliers is left out. A match that contradicts its pair's geometry is in `matches`, not
 // among the inliers: COLMAP's global mapper trusts those.
-// Throws Error on a frame without a name, a name that occurs twice, or tracks in unlisted frames.
-ColmapDatabase BuildColmapDatabase(const TrackFile& file,
-                                   const ColmapDatabaseOptions& options = {});
+// `extra_pairs` are added to the grid. Throws Error on a frame without a name, a name that occurs
+// twice, or tracks in unlisted frames.
+ColmapDatabase BuildColmapDatabase(
+    const TrackFile& file,
+    const ColmapDatabaseOptions& options = {},
+    const std::vector<std::pair<FrameIndex, FrameIndex>>& extra_pairs = {});
 
 // A database in the 3.8 schema (user_version 3800), which 4.x opens too. Whole or not at all; an
 // old file and its -wal and -shm are replaced. Throws Error naming the path.

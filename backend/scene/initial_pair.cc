@@ -37,10 +37,11 @@ std::vector<std::size_t> CountShared(const TrackSet& tracks, std::size_t start) 
 }
 
 double Score(const TwoViewGeometry& geometry, const InitialPairOptions& options) {
+  // Forward motion has its depth where the picture hardly moves; COLMAP refuses it outright.
+  const double sideways = geometry.cam2_from_cam1->translation.head<2>().norm();
   double score = static_cast<double>(geometry.inlier_count) *
                  std::min(1.0, geometry.angle_deg / options.good_angle_deg) *
-                 (1.0 - 0.5 * std::pow(geometry.homography_ratio, 4));
-  if (std::abs(geometry.cam2_from_cam1->translation.z()) > options.max_forward) score *= 0.1;
+                 (1.0 - 0.5 * std::pow(geometry.homography_ratio, 4)) * std::max(0.2, sideways);
   if (geometry.kind == TwoViewKind::kPlanar) score *= 0.5;
   return score;
 }

@@ -12,7 +12,6 @@ struct InitialPairOptions {
   int min_common = 20;         // tracks that both frames have observed
   double min_angle_deg = 0.5;  // median triangulation angle
   double good_angle_deg = 12.0;
-  double max_forward = 0.95;
 
   template <typename Self, typename Visitor>
   static void Visit(Self& o, Visitor& v) {
@@ -20,11 +19,6 @@ struct InitialPairOptions {
     v.Number("min_common", o.min_common, 8, 10000, "tracks that both frames must have");
     v.Number("min_angle_deg", o.min_angle_deg, 0.0, 90.0, "least median triangulation angle");
     v.Number("good_angle_deg", o.good_angle_deg, 0.1, 90.0, "angle beyond which more is no better");
-    v.Number("max_forward",
-             o.max_forward,
-             0.0,
-             1.0,
-             "share of the translation along the optical axis beyond which a pair ranks last");
   }
 };
 
@@ -53,8 +47,9 @@ struct InitialPairSearch {
 
 // Tries pairs that start on a coarse grid over the clip and still share 80, 60 and 40 % of the
 // first frame's features, and ranks them by
-//   inliers * min(1, angle / good_angle) * (1 - homography_ratio^4 / 2),
-// a tenth of it for forward motion and half of it for a plane. At most 36 geometries a clip.
+//   inliers * min(1, angle / good_angle) * (1 - homography_ratio^4 / 2) * max(0.2, sideways),
+// where sideways is the part of the (unit) translation across the optical axis; half of it for a
+// plane. At most 36 geometries a clip.
 InitialPairSearch FindInitialPairs(const TrackSet& tracks,
                                    const Camera& camera,
                                    const InitialPairOptions& options = {});

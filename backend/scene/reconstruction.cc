@@ -4,6 +4,21 @@
 
 namespace cohort {
 
+void UpdateReprojectionErrors(Reconstruction& reconstruction) {
+  for (auto& [feature, point] : reconstruction.points) {
+    double sum = 0.0;
+    for (const PointView& view : point.views) {
+      const Eigen::Vector3d x_in_cam =
+          reconstruction.cam_from_world.at(view.frame) * point.in_world;
+      const auto xy = reconstruction.camera.Project(x_in_cam);
+      // Behind the camera there is no projection; such a view is a picture's width wrong.
+      sum += xy ? (*xy - view.xy).norm() : reconstruction.camera.width_px;
+    }
+    point.mean_reprojection_px =
+        point.views.empty() ? 0.0 : sum / static_cast<double>(point.views.size());
+  }
+}
+
 ReconstructionSummary Summarize(const Reconstruction& reconstruction, std::size_t frames) {
   ReconstructionSummary summary;
   summary.registered = reconstruction.cam_from_world.size();

@@ -33,6 +33,9 @@ struct Reconstruction {
   std::map<FeatureId, ScenePoint> points;
 };
 
+// Fills mean_reprojection_px of every point from cameras, points and views.
+void UpdateReprojectionErrors(Reconstruction& reconstruction);
+
 // How a reconstruction ended; `failed` is registered < 80 % of frames.
 struct ReconstructionSummary {
   std::size_t registered = 0;

@@ -1,0 +1,357 @@
+#include "backend/colmap/colmap_mapper.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <chrono>
+#include <optional>
+#include <set>
+
+#include "backend/colmap/model_io.h"
+#include "backend/colmap/program.h"
+#include "frontend/core/output.h"
+
+namespace cohort {
+namespace {
+
+namespace fs = std::filesystem;
+using Arguments = std::vector<ColmapArgument>;
+
+class Stopwatch {
+ public:
+  double Seconds() const {
+    return std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
+  }
+
+ private:
+  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
+};
+
+template <typename T>
+ColmapArgument Argument(std::string name, const T& value) {
+  return {{std::move(name)}, fmt::format("{}", value), false};
+}
+
+ColmapArgument Required(std::string name, const fs::path& value) {
+  return {{std::move(name)}, value.string(), true};
+}
+
+// The folder that COLMAP works in, emptied of what an earlier run left.
+struct Workspace {
+  fs::path database;
+  fs::path log;
+  fs::path images;  // COLMAP wants an existing folder even if it reads no image
+
+  Workspace(const fs::path& folder, const TrackFile& file)
+      : database(folder / "database.db"), log(folder / "colmap.log") {
+    std::error_code error;
+    fs::create_directories(folder, error);
+    if (error) ThrowError("cannot make folder {}: {}", folder.string(), error.message());
+    for (const auto& entry : fs::directory_iterator(folder)) {
+      if (entry.path().filename().string().starts_with("sparse")) fs::remove_all(entry.path());
+    }
+    fs::remove(log);
+    images = file.image_root;
+    if (images.empty() || !fs::is_directory(images)) {
+      images = folder / "no_images";
+      fs::create_directory(images);
+    }
+  }
+
+  fs::path MakeFolder(const std::string& name) const {
+    const fs::path folder = database.parent_path() / name;
+    fs::create_directories(folder);
+    return folder;
+  }
+};
+
+// Observed positions in a frame, median over the frames that have any.
+double MedianFeatures(const TrackSet& tracks) {
+  std::vector<std::size_t> counts;
+  for (const FrameIndex frame : tracks.frames()) {
+    counts.push_back(ColmapKeypoints(tracks, frame, false).size());
+  }
+  if (counts.empty()) return 0.0;
+  const auto middle = counts.begin() + static_cast<std::ptrdiff_t>(counts.size() / 2);
+  std::nth_element(counts.begin(), middle, counts.end());
+  return static_cast<double>(*middle);
+}
+
+Arguments CommonArguments(const TrackFile& file,
+                          const ColmapOptions& options,
+                          const Workspace& workspace) {
+  const bool refine = !file.camera || !file.camera->known;
+  return {Required("database_path", workspace.database),
+          Required("image_path", workspace.images),
+          Argument("random_seed", options.seed),
+          Argument("log_to_stderr", 1),
+          Argument("log_target", "stderr"),
+          Argument("log_color", 0),
+          Argument("Mapper.num_threads", options.threads),
+          Argument("Mapper.extract_colors", 0),
+          Argument("Mapper.min_num_matches", options.database.two_view.min_inliers),
+          Argument("Mapper.ba_refine_focal_length", refine ? 1 : 0),
+          Argument("Mapper.ba_refine_extra_params", refine ? 1 : 0),
+          Argument("Mapper.ba_refine_principal_point", 0),
+          // Tracks of two frames are noise in a clip, and all there is in a clip of two frames.
+          Argument("Mapper.tri_ignore_two_view_tracks", file.frames.size() > 3 ? 1 : 0)};
+}
+
+// COLMAP's bounds are made for photographs with thousands of SIFT features at wide angles. A clip
+// has tens to hundreds of tracks, and consecutive frames share nearly all of them: the bounds are
+// scaled to the tracks there are, and to the angle that the best pair has.
+Arguments MapperArguments(const TrackFile& file,
+                          const ColmapOptions& options,
+                          const Workspace& workspace,
+                          const InitialPair* pair) {
+  Arguments arguments = CommonArguments(file, options, workspace);
+  const auto add = [&](const char* name, auto value) {
+    arguments.push_back(Argument(name, value));
+  };
+  const double features = MedianFeatures(file.tracks);
+  add("Mapper.multiple_models", 0);
+  add("Mapper.min_model_size", std::clamp(static_cast<int>(file.frames.size() / 2), 2, 10));
+  add("Mapper.abs_pose_min_num_inliers", std::clamp(static_cast<int>(0.25 * features), 8, 30));
+  if (pair == nullptr) {
+    add("Mapper.init_min_num_inliers", std::clamp(static_cast<int>(0.4 * features), 15, 100));
+    add("Mapper.init_min_tri_angle", 4.0);
+    return arguments;
+  }
+  const TwoViewGeometry& g = pair->geometry;
+  add("Mapper.init_image_id1", ColmapImageIdOf(pair->frame1));
+  add("Mapper.init_image_id2", ColmapImageIdOf(pair->frame2));
+  add("Mapper.init_min_num_inliers",
+      std::clamp(static_cast<int>(0.5 * static_cast<double>(g.inlier_count)), 10, 100));
+  add("Mapper.init_min_tri_angle", std::min(16.0, 0.4 * g.angle_deg));
+  // The pair is chosen already: no second opinion on how much of it is forward motion.
+  add("Mapper.init_max_forward_motion", 1.0);
+  const double min_angle_deg = std::min(1.5, 0.4 * g.angle_deg);
+  add("Mapper.tri_min_angle", min_angle_deg);
+  add("Mapper.filter_min_tri_angle", min_angle_deg);
+  return arguments;
+}
+
+struct MapperModel {
+  fs::path folder;
+  ColmapModel model;
+};
+
+// The model with most images of those that the mapper left in a folder (0, 1, ...); none if it
+// failed.
+std::optional<MapperModel> LargestModel(const fs::path& folder) {
+  std::set<fs::path> folders;  // in order, so that the first of equals is taken
+  for (const auto& entry : fs::directory_iterator(folder)) {
+    if (entry.is_directory()) folders.insert(entry.path());
+  }
+  std::optional<MapperModel> largest;
+  for (const fs::path& path : folders) {
+    ColmapModel model = ReadColmapModel(path);
+    if (!largest || model.images.size() > largest->model.images.size()) {
+      largest = {path, std::move(model)};
+    }
+  }
+  return largest;
+}
+
+Arguments AdjusterArguments(const TrackFile& file, const ColmapOptions& options) {
+  const bool refine = !file.camera || !file.camera->known;
+  return {Argument("random_seed", options.seed),
+          Argument("log_to_stderr", 1),
+          Argument("log_target", "stderr"),
+          Argument("log_color", 0),
+          Argument("BundleAdjustment.refine_focal_length", refine ? 1 : 0),
+          Argument("BundleAdjustment.refine_extra_params", refine ? 1 : 0),
+          Argument("BundleAdjustment.refine_principal_point", 0)};
+}
+
+// What COLMAP says of its failure, from the part of the log after `offset`.
+std::string FailureIn(const fs::path& log, std::size_t offset, const ProgramEnd& end) {
+  const std::string text = ReadBytes(log).substr(offset);
+  constexpr std::pair<const char*, const char*> kPhrases[] = {
+      {"No images with matches found", "no images with matches"},
+      {"No good initial image pair found", "no good initial image pair"},
+      {"Initialization failed", "the initial pair was refused"},
+      {"No matching registered images", "no image could be registered"},
+      {"Check failed", "COLMAP aborted on a failed check"},
+  };
+  for (const auto& [phrase, meaning] : kPhrases) {
+    if (text.find(phrase) != std::string::npos) {
+      return fmt::format("{} ({})", meaning, end.Brief());
+    }
+  }
+  return end.Brief();
+}
+
+void Finish(const TrackFile& file, Reconstruction& reconstruction) {
+  reconstruction.camera.known = file.camera && file.camera->known;
+  UpdateReprojectionErrors(reconstruction);  // bundle_adjuster leaves the old ones
+}
+
+Reconstruction ToReconstruction(const ColmapModel& model,
+                                const TrackFile& file,
+                                const ColmapOptions& options) {
+  Reconstruction reconstruction = FromColmapModel(model, file, options.database.include_predicted);
+  Finish(file, reconstruction);
+  return reconstruction;
+}
+
+}  // namespace
+
+ColmapResult ReconstructWithColmap(const TrackFile& file,
+                                   const ColmapOptions& options,
+                                   const fs::path& work_dir) {
+  ValidateOptions(options);
+  const Stopwatch total;
+  ColmapProgram program(options.program);
+  const Workspace workspace(work_dir, file);
+  const std::size_t frames = file.frames.size();
+
+  ColmapResult result;
+  result.log = workspace.log;
+  result.reconstruction.camera = file.camera.value_or(Camera::Guess(file.width_px, file.height_px));
+  const auto finish = [&](std::string termination) {
+    const double seconds = total.Seconds();
+    result.summary = Summarize(result.reconstruction, frames);
+    result.summary.seconds = seconds;
+    result.summary.termination = std::move(termination);
+    return result;
+  };
+
+  const InitialPairSearch search =
+      FindInitialPairs(file.tracks, result.reconstruction.camera, options.initial_pair);
+  const InitialPairRefusals& refusals = search.refusals;
+  if (search.ranked.empty() && refusals.standstill + refusals.rotation > 0) {
+    return finish(search.reason);  // COLMAP would make up a depth
+  }
+
+  // Attempts that start in different places; without any pair of ours COLMAP looks for one.
+  std::vector<const InitialPair*> attempts;
+  std::vector<std::pair<FrameIndex, FrameIndex>> extra_pairs;
+  for (const InitialPair& pair : search.ranked) {
+    const bool same_start = std::any_of(attempts.begin(), attempts.end(), [&](const auto* tried) {
+      return tried->frame1 == pair.frame1;
+    });
+    if (same_start || attempts.size() >= static_cast<std::size_t>(options.max_attempts)) continue;
+    attempts.push_back(&pair);
+    extra_pairs.emplace_back(pair.frame1, pair.frame2);
+  }
+  if (attempts.empty()) attempts.push_back(nullptr);
+
+  const ColmapDatabase database = BuildColmapDatabase(file, options.database, extra_pairs);
+  WriteColmapDatabase(workspace.database, database);
+  const auto linked = std::count_if(database.pairs.begin(), database.pairs.end(), [](auto& pair) {
+    return pair.second.geometry.has_value();
+  });
+  if (linked == 0) {
+    return finish(fmt::format("no two frames share {} tracks that agree on a geometry: {}",
+                              options.database.two_view.min_inliers,
+                              search.reason));
+  }
+
+  std::string failure;
+  std::optional<MapperModel> best;
+  for (std::size_t i = 0; i < attempts.size(); ++i) {
+    const fs::path sparse = workspace.MakeFolder(fmt::format("sparse{}", i));
+    const std::size_t log_bytes = fs::exists(workspace.log) ? fs::file_size(workspace.log) : 0;
+    Arguments arguments = MapperArguments(file, options, workspace, attempts[i]);
+    arguments.push_back(Required("output_path", sparse));
+    const Stopwatch mapper;
+    const ProgramEnd end = program.Run("mapper", arguments, workspace.log);
+    result.colmap_seconds += mapper.Seconds();
+    auto model = LargestModel(sparse);
+    if (model && (!best || model->model.images.size() > best->model.images.size())) {
+      best = std::move(model);
+    }
+    if (best && best->model.images.size() * 10 >= frames * 8) break;
+    failure = FailureIn(workspace.log, log_bytes, end);
+  }
+  if (best) result.reconstruction = ToReconstruction(best->model, file, options);
+  if (best && options.final_adjustment) {
+    const fs::path input = workspace.MakeFolder("sparse_single");
+    const fs::path adjusted = workspace.MakeFolder("sparse_adjusted");
+    WriteColmapModel(input, ToColmapModel(result.reconstruction), ColmapModelFormat::kBinary);
+    Arguments arguments = AdjusterArguments(file, options);
+    arguments.push_back(Required("input_path", input));
+    arguments.push_back(Required("output_path", adjusted));
+    const Stopwatch adjuster;
+    program.Run("bundle_adjuster", arguments, workspace.log);
+    result.colmap_seconds += adjuster.Seconds();
+    if (fs::exists(adjusted / "points3D.bin")) {
+      const Reconstruction moved = FromColmapModel(ReadColmapModel(adjusted));
+      result.reconstruction.camera = moved.camera;
+      result.reconstruction.cam_from_world = moved.cam_from_world;
+      for (auto& [feature, point] : result.reconstruction.points) {
+        point.in_world = moved.points.at(feature).in_world;
+      }
+      Finish(file, result.reconstruction);
+    }
+  }
+
+  const std::size_t registered = result.reconstruction.cam_from_world.size();
+  std::string termination;
+  if (registered == 0) {
+    termination = fmt::format("COLMAP {} registered no frame: {}; see {}",
+                              program.version(),
+                              failure,
+                              workspace.log.string());
+  } else if (registered * 10 < frames * 8) {
+    termination = fmt::format("COLMAP {} registered only {} of {} frames (fewer than 80 %); {}",
+                              program.version(),
+                              registered,
+                              frames,
+                              search.reason);
+  } else {
+    termination = fmt::format("COLMAP {} done; {}", program.version(), search.reason);
+  }
+  return finish(std::move(termination));
+}
+
+ColmapResult TriangulateWithColmap(const TrackFile& file,
+                                   const std::map<FrameIndex, Rigid3>& cam_from_world,
+                                   const ColmapOptions& options,
+                                   const fs::path& work_dir) {
+  ValidateOptions(options);
+  if (!file.camera || !file.camera->known) {
+    ThrowError("triangulation with given poses needs a known camera: give --camera");
+  }
+  const Stopwatch total;
+  ColmapProgram program(options.program);
+  const Workspace workspace(work_dir, file);
+  ColmapResult result;
+  result.log = workspace.log;
+
+  WriteColmapDatabase(workspace.database, BuildColmapDatabase(file, options.database));
+  ColmapModel poses;
+  poses.cameras[1] = ToColmapCamera(*file.camera);
+  for (const FrameInfo& frame : file.frames) {
+    const auto pose = cam_from_world.find(frame.index);
+    if (pose == cam_from_world.end()) continue;
+    ColmapModelImage& image = poses.images[ColmapImageIdOf(frame.index)];
+    image.cam_from_world = pose->second;
+    image.name = frame.name;
+  }
+  const fs::path input = workspace.MakeFolder("sparse_poses");
+  WriteColmapModel(input, poses, ColmapModelFormat::kBinary);
+  const fs::path output = workspace.MakeFolder("sparse_triangulated");
+
+  Arguments arguments = CommonArguments(file, options, workspace);
+  arguments.push_back(Required("input_path", input));
+  arguments.push_back(Required("output_path", output));
+  const Stopwatch triangulator;
+  const ProgramEnd end = program.Run("point_triangulator", arguments, workspace.log);
+  result.colmap_seconds = triangulator.Seconds();
+  const bool written = fs::exists(output / "points3D.bin");
+  result.reconstruction =
+      ToReconstruction(written ? ReadColmapModel(output) : poses, file, options);
+  result.summary = Summarize(result.reconstruction, file.frames.size());
+  result.summary.seconds = total.Seconds();
+  result.summary.termination =
+      written ? fmt::format("COLMAP {} triangulated with given poses", program.version())
+              : fmt::format("COLMAP {} triangulated nothing: {}; see {}",
+                            program.version(),
+                            FailureIn(workspace.log, 0, end),
+                            workspace.log.string());
+  return result;
+}
+
+}  // namespace cohort

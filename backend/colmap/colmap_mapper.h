@@ -1,0 +1,67 @@
+#pragma once
+
+#include <filesystem>
+#include <map>
+#include <string>
+
+#include "backend/colmap/database.h"
+#include "backend/scene/initial_pair.h"
+#include "backend/scene/reconstruction.h"
+
+namespace cohort {
+
+struct ColmapOptions {
+  std::string program = "colmap";  // a path, or a name in PATH
+  int seed = 0;
+  int threads = 1;  // more: faster, and not the same twice
+  int max_attempts = 3;
+  bool final_adjustment = true;
+  ColmapDatabaseOptions database;
+  InitialPairOptions initial_pair;
+
+  template <typename Self, typename Visitor>
+  static void Visit(Self& o, Visitor& v) {
+    v.Text("program", o.program, "the colmap program, a path or a name in PATH");
+    v.Number("seed", o.seed, 0, 2147483647, "of COLMAP's random numbers");
+    v.Number("threads", o.threads, 1, 1024, "of COLMAP; more than 1 does not repeat exactly");
+    v.Number("max_attempts",
+             o.max_attempts,
+             1,
+             100,
+             "initial pairs to try until at least 80 % of the frames register");
+    v.Flag("final_adjustment",
+           o.final_adjustment,
+           "run COLMAP's bundle_adjuster on the mapper's model without double points");
+    v.Group("database", o.database, "the database that COLMAP gets");
+    v.Group("initial_pair", o.initial_pair, "choice of the initial pair");
+  }
+};
+
+struct ColmapResult {
+  Reconstruction reconstruction;  // the model that registered most frames; empty: none did
+  ReconstructionSummary summary;  // `termination` says what happened, in one line
+  double colmap_seconds = 0.0;    // of summary.seconds, in the colmap program
+  std::filesystem::path log;      // all that COLMAP printed
+};
+
+// Hands tracks to COLMAP's incremental mapper: own database, own initial pair (then the next best,
+// where fewer than 80 % of the frames register), options fit for video, intrinsics kept where they
+// are known. What counts is what registered: COLMAP's exit code says nothing of that. Of a
+// feature that it gave two points (one of them of false matches, which can bend a camera) one is
+// kept, and COLMAP's bundle_adjuster runs once more to the optimum.
+// `work_dir` is made if missing and keeps database.db, the log and COLMAP's models; what an earlier
+// run left there is replaced. A clip that does not reconstruct is a result that says why; throws
+// Error without a usable colmap program or where work_dir cannot be written.
+ColmapResult ReconstructWithColmap(const TrackFile& file,
+                                   const ColmapOptions& options,
+                                   const std::filesystem::path& work_dir);
+
+// Points alone, by COLMAP's point_triangulator from poses that are given and kept (true ones:
+// isolates the tracks from the solver). All frames with a pose count as registered; the camera of
+// `file` must be known.
+ColmapResult TriangulateWithColmap(const TrackFile& file,
+                                   const std::map<FrameIndex, Rigid3>& cam_from_world,
+                                   const ColmapOptions& options,
+                                   const std::filesystem::path& work_dir);
+
+}  // namespace cohort

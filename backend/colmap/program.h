@@ -1,0 +1,52 @@
+#pragma once
+
+#include <filesystem>
+#include <map>
+#include <optional>
+#include <set>
+#include <string>
+#include <vector>
+
+namespace cohort {
+
+// An option of a colmap command under all names it has had; the installed program says which it
+// knows. One that it does not know is left out, unless required: then that is an Error.
+struct ColmapArgument {
+  std::vector<std::string> names;  // without --
+  std::string value;
+  bool required = false;
+};
+
+struct ProgramEnd {
+  int exit_code = 0;
+  int signal = 0;  // that ended it; 0: none
+
+  std::string Brief() const;  // "exit code 1", "killed by signal 9"
+};
+
+// The installed COLMAP: the only other program we run. Without a shell, without standard input,
+// without a display; it dies with us.
+class ColmapProgram {
+ public:
+  // A path, or a name looked up in PATH. Throws Error saying how to get COLMAP where there is none
+  // or the program is another.
+  explicit ColmapProgram(const std::string& program = "colmap");
+
+  const std::filesystem::path& path() const { return path_; }
+  const std::string& version() const { return version_; }  // "3.8"
+
+  // The options that `colmap COMMAND -h` lists.
+  const std::set<std::string>& Options(const std::string& command);
+
+  // Waits for the end. Appends the command line and all it prints to `log`.
+  ProgramEnd Run(const std::string& command,
+                 const std::vector<ColmapArgument>& arguments,
+                 const std::filesystem::path& log);
+
+ private:
+  std::filesystem::path path_;
+  std::string version_;
+  std::map<std::string, std::set<std::string>> options_of_command_;
+};
+
+}  // namespace cohort

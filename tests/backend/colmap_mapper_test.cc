@@ -1,0 +1,392 @@
+// Runs the installed colmap.
+#include "backend/colmap/colmap_mapper.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <sstream>
+
+#include "backend/colmap/model_io.h"
+#include "backend/colmap/program.h"
+#include "frontend/core/output.h"
+#include "tests/support/synthetic_tracks.h"
+#include "tests/support/temp_dir.h"
+
+namespace cohort {
+namespace {
+
+using test::AbsoluteTrajectoryError;
+using test::CameraPath;
+using test::MakeSyntheticTracks;
+using test::SyntheticTracks;
+using test::SyntheticTracksOptions;
+using test::TempDir;
+using testing::HasSubstr;
+using testing::Not;
+using testing::ThrowsMessage;
+
+constexpr int kSomeOutliersPercent = 3;
+
+SyntheticTracks ClipWithOutliers(CameraPath path) {
+  SyntheticTracksOptions options;
+  options.path = path;
+  options.frames = 30;
+  options.points = 350;
+  options.max_track_length = 22;
+  options.noise_px = 0.4;
+  options.outlier_fraction = kSomeOutliersPercent / 100.0;
+  options.missing_fraction = 0.1;
+  options.first_frame = 12;
+  options.frame_stride = 2;
+  return MakeSyntheticTracks(options);
+}
+
+class MapperOnPath : public testing::TestWithParam<CameraPath> {};
+
+TEST_P(MapperOnPath, RegistersEveryFrameNearTheTruth) {
+  const TempDir dir;
+  const SyntheticTracks scene = ClipWithOutliers(GetParam());
+  const ColmapResult result = ReconstructWithColmap(scene.file, {}, dir / "work");
+  EXPECT_EQ(result.summary.registered, 30u) << result.summary.Brief();
+  EXPECT_FALSE(result.summary.Failed());
+  EXPECT_LT(AbsoluteTrajectoryError(result.reconstruction.cam_from_world, scene.cam_from_world),
+            0.02);  // of a path 2.5 to 4 long
+  const std::size_t good = scene.file.tracks.CountObserved() - scene.outliers.size();
+  EXPECT_GT(result.summary.observations, good * 85 / 100) << result.summary.Brief();
+  EXPECT_LT(result.summary.observations, good * 101 / 100) << result.summary.Brief();
+  EXPECT_GT(result.summary.mean_reprojection_px, 0.3);
+  EXPECT_LT(result.summary.mean_reprojection_px, 0.7);
+  // Views lie where the tracks are, of the feature they name.
+  for (const auto& [feature, point] : result.reconstruction.points) {
+    for (const PointView& view : point.views) {
+      const Observation* o = scene.file.tracks.Find(feature, view.frame);
+      ASSERT_NE(o, nullptr);
+      ASSERT_EQ(o->xy, view.xy);
+    }
+  }
+  EXPECT_THAT(result.summary.termination, HasSubstr("initial pair: frames"));
+  const std::string log = ReadBytes(result.log);
+  EXPECT_THAT(log, HasSubstr("mapper --database_path"));
+  EXPECT_THAT(log, Not(HasSubstr("WARNING")));
+}
+
+INSTANTIATE_TEST_SUITE_P(Paths,
+                         MapperOnPath,
+                         testing::Values(CameraPath::kArc,
+                                         CameraPath::kLateral,
+                                         CameraPath::kForward));
+
+TEST(ColmapMapper, RepeatsExactly) {
+  const TempDir dir;
+  SyntheticTracksOptions options;
+  options.frames = 10;
+  options.points = 80;
+  const SyntheticTracks scene = MakeSyntheticTracks(options);
+  const auto points_text = [&](const char* name) {
+    const ColmapResult result = ReconstructWithColmap(scene.file, {}, dir / name);
+    WriteReconstruction(dir / (std::string(name) + "_model"), result.reconstruction);
+    return ReadBytes(dir / (std::string(name) + "_model") / "points3D.txt");
+  };
+  const std::string first = points_text("a");
+  EXPECT_GT(first.size(), 1000u);
+  EXPECT_EQ(first, points_text("b"));
+  EXPECT_EQ(first, points_text("a")) << "into the same folder again";
+}
+
+TEST(ColmapMapper, FindsTheFocalLengthOfAnUnknownCamera) {
+  const TempDir dir;
+  SyntheticTracksOptions options;
+  options.frames = 20;
+  SyntheticTracks scene = MakeSyntheticTracks(options);
+  scene.file.camera.reset();
+  const ColmapResult result = ReconstructWithColmap(scene.file, {}, dir / "work");
+  EXPECT_EQ(result.summary.registered, 20u) << result.summary.Brief();
+  EXPECT_NEAR(result.reconstruction.camera.fx, 500.0, 25.0);
+  EXPECT_FALSE(result.reconstruction.camera.known);
+}
+
+TEST(ColmapMapper, KeepsAKnownCameraWithDistortion) {
+  const TempDir dir;
+  SyntheticTracksOptions options;
+  options.frames = 15;
+  options.camera.k1 = -0.2;
+  options.camera.p1 = 0.003;
+  const SyntheticTracks scene = MakeSyntheticTracks(options);
+  const ColmapResult result = ReconstructWithColmap(scene.file, {}, dir / "work");
+  EXPECT_EQ(result.summary.registered, 15u) << result.summary.Brief();
+  EXPECT_EQ(result.reconstruction.camera.k1, -0.2);
+  EXPECT_EQ(result.reconstruction.camera.cx, 319.5);
+  EXPECT_LT(AbsoluteTrajectoryError(result.reconstruction.cam_from_world, scene.cam_from_world),
+            0.02);
+}
+
+TEST(ColmapMapper, ManagesWithFewTracks) {
+  const TempDir dir;
+  SyntheticTracksOptions options;
+  options.points = 60;
+  options.max_track_length = 18;
+  const SyntheticTracks scene = MakeSyntheticTracks(options);  // about 24 a frame
+  const ColmapResult result = ReconstructWithColmap(scene.file, {}, dir / "work");
+  EXPECT_GE(result.summary.registered, 23u) << result.summary.Brief();
+}
+
+TEST(ColmapMapper, ReconstructsTwoFrames) {
+  const TempDir dir;
+  SyntheticTracksOptions options;
+  options.frames = 2;
+  const SyntheticTracks scene = MakeSyntheticTracks(options);
+  const ColmapResult result = ReconstructWithColmap(scene.file, {}, dir / "work");
+  EXPECT_EQ(result.summary.registered, 2u) << result.summary.Brief();
+  EXPECT_GT(result.summary.points, 200u);
+}
+
+TEST(ColmapMapper, SaysWhyAClipDoesNotReconstruct) {
+  const TempDir dir;
+  const auto run = [&](const SyntheticTracksOptions& options) {
+    const ColmapResult result =
+        ReconstructWithColmap(MakeSyntheticTracks(options).file, {}, dir / "work");
+    EXPECT_TRUE(result.summary.Failed()) << result.summary.Brief();
+    EXPECT_EQ(result.summary.termination.find('\n'), std::string::npos);
+    return result.summary.termination;
+  };
+  SyntheticTracksOptions options;
+  options.path = CameraPath::kRotation;
+  EXPECT_THAT(run(options), HasSubstr("turns on the spot"));
+  options.path = CameraPath::kStatic;
+  EXPECT_THAT(run(options), HasSubstr("stands still"));
+  options.path = CameraPath::kArc;
+  options.points = 12;
+  EXPECT_THAT(run(options), HasSubstr("no two frames share 15 tracks"));
+  options.points = 200;
+  options.frames = 1;
+  EXPECT_THAT(run(options), HasSubstr("fewer than two frames"));
+}
+
+TEST(ColmapMapper, CountsAClipThatBreaksAsFailed) {
+  const TempDir dir;
+  const SyntheticTracks scene = MakeSyntheticTracks();
+  // No track passes frame 12.
+  std::vector<Observation> observations;
+  for (Observation o : scene.file.tracks.observations()) {
+    if (ToInt(o.frame) >= 12) o.feature = FeatureId{ToInt(o.feature) + 10'000};
+    observations.push_back(o);
+  }
+  TrackFile file = scene.file;
+  file.tracks = TrackSet::Build(std::move(observations));
+  const ColmapResult result = ReconstructWithColmap(file, {}, dir / "work");
+  EXPECT_EQ(result.summary.registered, 12u) << result.summary.Brief();
+  EXPECT_TRUE(result.summary.Failed());
+  EXPECT_THAT(result.summary.termination, HasSubstr("only 12 of 24 frames"));
+}
+
+TEST(ColmapMapper, LeavesPredictedPositionsOut) {
+  const TempDir dir;
+  const SyntheticTracks scene = MakeSyntheticTracks();
+  std::vector<Observation> observations;
+  for (Observation o : scene.file.tracks.observations()) {
+    if ((ToInt(o.feature) + ToInt(o.frame)) % 4 == 0) {
+      o.state = ObservationState::kPredicted;
+      o.xy.x() += 60.0;  // would do harm
+    }
+    observations.push_back(o);
+  }
+  TrackFile file = scene.file;
+  file.tracks = TrackSet::Build(std::move(observations));
+  const ColmapResult result = ReconstructWithColmap(file, {}, dir / "work");
+  EXPECT_EQ(result.summary.registered, 24u);
+  EXPECT_LE(result.summary.observations, file.tracks.CountObserved());
+  EXPECT_GT(result.summary.observations, file.tracks.CountObserved() * 95 / 100);
+  EXPECT_LT(AbsoluteTrajectoryError(result.reconstruction.cam_from_world, scene.cam_from_world),
+            0.01);
+}
+
+TEST(ColmapTriangulator, KeepsTheGivenPoses) {
+  const TempDir dir;
+  const SyntheticTracks scene = ClipWithOutliers(CameraPath::kLateral);
+  const ColmapResult result =
+      TriangulateWithColmap(scene.file, scene.cam_from_world, {}, dir / "work");
+  EXPECT_EQ(result.summary.registered, 30u) << result.summary.Brief();
+  for (const auto& [frame, pose] : scene.cam_from_world) {
+    const Rigid3& kept = result.reconstruction.cam_from_world.at(frame);
+    EXPECT_LT((kept.translation - pose.translation).norm(), 1e-9);
+    EXPECT_LT(AngleBetween(kept.rotation, pose.rotation), 1e-9);
+  }
+  std::vector<double> errors;
+  for (const auto& [feature, point] : result.reconstruction.points) {
+    errors.push_back((point.in_world - scene.points_in_world.at(feature)).norm());
+  }
+  ASSERT_GT(errors.size(), scene.points_in_world.size() * 80 / 100);
+  std::nth_element(errors.begin(), errors.begin() + errors.size() / 2, errors.end());
+  EXPECT_LT(errors[errors.size() / 2], 0.03);  // metres in the world of the poses
+  EXPECT_THAT(ReadBytes(result.log), Not(HasSubstr("WARNING")));
+}
+
+// COLMAP's own tools take the model that we write.
+TEST(ModelFolder, IsReadByColmap) {
+  const TempDir dir;
+  const SyntheticTracks scene = ClipWithOutliers(CameraPath::kArc);
+  const ColmapResult result = ReconstructWithColmap(scene.file, {}, dir / "work");
+  WriteReconstruction(dir / "model", result.reconstruction);
+  double mean_of_points_px = 0.0;
+  for (const auto& [feature, point] : result.reconstruction.points) {
+    mean_of_points_px +=
+        point.mean_reprojection_px / static_cast<double>(result.reconstruction.points.size());
+  }
+  // Text and binary apart, so that each is what COLMAP reads.
+  const auto only = [&](const char* suffix) {
+    const auto folder = dir / (std::string("only") + suffix);
+    std::filesystem::create_directory(folder);
+    for (const char* name : {"cameras", "images", "points3D"}) {
+      const std::string file = std::string(name) + suffix;
+      std::filesystem::copy_file(dir / "model" / file, folder / file);
+    }
+    return folder.string();
+  };
+  ColmapProgram program;
+  for (const std::string& folder : {only(".txt"), only(".bin")}) {
+    const auto log = dir / "analyzer.log";
+    std::filesystem::remove(log);
+    ASSERT_EQ(program.Run("model_analyzer", {{{"path"}, folder, true}}, log).exit_code, 0);
+    const std::string text = ReadBytes(log);
+    EXPECT_THAT(text, HasSubstr("Registered images: 30"));
+    EXPECT_THAT(text, HasSubstr(fmt::format("Points: {}", result.summary.points)));
+    EXPECT_THAT(text, HasSubstr(fmt::format("Observations: {}", result.summary.observations)));
+    EXPECT_THAT(text, HasSubstr(fmt::format("Mean reprojection error: {:.4f}", mean_of_points_px)));
+  }
+  const auto log = dir / "tools.log";
+  std::filesystem::create_directory(dir / "ply_out");
+  EXPECT_EQ(program
+                .Run("model_converter",
+                     {{{"input_path"}, (dir / "only.txt").string(), true},
+                      {{"output_path"}, (dir / "ply_out" / "a.ply").string(), true},
+                      {{"output_type"}, "PLY", true}},
+                     log)
+                .exit_code,
+            0);
+  EXPECT_TRUE(std::filesystem::exists(dir / "ply_out" / "a.ply"));
+  std::filesystem::create_directory(dir / "adjusted");
+  EXPECT_EQ(program
+                .Run("bundle_adjuster",
+                     {{{"input_path"}, (dir / "only.bin").string(), true},
+                      {{"output_path"}, (dir / "adjusted").string(), true},
+                      {{"BundleAdjustment.refine_focal_length"}, "0"},
+                      {{"BundleAdjustment.refine_extra_params"}, "0"}},
+                     log)
+                .exit_code,
+            0);
+  EXPECT_THAT(ReadBytes(log), Not(HasSubstr("WARNING")));
+  // Adjusted already: it stays where it is, which pins the half pixel of camera and points alike.
+  const Reconstruction adjusted = FromColmapModel(ReadColmapModel(dir / "adjusted"));
+  EXPECT_LT(AbsoluteTrajectoryError(adjusted.cam_from_world, result.reconstruction.cam_from_world),
+            1e-3);
+  EXPECT_EQ(adjusted.points.size(), result.reconstruction.points.size());
+}
+
+// What COLMAP says of databases that lack something; our wrapper's reading of it rests on this.
+TEST(ColmapDatabase, FailsInColmapAsWeExpect) {
+  const TempDir dir;
+  std::filesystem::create_directory(dir / "images");
+  const SyntheticTracks scene = MakeSyntheticTracks();
+  ColmapProgram program;
+  const auto log_of = [&](const ColmapDatabase& database) {
+    WriteColmapDatabase(dir / "a.db", database);
+    const auto log = dir / "a.log";
+    std::filesystem::remove(log);
+    const ProgramEnd end = program.Run("mapper",
+                                       {{{"database_path"}, (dir / "a.db").string(), true},
+                                        {{"image_path"}, (dir / "images").string(), true},
+                                        {{"output_path"}, dir.path().string(), true},
+                                        {{"Mapper.num_threads"}, "1"}},
+                                       log);
+    EXPECT_EQ(end.exit_code, 1);
+    return ReadBytes(log);
+  };
+  ColmapDatabase matches_only = BuildColmapDatabase(scene.file);
+  for (auto& [ids, pair] : matches_only.pairs) pair.geometry.reset();
+  EXPECT_THAT(log_of(matches_only), HasSubstr("No images with matches found"));
+  ColmapDatabaseOptions chain;
+  chain.max_stride = 1;
+  EXPECT_THAT(log_of(BuildColmapDatabase(scene.file, chain)),
+              HasSubstr("No good initial image pair found"));
+}
+
+TEST(ColmapProgram, SaysHowToGetColmap) {
+  const TempDir dir;
+  EXPECT_THAT([] { ColmapProgram("no-such-colmap"); },
+              ThrowsMessage<Error>(testing::AllOf(HasSubstr("colmap is not installed"),
+                                                  HasSubstr("apt install colmap"),
+                                                  HasSubstr("--colmap-program"))));
+  EXPECT_THAT([] { ColmapProgram("/bin/true"); }, ThrowsMessage<Error>(HasSubstr("is not COLMAP")));
+  ColmapOptions options;
+  options.program = (dir / "colmap").string();
+  EXPECT_THAT([&] { ReconstructWithColmap(MakeSyntheticTracks().file, options, dir / "work"); },
+              ThrowsMessage<Error>(HasSubstr("colmap is not installed")));
+  EXPECT_FALSE(std::filesystem::exists(dir / "work"));
+}
+
+// A program that answers as another COLMAP would.
+class FakeColmap {
+ public:
+  explicit FakeColmap(const std::string& body) : path_(dir_ / "colmap") {
+    WriteBytes(path_, "#!/bin/sh\n" + body);
+    std::filesystem::permissions(path_, std::filesystem::perms::owner_all);
+  }
+  std::string path() const { return path_.string(); }
+  std::filesystem::path log() const { return dir_ / "log"; }
+
+ private:
+  TempDir dir_;
+  std::filesystem::path path_;
+};
+
+TEST(ColmapProgram, AsksForTheNamesOfOptions) {
+  const FakeColmap fake(
+      "case \"$*\" in\n"
+      "'-h') echo 'COLMAP 4.2.0.dev0 (Commit x)' ;;\n"
+      "'mapper -h') echo '  --database_path arg'; echo '  --Mapper.new_name arg (=1)' ;;\n"
+      "*) echo ran \"$@\"; echo input $(wc -c); echo $QT_QPA_PLATFORM ;;\nesac\n");
+  ColmapProgram program(fake.path());
+  EXPECT_EQ(program.version(), "4.2.0.dev0");
+  const ProgramEnd end = program.Run("mapper",
+                                     {{{"database_path"}, "a b.db", true},
+                                      {{"Mapper.old_name", "Mapper.new_name"}, "3"},
+                                      {{"Mapper.gone"}, "1"}},
+                                     fake.log());
+  EXPECT_EQ(end.Brief(), "exit code 0");
+  const std::string log = ReadBytes(fake.log());
+  EXPECT_THAT(log, HasSubstr("\nran mapper --database_path a b.db --Mapper.new_name 3\n"));
+  EXPECT_THAT(log, HasSubstr("not known to this COLMAP: --Mapper.gone"));
+  EXPECT_THAT(log, HasSubstr("input 0\noffscreen"));
+  EXPECT_THAT(
+      [&] {
+        program.Run("mapper", {{{"output_path"}, "x", true}}, fake.log());
+      },
+      ThrowsMessage<Error>(HasSubstr("has no option --output_path")));
+}
+
+TEST(ColmapProgram, TellsAKilledProgram) {
+  const FakeColmap fake(
+      "case \"$*\" in\n'-h') echo COLMAP 3.8 ;;\n*-h) ;;\n*) kill -ABRT $$ ;;\nesac\n");
+  ColmapProgram program(fake.path());
+  EXPECT_EQ(program.Run("mapper", {}, fake.log()).Brief(), "killed by signal 6");
+}
+
+TEST(ColmapMapper, AProgramThatSucceedsAndRegistersNothingHasFailed) {
+  const TempDir dir;
+  const FakeColmap fake(
+      "case \"$*\" in\n'-h') echo COLMAP 3.8 ;;\n"
+      "*-h) echo --database_path --image_path --output_path ;;\n*) exit 0 ;;\nesac\n");
+  ColmapOptions options;
+  options.program = fake.path();
+  SyntheticTracksOptions small;
+  small.frames = 6;
+  const ColmapResult result =
+      ReconstructWithColmap(MakeSyntheticTracks(small).file, options, dir / "work");
+  EXPECT_TRUE(result.summary.Failed());
+  EXPECT_THAT(result.summary.termination,
+              testing::AllOf(HasSubstr("COLMAP 3.8 registered no frame: exit code 0"),
+                             HasSubstr("colmap.log")));
+}
+
+}  // namespace
+}  // namespace cohort
