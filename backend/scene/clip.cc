@@ -1,0 +1,91 @@
+#include "backend/scene/clip.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
+#include <algorithm>
+#include <map>
+
+namespace cohort {
+namespace {
+
+Eigen::Matrix2d CovarianceOf(const Observation& observation,
+                             std::uint32_t frames_since_observed,
+                             const ClipOptions& options) {
+  Eigen::Matrix2d covariance = Eigen::Matrix2d::Identity();
+  if (options.use_covariances && observation.covariance) {
+    const PixelCovariance& c = *observation.covariance;
+    Eigen::Matrix2d measured;
+    measured << c.xx, c.xy, c.xy, c.yy;
+    const double floor = options.covariance_floor_px * options.covariance_floor_px;
+    measured += floor * Eigen::Matrix2d::Identity();
+    if (measured.allFinite() && measured(0, 0) > 0.0 && measured.determinant() > 0.0) {
+      covariance = measured;
+    }
+  }
+  if (observation.state == ObservationState::kPredicted) {
+    const double sigma = options.predicted_growth_px * std::max(1u, frames_since_observed);
+    covariance += sigma * sigma * Eigen::Matrix2d::Identity();
+  }
+  return covariance;
+}
+
+}  // namespace
+
+Clip::Clip(const TrackFile& file, const ClipOptions& options) : frames_(file.frames) {
+  std::map<FrameIndex, int> frame_number;
+  for (int i = 0; i < frame_count(); ++i) frame_number[frames_[i].index] = i;
+  for (const FrameIndex frame : file.tracks.frames()) {
+    if (!frame_number.contains(frame)) {
+      ThrowError("the tracks name frame {}, which is not in their list of frames", ToInt(frame));
+    }
+  }
+  in_frame_.resize(frames_.size());
+  for (const FeatureId feature : file.tracks.features()) {
+    const auto track = file.tracks.Track(feature);
+    const auto used = [&](const Observation& o) {
+      return o.state == ObservationState::kObserved || options.include_predicted;
+    };
+    if (std::count_if(track.begin(), track.end(), used) < options.min_track_length) continue;
+    const int number = track_count();
+    features_.push_back(feature);
+    first_of_track_.push_back(static_cast<int>(observations_.size()));
+    FrameIndex last_observed = track.front().frame;
+    for (const Observation& o : track) {
+      if (o.state == ObservationState::kObserved) last_observed = o.frame;
+      if (!used(o)) continue;
+      ClipObservation& observation = observations_.emplace_back();
+      observation.frame = frame_number.at(o.frame);
+      observation.track = number;
+      observation.xy = o.xy;
+      observation.covariance_px2 = CovarianceOf(o, ToInt(o.frame) - ToInt(last_observed), options);
+      observation.whitening = Eigen::LLT<Eigen::Matrix2d>(observation.covariance_px2)
+                                  .matrixL()
+                                  .solve(Eigen::Matrix2d::Identity());
+      in_frame_[observation.frame].push_back(static_cast<int>(observations_.size()) - 1);
+    }
+  }
+  first_of_track_.push_back(static_cast<int>(observations_.size()));
+}
+
+std::optional<int> Clip::Find(int track, int frame) const {
+  const auto [first, last] = TrackRange(track);
+  // Most tracks have no gaps, so the place is known.
+  const int guess = first + frame - observations_[first].frame;
+  if (guess >= first && guess < last && observations_[guess].frame == frame) return guess;
+  const auto begin = observations_.begin() + first;
+  const auto end = observations_.begin() + last;
+  const auto it =
+      std::lower_bound(begin, end, frame, [](const auto& o, int f) { return o.frame < f; });
+  if (it == end || it->frame != frame) return std::nullopt;
+  return static_cast<int>(it - observations_.begin());
+}
+
+std::vector<std::pair<int, int>> Clip::Common(int frame_a, int frame_b) const {
+  std::vector<std::pair<int, int>> result;
+  for (const int a : in_frame_[frame_a]) {
+    if (const auto b = Find(observations_[a].track, frame_b)) result.emplace_back(a, *b);
+  }
+  return result;
+}
+
+}  // namespace cohort

@@ -1,0 +1,60 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <optional>
+#include <span>
+#include <utility>
+#include <vector>
+
+#include "frontend/tracks/track_store.h"
+
+namespace cohort {
+
+// Tracks as the mapper works on them: frames, tracks and observations numbered from 0.
+struct ClipObservation {
+  int frame = 0;
+  int track = 0;
+  Eigen::Vector2d xy = Eigen::Vector2d::Zero();                  // pixels
+  Eigen::Matrix2d covariance_px2 = Eigen::Matrix2d::Identity();  // what bundle adjustment takes
+  Eigen::Matrix2d whitening = Eigen::Matrix2d::Identity();       // W^T W = covariance^-1
+};
+
+struct ClipOptions {
+  int min_track_length = 3;
+  bool use_covariances = true;
+  double covariance_floor_px = 0.1;  // added in quadrature to a measured covariance
+  bool include_predicted = false;
+  double predicted_growth_px = 1.0;  // standard deviation gained per frame since it was observed
+};
+
+class Clip {
+ public:
+  // Observed positions (and predicted ones, if asked) of tracks with at least min_track_length.
+  Clip(const TrackFile& file, const ClipOptions& options);
+
+  int frame_count() const { return static_cast<int>(frames_.size()); }
+  int track_count() const { return static_cast<int>(features_.size()); }
+  const std::vector<FrameInfo>& frames() const { return frames_; }
+  const std::vector<FeatureId>& features() const { return features_; }
+  const std::vector<ClipObservation>& observations() const { return observations_; }
+
+  // Indices into observations(): those of a track are [first, last), ascending frames.
+  std::pair<int, int> TrackRange(int track) const {
+    return {first_of_track_[track], first_of_track_[track + 1]};
+  }
+  // ascending tracks
+  const std::vector<int>& InFrame(int frame) const { return in_frame_[frame]; }
+  std::optional<int> Find(int track, int frame) const;
+
+  // The observations that two frames share, as pairs of indices; ascending tracks.
+  std::vector<std::pair<int, int>> Common(int frame_a, int frame_b) const;
+
+ private:
+  std::vector<FrameInfo> frames_;
+  std::vector<FeatureId> features_;
+  std::vector<ClipObservation> observations_;
+  std::vector<int> first_of_track_;
+  std::vector<std::vector<int>> in_frame_;
+};
+
+}  // namespace cohort

@@ -1,0 +1,119 @@
+#pragma once
+
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "backend/scene/bundle_adjustment.h"
+#include "backend/scene/reconstruction.h"
+#include "frontend/tracks/track_store.h"
+
+namespace cohort {
+
+struct MapperOptions {
+  int min_track_length = 3;
+  double max_reprojection_px = 4.0;
+  double min_angle_deg = 1.0;
+  double keyframe_parallax_px = 10.0;
+  RobustLoss loss = RobustLoss::kCauchy;
+  double loss_scale = 2.0;
+  bool use_covariances = true;
+  double covariance_floor_px = 0.1;
+  bool include_predicted = false;
+  double predicted_growth_px = 1.0;
+  bool refine_focal = true;
+  bool refine_radial = true;
+  bool refine_principal_point = false;
+  bool covariances = false;
+  int threads = 1;
+
+  template <typename Self, typename Visitor>
+  static void Visit(Self& o, Visitor& v) {
+    v.Number("min_track_length", o.min_track_length, 2, 1000, "shorter tracks are not used");
+    v.Number("max_reprojection_px",
+             o.max_reprojection_px,
+             0.1,
+             100.0,
+             "an observation farther from its point's image is not believed [px]");
+    v.Number("min_angle_deg", o.min_angle_deg, 0.0, 90.0, "least angle between a point's rays");
+    v.Number("keyframe_parallax_px",
+             o.keyframe_parallax_px,
+             0.5,
+             1000.0,
+             "parallax after which a frame takes part in growing the model [px]");
+    v.Choice("loss", o.loss, kRobustLossNames, "robust loss of bundle adjustment");
+    v.Number(
+        "loss_scale", o.loss_scale, 0.01, 100.0, "where the loss turns, in units of the noise");
+    v.Flag("use_covariances", o.use_covariances, "weigh observations by the tracker's covariance");
+    v.Number("covariance_floor_px",
+             o.covariance_floor_px,
+             0.0,
+             10.0,
+             "added in quadrature to a tracker's standard deviation [px]");
+    v.Flag("include_predicted", o.include_predicted, "use predicted positions too, down-weighted");
+    v.Number("predicted_growth_px",
+             o.predicted_growth_px,
+             0.01,
+             100.0,
+             "standard deviation a predicted position gains per frame [px]");
+    v.Flag("refine_focal", o.refine_focal, "refine the focal length of a guessed camera");
+    v.Flag("refine_radial", o.refine_radial, "refine k1 and k2 of a guessed camera");
+    v.Flag("refine_principal_point",
+           o.refine_principal_point,
+           "refine the principal point of a guessed camera");
+    v.Flag("covariances", o.covariances, "estimate covariances of cameras and points");
+    v.Number("threads", o.threads, 1, 1024, "threads of the solver");
+  }
+};
+
+enum class MapperTermination : std::uint8_t {
+  kSuccess,       // one model of at least 80 % of the frames
+  kPartial,       // a model of fewer frames
+  kTooFewTracks,  // nothing to start from
+  kStaticCamera,  // nothing moves by more than the noise
+  kPureRotation,  // a rotation about the camera's centre explains all motion: no depth
+  kNoStart,       // there is parallax, but no pair of frames gave a consistent model
+  kAmbiguous,     // two different models explain the tracks equally well (a plane, a mirror image)
+  kWeakDepth,     // a model came out, but its depths are within their own uncertainty
+};
+inline constexpr ChoiceNames<MapperTermination, 8> kMapperTerminationNames{
+    {{"success", MapperTermination::kSuccess},
+     {"partial", MapperTermination::kPartial},
+     {"too few tracks", MapperTermination::kTooFewTracks},
+     {"static camera", MapperTermination::kStaticCamera},
+     {"pure rotation", MapperTermination::kPureRotation},
+     {"no start", MapperTermination::kNoStart},
+     {"ambiguous", MapperTermination::kAmbiguous},
+     {"weak depth", MapperTermination::kWeakDepth}}};
+
+// A part of the clip that could not be tied to the model returned.
+struct OtherComponent {
+  FrameIndex first{};
+  FrameIndex last{};
+  std::size_t registered = 0;
+  std::size_t points = 0;
+};
+
+struct MapperResult {
+  MapperTermination termination = MapperTermination::kTooFewTracks;
+  Reconstruction reconstruction;         // empty unless kSuccess or kPartial
+  ReconstructionSummary summary;         // its termination says in words how it ended
+  std::vector<FeatureId> without_point;  // features with an observation, but no point in the model
+  std::vector<OtherComponent> other_components;
+  double noise_px =
+      0.0;  // of an observation's coordinate; in its own sigmas if covariances are used
+  // With MapperOptions::covariances, scaled by noise_px^2: of (omega [rad], centre), see
+  // CameraPose.
+  std::map<FrameIndex, Eigen::Matrix<double, 6, 6>> camera_covariances;
+  std::map<FeatureId, Eigen::Matrix3d> point_covariances;
+};
+
+// Cameras and points from tracks alone. The camera is the file's; refined if it is a guess, and
+// guessed where there is none. Exploits that it is video: keyframes grow the model, each from its
+// neighbour's pose; the other frames follow by pose alone, and one bundle adjustment of everything
+// ends it. A clip that gives no model is a result (termination), not an error. Throws Error on
+// input that makes no sense (no picture size, intrinsics that are not positive).
+MapperResult ReconstructWithCeres(const TrackFile& file, const MapperOptions& options = {});
+
+}  // namespace cohort

@@ -1,0 +1,41 @@
+#pragma once
+
+#include <optional>
+#include <string_view>
+#include <vector>
+
+#include "backend/scene/keyframes.h"
+#include "backend/scene/scene_model.h"
+
+namespace cohort {
+
+enum class StartMethod : std::uint8_t { kEssential, kHomography, kAffine };
+inline constexpr ChoiceNames<StartMethod, 3> kStartMethodNames{
+    {{"essential matrix", StartMethod::kEssential},
+     {"homography", StartMethod::kHomography},
+     {"affine factorisation", StartMethod::kAffine}}};
+
+// A model of a window of frames, adjusted, and its truncated cost over the window.
+struct StartModel {
+  SceneModel model;
+  StartMethod method = StartMethod::kEssential;
+  double cost = 0.0;
+  std::vector<int> window;
+};
+
+struct StartOptions {
+  SceneOptions scene;
+  bool refine_focal = false;  // the camera is a guess: several focal lengths are tried
+  int min_points = 10;
+};
+
+// Models of the frames from pair.frame_a to pair.frame_b, the best first: relative poses of the
+// essential matrix and, where a homography explains the pair too, of its decomposition; both mirror
+// models of the affine factorisation. All are grown over the window, adjusted there and compared by
+// cost; those that leave half of the window unexplained are left out.
+std::vector<StartModel> BuildStartModels(const Clip& clip,
+                                         const Camera& camera,
+                                         const FramePairMotion& pair,
+                                         const StartOptions& options);
+
+}  // namespace cohort

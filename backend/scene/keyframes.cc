@@ -1,0 +1,164 @@
+#include "backend/scene/keyframes.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "backend/geometry/best_rotation.h"
+
+namespace cohort {
+namespace {
+
+double Median(std::vector<double>& values) {
+  if (values.empty()) return 0.0;
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+std::vector<int> SelectOnce(const Clip& clip, const Camera& camera, double parallax_px) {
+  constexpr double kMinKept = 0.7;
+  constexpr std::size_t kMinTracks = 4;
+  std::vector<int> keyframes;
+  for (int f = 0; f < clip.frame_count(); ++f) {
+    const std::size_t tracks = clip.InFrame(f).size();
+    if (tracks < kMinTracks) continue;
+    if (keyframes.empty()) {
+      keyframes.push_back(f);
+      continue;
+    }
+    const int last = keyframes.back();
+    const FramePairMotion motion = MeasureMotion(clip, camera, last, f);
+    if (motion.parallax_px < parallax_px &&
+        motion.common >= kMinKept * static_cast<double>(clip.InFrame(last).size())) {
+      continue;
+    }
+    // Where the tracks break off suddenly, the frame before still has them.
+    constexpr double kBreak = 0.5;
+    if (f - 1 > last && motion.common < kBreak * static_cast<double>(clip.InFrame(last).size()) &&
+        clip.InFrame(f - 1).size() >= kMinTracks) {
+      keyframes.push_back(f - 1);
+    }
+    keyframes.push_back(f);
+  }
+  return keyframes;
+}
+
+}  // namespace
+
+FramePairMotion MeasureMotion(const Clip& clip, const Camera& camera, int frame_a, int frame_b) {
+  FramePairMotion motion{frame_a, frame_b};
+  std::vector<std::pair<Eigen::Vector2d, Eigen::Vector2d>> pairs;
+  std::vector<double> displacements;
+  for (const auto& [a, b] : clip.Common(frame_a, frame_b)) {
+    const Eigen::Vector2d& xy_a = clip.observations()[a].xy;
+    const Eigen::Vector2d& xy_b = clip.observations()[b].xy;
+    pairs.emplace_back(camera.Unproject(xy_a), camera.Unproject(xy_b));
+    displacements.push_back((xy_b - xy_a).norm());
+  }
+  motion.common = static_cast<int>(pairs.size());
+  motion.motion_px = Median(displacements);
+  motion.parallax_px = FitRotation(pairs).median_error * 0.5 * (camera.fx + camera.fy);
+  return motion;
+}
+
+std::vector<int> SelectKeyframes(const Clip& clip,
+                                 const Camera& camera,
+                                 double parallax_px,
+                                 int at_least) {
+  std::vector<int> keyframes = SelectOnce(clip, camera, parallax_px);
+  while (static_cast<int>(keyframes.size()) < at_least && parallax_px > 1.0) {
+    parallax_px = std::max(1.0, parallax_px / 2.0);
+    keyframes = SelectOnce(clip, camera, parallax_px);
+  }
+  return keyframes;
+}
+
+std::vector<FramePairMotion> RankPairs(const Clip& clip,
+                                       const Camera& camera,
+                                       const std::vector<int>& keyframes,
+                                       int min_common) {
+  constexpr double kMinShared = 0.3;
+  constexpr double kGoodParallax = 0.06;  // normalised units: 30 px at f = 500 px
+  const double good_px = kGoodParallax * 0.5 * (camera.fx + camera.fy);
+  // Spread over the clip, so that the cost does not grow with the square of its length.
+  const int count = static_cast<int>(keyframes.size());
+  const int first_step = std::max(1, count / 40);
+  std::vector<FramePairMotion> pairs;
+  for (int i = 0; i < count; i += first_step) {
+    int step = 1;
+    for (int j = i + 1; j < count; j += step) {
+      const FramePairMotion motion = MeasureMotion(clip, camera, keyframes[i], keyframes[j]);
+      const auto tracks = static_cast<double>(
+          std::min(clip.InFrame(keyframes[i]).size(), clip.InFrame(keyframes[j]).size()));
+      if (motion.common < min_common || motion.common < kMinShared * tracks) break;
+      pairs.push_back(motion);
+      if (j - i >= 4 * step) step *= 2;
+    }
+  }
+  const auto score = [good_px](const FramePairMotion& m) {
+    return m.common * std::min(1.0, m.parallax_px / good_px);
+  };
+  std::stable_sort(pairs.begin(), pairs.end(), [&](const auto& a, const auto& b) {
+    return score(a) > score(b);
+  });
+  return pairs;
+}
+
+double EstimateNoise(const Clip& clip) {
+  const auto& observations = clip.observations();
+  std::vector<std::vector<Eigen::Vector2d>> differences(clip.frame_count());
+  for (std::size_t i = 2; i < observations.size(); ++i) {
+    const ClipObservation& a = observations[i - 2];
+    const ClipObservation& b = observations[i - 1];
+    const ClipObservation& c = observations[i];
+    if (a.track != c.track || c.frame != a.frame + 2) continue;
+    differences[b.frame].push_back(a.xy - 2.0 * b.xy + c.xy);
+  }
+  std::vector<double> deviations;
+  for (const auto& in_frame : differences) {
+    for (int axis = 0; axis < 2; ++axis) {
+      std::vector<double> values;
+      for (const Eigen::Vector2d& d : in_frame) values.push_back(d[axis]);
+      const double median = Median(values);
+      for (const double value : values) deviations.push_back(std::abs(value - median));
+    }
+  }
+  // A second difference has 1 + 4 + 1 times the variance of one observation.
+  return 1.4826 * Median(deviations) / std::sqrt(6.0);
+}
+
+ClipMotion ClassifyMotion(const Clip& clip,
+                          const Camera& camera,
+                          const std::vector<FramePairMotion>& pairs,
+                          double noise_px) {
+  // Two views of a point with noise s leave a median of 1.67 s after the right rotation.
+  constexpr double kBeyondNoise = 3.0;
+  constexpr double kMinNoise = 0.3;  // px; less parallax than three times this says nothing
+  const double threshold = kBeyondNoise * std::max(kMinNoise, noise_px);
+  std::vector<FramePairMotion> widest(pairs);
+  std::stable_sort(widest.begin(), widest.end(), [](const auto& a, const auto& b) {
+    return a.motion_px > b.motion_px;
+  });
+  if (widest.empty() || widest.front().motion_px < threshold) return ClipMotion::kStatic;
+  constexpr std::size_t kPairs = 12;
+  widest.resize(std::min(widest.size(), kPairs));
+  const auto largest_parallax = [&](const Camera& candidate) {
+    std::vector<double> parallaxes;
+    for (const FramePairMotion& pair : widest) {
+      parallaxes.push_back(MeasureMotion(clip, candidate, pair.frame_a, pair.frame_b).parallax_px);
+    }
+    return *std::max_element(parallaxes.begin(), parallaxes.end());
+  };
+  constexpr std::array kFocalFactors{1.0, 0.84, 1.19, 0.7, 1.41, 0.6, 1.68, 0.5, 2.0};
+  for (const double factor : kFocalFactors) {
+    Camera candidate = camera;
+    candidate.fx *= factor;
+    candidate.fy *= factor;
+    if (largest_parallax(candidate) < threshold) return ClipMotion::kRotation;
+    if (camera.known) break;
+  }
+  return ClipMotion::kParallax;
+}
+
+}  // namespace cohort

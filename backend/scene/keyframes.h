@@ -1,0 +1,50 @@
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "backend/scene/clip.h"
+
+namespace cohort {
+
+// What two frames of a clip share.
+struct FramePairMotion {
+  int frame_a = 0;
+  int frame_b = 0;
+  int common = 0;          // tracks seen by both
+  double motion_px = 0.0;  // median displacement
+  // Median of what remains of it after the best rotation about the camera's centre: parallax, and
+  // noise.
+  double parallax_px = 0.0;
+};
+FramePairMotion MeasureMotion(const Clip& clip, const Camera& camera, int frame_a, int frame_b);
+
+// Frames at which something new is to be seen: a parallax of `parallax_px` since the last one, or
+// 30 % of its tracks gone. The threshold is halved (down to 1 px) until there are `at_least` of
+// them. A frame too poor in tracks to be tied to the last one starts anew.
+std::vector<int> SelectKeyframes(const Clip& clip,
+                                 const Camera& camera,
+                                 double parallax_px,
+                                 int at_least);
+
+// Pairs of keyframes that share at least 30 % of their tracks (and min_common), by how good a start
+// they give: common * min(1, parallax / good_parallax), best first.
+std::vector<FramePairMotion> RankPairs(const Clip& clip,
+                                       const Camera& camera,
+                                       const std::vector<int>& keyframes,
+                                       int min_common);
+
+// Standard deviation of an observation's coordinate [px], from the second differences of tracks
+// over three frames less the median of all in the frame: an upper bound where the camera shakes.
+double EstimateNoise(const Clip& clip);
+
+enum class ClipMotion { kParallax, kRotation, kStatic };
+// Whether any of these pairs shows parallax beyond the noise. Where the camera is a guess, its
+// focal length is varied from half to twice, so that no wrong guess passes a turning camera off as
+// moving.
+ClipMotion ClassifyMotion(const Clip& clip,
+                          const Camera& camera,
+                          const std::vector<FramePairMotion>& pairs,
+                          double noise_px);
+
+}  // namespace cohort

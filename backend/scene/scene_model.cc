@@ -1,0 +1,310 @@
+#include "backend/scene/scene_model.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <numbers>
+#include <numeric>
+
+#include "backend/geometry/triangulation.h"
+#include "backend/scene/absolute_pose.h"
+
+namespace cohort {
+namespace {
+
+constexpr double kDegree = std::numbers::pi / 180.0;
+constexpr double kMinDepth = 1e-6;
+constexpr int kMinPoseInliers = 8;
+constexpr double kMinPoseInlierRatio = 0.3;
+constexpr std::size_t kMaxTriangulationRays = 12;
+
+double Median(std::vector<double>& values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+}  // namespace
+
+SceneModel::SceneModel(const Clip& clip, const Camera& camera, const SceneOptions& options)
+    : clip_(&clip),
+      options_(options),
+      cam_from_world_(clip.frame_count()),
+      centers_(clip.frame_count()),
+      rotations_(clip.frame_count()),
+      points_(clip.track_count()),
+      active_(clip.observations().size(), 0) {
+  SetCamera(camera);
+}
+
+void SceneModel::SetCamera(const Camera& camera) {
+  camera_ = camera;
+  n_.resize(clip_->observations().size());
+  for (std::size_t i = 0; i < n_.size(); ++i) {
+    n_[i] = camera_.Unproject(clip_->observations()[i].xy);
+  }
+}
+
+void SceneModel::SetPose(int frame, const Rigid3& cam_from_world) {
+  if (!HasPose(frame)) ++registered_;
+  cam_from_world_[frame] = cam_from_world;
+  rotations_[frame] = cam_from_world.rotation.toRotationMatrix();
+  centers_[frame] = cam_from_world.Inverse().translation;
+}
+
+void SceneModel::ClearPose(int frame) {
+  if (!HasPose(frame)) return;
+  --registered_;
+  cam_from_world_[frame].reset();
+  for (const int o : clip_->InFrame(frame)) active_[o] = 0;
+}
+
+std::vector<int> SceneModel::RegisteredFrames() const {
+  std::vector<int> frames;
+  for (int f = 0; f < clip_->frame_count(); ++f) {
+    if (HasPose(f)) frames.push_back(f);
+  }
+  return frames;
+}
+
+std::size_t SceneModel::CountPoints() const {
+  return static_cast<std::size_t>(
+      std::count_if(points_.begin(), points_.end(), [](const auto& p) { return p.has_value(); }));
+}
+
+int SceneModel::CountVisiblePoints(int frame) const {
+  int count = 0;
+  for (const int o : clip_->InFrame(frame)) {
+    if (HasPoint(clip_->observations()[o].track)) ++count;
+  }
+  return count;
+}
+
+bool SceneModel::RegisterFrame(int frame, const std::optional<Rigid3>& start) {
+  std::vector<PointInFrame> points;
+  for (const int o : clip_->InFrame(frame)) {
+    const int track = clip_->observations()[o].track;
+    if (HasPoint(track)) points.push_back({Point(track), n_[o]});
+  }
+  if (static_cast<int>(points.size()) < kMinPoseInliers) return false;
+  // Twice the final bound: poses and points of a growing model are not yet settled.
+  const double max_error = 2.0 * options_.max_reprojection_px / MeanFocal();
+  const auto pose = EstimateAbsolutePose(points, start, max_error);
+  if (!pose || static_cast<int>(pose->inliers) < kMinPoseInliers ||
+      static_cast<double>(pose->inliers) <
+          kMinPoseInlierRatio * static_cast<double>(points.size())) {
+    return false;
+  }
+  SetPose(frame, pose->cam_from_world);
+  return true;
+}
+
+int SceneModel::TriangulateTracks(std::span<const int> tracks) {
+  const double max_error = options_.max_reprojection_px / MeanFocal();
+  const std::size_t min_rays = registered_ >= 3 ? 3 : 2;
+  int found = 0;
+  std::vector<Ray> rays;
+  std::vector<Ray> some;
+  for (const int track : tracks) {
+    if (HasPoint(track)) continue;
+    const auto [first, last] = clip_->TrackRange(track);
+    rays.clear();
+    for (int o = first; o < last; ++o) {
+      const int frame = clip_->observations()[o].frame;
+      if (HasPose(frame)) rays.push_back({Pose(frame), n_[o]});
+    }
+    if (rays.size() < min_rays) continue;
+    some.clear();
+    const std::size_t n = std::min(rays.size(), kMaxTriangulationRays);
+    for (std::size_t i = 0; i < n; ++i) {
+      some.push_back(rays[n == 1 ? 0 : i * (rays.size() - 1) / (n - 1)]);
+    }
+    const auto point = TriangulateRobustly(some, max_error, min_rays);
+    if (!point) continue;
+    SetPoint(track, point->in_world);
+    Reclassify(std::array{track}, std::numeric_limits<double>::infinity());
+    if (HasPoint(track)) ++found;
+  }
+  return found;
+}
+
+int SceneModel::TriangulateAll() {
+  std::vector<int> tracks(clip_->track_count());
+  std::iota(tracks.begin(), tracks.end(), 0);
+  return TriangulateTracks(tracks);
+}
+
+BundleResult SceneModel::Adjust(std::span<const int> free,
+                                std::span<const int> fixed,
+                                const BundleOptions& options) {
+  BundleProblem problem;
+  problem.intrinsics = camera_;
+  std::vector<int> camera_of_frame(clip_->frame_count(), -1);
+  std::vector<int> point_of_track(clip_->track_count(), -1);
+  std::vector<int> tracks;
+  const auto add_frames = [&](std::span<const int> frames, bool is_fixed) {
+    for (const int frame : frames) {
+      camera_of_frame[frame] = static_cast<int>(problem.cameras.size());
+      problem.cameras.push_back({Pose(frame), is_fixed});
+      for (const int o : clip_->InFrame(frame)) {
+        const int track = clip_->observations()[o].track;
+        if (!Active(o) || !HasPoint(track)) continue;
+        if (point_of_track[track] < 0) {
+          if (is_fixed) continue;  // seen by fixed frames only: nothing to learn
+          point_of_track[track] = static_cast<int>(tracks.size());
+          tracks.push_back(track);
+          problem.points_in_world.push_back(Point(track));
+        }
+      }
+    }
+  };
+  add_frames(free, false);
+  add_frames(fixed, true);
+  // By point: the order in which the solver eliminates them.
+  for (const int track : tracks) {
+    const auto [first, last] = clip_->TrackRange(track);
+    for (int o = first; o < last; ++o) {
+      const ClipObservation& observation = clip_->observations()[o];
+      const int camera = camera_of_frame[observation.frame];
+      if (camera < 0 || !Active(o)) continue;
+      problem.observations.push_back(
+          {camera, point_of_track[track], observation.xy, observation.covariance_px2});
+    }
+  }
+  if (problem.observations.empty()) return {};
+  BundleResult result = AdjustBundle(std::move(problem), options);
+  if (result.termination == BundleTermination::kFailed) return result;
+  for (const int frame : free) {
+    SetPose(frame, result.solution.cameras[camera_of_frame[frame]].cam_from_world);
+  }
+  for (const int track : tracks) {
+    SetPoint(track, result.solution.points_in_world[point_of_track[track]]);
+  }
+  if (options.RefinesIntrinsics()) SetCamera(result.solution.intrinsics);
+  return result;
+}
+
+std::optional<Eigen::Vector2d> SceneModel::PixelError(int observation) const {
+  const ClipObservation& o = clip_->observations()[observation];
+  const Eigen::Vector3d x = rotations_[o.frame] * (*points_[o.track] - centers_[o.frame]);
+  if (x.z() < kMinDepth) return std::nullopt;
+  return *camera_.Project(x) - o.xy;
+}
+
+std::optional<double> SceneModel::WhitenedError(int observation) const {
+  const std::optional<Eigen::Vector2d> error = PixelError(observation);
+  if (!error) return std::nullopt;
+  return (clip_->observations()[observation].whitening * *error).norm();
+}
+
+bool SceneModel::EnoughAngle(int track) const {
+  // The widest pair, nearly: the ray farthest from the first, then the one farthest from that.
+  const auto [first, last] = clip_->TrackRange(track);
+  const Eigen::Vector3d& x = Point(track);
+  const double min_angle = options_.min_angle_deg * kDegree;
+  std::optional<Eigen::Vector3d> from;
+  for (int pass = 0; pass < 2; ++pass) {
+    double widest = -1.0;
+    Eigen::Vector3d widest_center = Eigen::Vector3d::Zero();
+    for (int o = first; o < last; ++o) {
+      if (!Active(o)) continue;
+      const Eigen::Vector3d& center = centers_[clip_->observations()[o].frame];
+      if (!from) from = center;
+      const double angle = TriangulationAngle(x, *from, center);
+      if (angle > widest) {
+        widest = angle;
+        widest_center = center;
+      }
+      if (widest >= min_angle) return true;
+    }
+    from = widest_center;
+  }
+  return false;
+}
+
+void SceneModel::DropPoint(int track) {
+  points_[track].reset();
+  const auto [first, last] = clip_->TrackRange(track);
+  for (int o = first; o < last; ++o) active_[o] = 0;
+}
+
+int SceneModel::Reclassify(std::span<const int> tracks, double max_error, double widen) {
+  const int min_views = registered_ >= 3 ? 3 : 2;
+  int changes = 0;
+  for (const int track : tracks) {
+    if (!HasPoint(track)) continue;
+    const auto [first, last] = clip_->TrackRange(track);
+    int views = 0;
+    for (int o = first; o < last; ++o) {
+      bool active = false;
+      const ClipObservation& observation = clip_->observations()[o];
+      if (HasPose(observation.frame)) {
+        const std::optional<Eigen::Vector2d> error = PixelError(o);
+        active = error && error->norm() <= widen * options_.max_reprojection_px &&
+                 (observation.whitening * *error).norm() <= max_error;
+      }
+      if (active) ++views;
+      if (active != Active(o)) ++changes;
+      active_[o] = active ? 1 : 0;
+    }
+    if (views < min_views || !EnoughAngle(track)) {
+      changes += views;
+      DropPoint(track);
+    }
+  }
+  return changes;
+}
+
+int SceneModel::ReclassifyAll(double max_error) {
+  std::vector<double> squared;
+  squared.reserve(clip_->observations().size());
+  for (int o = 0; o < static_cast<int>(clip_->observations().size()); ++o) {
+    const ClipObservation& observation = clip_->observations()[o];
+    if (!HasPose(observation.frame) || !HasPoint(observation.track)) continue;
+    if (const auto error = WhitenedError(o)) squared.push_back(*error * *error);
+  }
+  constexpr double kMedianOfChiSquare2 = 1.3863;
+  if (!squared.empty()) noise_ = std::sqrt(Median(squared) / kMedianOfChiSquare2);
+  std::vector<int> tracks(clip_->track_count());
+  std::iota(tracks.begin(), tracks.end(), 0);
+  return Reclassify(tracks, max_error);
+}
+
+double SceneModel::ErrorBound() const { return std::max(4.0 * noise_, 0.02); }
+
+double SceneModel::TruncatedCost(std::span<const int> frames, double bound) const {
+  double cost = 0.0;
+  for (const int frame : frames) {
+    for (const int o : clip_->InFrame(frame)) {
+      const int track = clip_->observations()[o].track;
+      std::optional<double> error;
+      if (HasPose(frame) && HasPoint(track)) error = WhitenedError(o);
+      cost += error ? std::min(*error * *error, bound * bound) : bound * bound;
+    }
+  }
+  return cost;
+}
+
+void SceneModel::Normalise() {
+  const std::vector<int> frames = RegisteredFrames();
+  if (frames.empty()) return;
+  const Rigid3 origin = Pose(frames.front());
+  std::vector<double> depths;
+  for (const auto& point : points_) {
+    if (point) depths.push_back((origin * *point).norm());
+  }
+  const double scale = depths.empty() ? 1.0 : 1.0 / Median(depths);
+  const Rigid3 world_from_cam = origin.Inverse();
+  for (const int frame : frames) {
+    Rigid3 pose = Pose(frame) * world_from_cam;
+    pose.translation *= scale;
+    SetPose(frame, pose);
+  }
+  SetPose(frames.front(), Rigid3{});
+  for (auto& point : points_) {
+    if (point) *point = scale * (origin * *point);
+  }
+}
+
+}  // namespace cohort

@@ -1,0 +1,100 @@
+#pragma once
+
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "backend/scene/bundle_adjustment.h"
+#include "backend/scene/clip.h"
+
+namespace cohort {
+
+struct SceneOptions {
+  double max_reprojection_px = 4.0;  // never beyond this is an observation kept
+  double min_angle_deg = 1.0;        // largest angle between two rays of a point, at least
+};
+
+// A reconstruction in the making: which frames have a pose, which tracks a point, and which
+// observations of them are believed.
+class SceneModel {
+ public:
+  SceneModel(const Clip& clip, const Camera& camera, const SceneOptions& options);
+
+  const Clip& clip() const { return *clip_; }
+  const Camera& camera() const { return camera_; }
+  void SetCamera(const Camera& camera);
+  // The normalised image point of an observation under the present camera.
+  const Eigen::Vector2d& Normalised(int observation) const { return n_[observation]; }
+  double MeanFocal() const { return 0.5 * (camera_.fx + camera_.fy); }
+
+  bool HasPose(int frame) const { return cam_from_world_[frame].has_value(); }
+  const Rigid3& Pose(int frame) const { return *cam_from_world_[frame]; }
+  void SetPose(int frame, const Rigid3& cam_from_world);
+  void ClearPose(int frame);
+  std::vector<int> RegisteredFrames() const;  // ascending
+  int registered() const { return registered_; }
+
+  bool HasPoint(int track) const { return points_[track].has_value(); }
+  const Eigen::Vector3d& Point(int track) const { return *points_[track]; }
+  void SetPoint(int track, const std::optional<Eigen::Vector3d>& in_world) {
+    points_[track] = in_world;
+  }
+  std::size_t CountPoints() const;
+  bool Active(int observation) const { return active_[observation] != 0; }
+
+  // Standard deviation of a whitened coordinate, robust; 1 until there is a model to say.
+  double noise() const { return noise_; }
+
+  // Observations of tracks with a point in this frame.
+  int CountVisiblePoints(int frame) const;
+  // Finds the pose of a frame from the points it sees. False where too few of them agree.
+  bool RegisterFrame(int frame, const std::optional<Rigid3>& start);
+  // Points for tracks without one that registered frames see at a sufficient angle.
+  int TriangulateTracks(std::span<const int> tracks);
+  int TriangulateAll();
+
+  // Bundle adjustment of the registered frames `free` and the points they see, from observations in
+  // them and in the registered frames `fixed`, which keep their poses. Refined intrinsics become
+  // the model's.
+  BundleResult Adjust(std::span<const int> free,
+                      std::span<const int> fixed,
+                      const BundleOptions& options);
+
+  // Believes again in what agrees with the model and no longer in what does not: observations
+  // further than max_error (whitened) or max_reprojection_px off are inactive; points behind a
+  // camera, seen at too small an angle or by fewer than three frames (two in a model of two) are
+  // dropped. Returns how many observations changed sides. Also measures the noise.
+  // A start that is known to be rough may widen the bound in pixels by a factor.
+  int Reclassify(std::span<const int> tracks, double max_error, double widen = 1.0);
+  int ReclassifyAll(double max_error);
+  // Bound on whitened errors that fits the present noise.
+  double ErrorBound() const;
+
+  // Sum over all observations in `frames` of min(|whitened error|^2, bound^2); bound^2 for each one
+  // that the model has no point or pose for: so models of the same frames are comparable.
+  double TruncatedCost(std::span<const int> frames, double bound) const;
+
+  // Moves the world so that the first registered frame is its origin and the median depth in it 1.
+  void Normalise();
+
+ private:
+  // None behind the camera.
+  std::optional<Eigen::Vector2d> PixelError(int observation) const;
+  std::optional<double> WhitenedError(int observation) const;
+  bool EnoughAngle(int track) const;
+  void DropPoint(int track);
+
+  const Clip* clip_;
+  Camera camera_;
+  SceneOptions options_;
+  std::vector<Eigen::Vector2d> n_;
+  std::vector<std::optional<Rigid3>> cam_from_world_;
+  std::vector<Eigen::Vector3d> centers_;  // of frames with a pose
+  std::vector<Eigen::Matrix3d> rotations_;
+  std::vector<std::optional<Eigen::Vector3d>> points_;
+  std::vector<char> active_;
+  int registered_ = 0;
+  double noise_ = 1.0;
+};
+
+}  // namespace cohort
