@@ -1,0 +1,177 @@
+#include "pipelines/evaluation/track_error.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numeric>
+#include <span>
+
+#include "frontend/core/error.h"
+
+namespace cohort {
+namespace {
+
+constexpr double kOutlierPx = 3.0;
+constexpr std::array<int, 6> kHiddenFrames{0, 1, 5, 10, 20, 50};
+
+// A track from its first observed position on, with its true path.
+struct AnchoredTrack {
+  std::span<const Observation> observations;  // the first one is the anchor
+  std::span<const FrameIndex> frames;         // of the clip, from the anchor's on
+  TruePath path;
+};
+
+std::optional<AnchoredTrack> AnchorTrack(const TrackSet& tracks,
+                                         FeatureId feature,
+                                         const TrackTruthOracle& truth) {
+  const auto track = tracks.Track(feature);
+  const auto anchor = std::find_if(track.begin(), track.end(), [](const Observation& o) {
+    return o.state == ObservationState::kObserved;
+  });
+  if (anchor == track.end()) return std::nullopt;
+  auto path = truth(anchor->frame, anchor->xy);
+  if (!path) return std::nullopt;
+  const auto frames = tracks.frames();
+  const auto first = std::lower_bound(frames.begin(), frames.end(), anchor->frame);
+  return AnchoredTrack{.observations = {anchor, track.end()},
+                       .frames = {first, frames.end()},
+                       .path = std::move(*path)};
+}
+
+ErrorSummary SummarizeErrors(std::vector<double> errors_px) {
+  std::sort(errors_px.begin(), errors_px.end());
+  const auto quantile = [&](double share) {
+    const double at = share * static_cast<double>(errors_px.size() - 1);
+    const auto below = static_cast<std::size_t>(at);
+    const std::size_t above = std::min(below + 1, errors_px.size() - 1);
+    return std::lerp(errors_px[below], errors_px[above], at - static_cast<double>(below));
+  };
+  return {.count = errors_px.size(),
+          .median_px = quantile(0.5),
+          .p90_px = quantile(0.9),
+          .mean_px = std::accumulate(errors_px.begin(), errors_px.end(), 0.0) /
+                     static_cast<double>(errors_px.size())};
+}
+
+bool InsideBorder(const Eigen::Vector2d& xy, const ReinitializationOptions& options) {
+  return xy.x() >= options.border_px && xy.y() >= options.border_px &&
+         xy.x() <= options.width_px - 1 - options.border_px &&
+         xy.y() <= options.height_px - 1 - options.border_px;
+}
+
+std::optional<double> Ratio(std::size_t part, std::size_t whole) {
+  if (whole == 0) return std::nullopt;
+  return static_cast<double>(part) / static_cast<double>(whole);
+}
+
+}  // namespace
+
+ReinitializationFigure MeasureReinitializations(const TrackSet& tracks,
+                                                const TrackTruthOracle& truth,
+                                                const ReinitializationOptions& options) {
+  Check(options.width_px > 0 && options.height_px > 0, "the image size is known");
+  ReinitializationFigure figure;
+  for (const FeatureId feature : tracks.features()) {
+    const auto track = AnchorTrack(tracks, feature, truth);
+    if (!track) continue;
+    auto observation = track->observations.begin() + 1;
+    for (const FrameIndex frame : track->frames.subspan(1)) {
+      const auto sighting = track->path(frame);
+      const bool visible = sighting && sighting->visible;
+      if (observation == track->observations.end()) {
+        if (visible && InsideBorder(sighting->xy, options)) ++figure.reinitializations;
+        break;
+      }
+      if (observation->frame != frame) continue;  // a gap in a track from elsewhere
+      const Eigen::Vector2d xy = observation->xy;
+      ++observation;
+      if (!visible) continue;
+      if ((xy - sighting->xy).norm() > options.limit_px) {
+        ++figure.reinitializations;
+        break;
+      }
+      ++figure.frames;
+    }
+  }
+  figure.mean_frames_between = Ratio(figure.frames, figure.reinitializations);
+  return figure;
+}
+
+std::optional<TrajectoryL1Figure> MeasureTrajectoryL1(const TrackSet& tracks,
+                                                      const TrackTruthOracle& truth,
+                                                      std::size_t frames) {
+  if (tracks.frames().size() <= frames) return std::nullopt;
+  TrajectoryL1Figure figure;
+  for (const Observation* first : tracks.InFrame(tracks.frames().front())) {
+    const auto track = AnchorTrack(tracks, first->feature, truth);
+    if (!track || track->observations.front().frame != first->frame) continue;
+    double sum_px = 0.0;
+    bool always_visible = true;
+    auto observation = track->observations.begin();
+    for (const FrameIndex frame : track->frames.subspan(1, frames)) {
+      const auto next = observation + 1;
+      if (next != track->observations.end() && next->frame == frame) observation = next;
+      const auto sighting = track->path(frame);
+      always_visible = sighting && sighting->visible;
+      if (!always_visible) break;
+      sum_px += (observation->xy - sighting->xy).lpNorm<1>();
+    }
+    if (!always_visible) continue;
+    ++figure.tracks;
+    figure.mean_px += sum_px;
+  }
+  if (figure.tracks == 0) return std::nullopt;
+  figure.mean_px /= static_cast<double>(figure.tracks);
+  return figure;
+}
+
+TrackEvaluation EvaluateTracks(const TrackSet& tracks,
+                               const TrackTruthOracle& truth,
+                               const ReinitializationOptions& options) {
+  TrackEvaluation evaluation;
+  std::vector<double> observed_px;
+  std::map<int, std::vector<double>> predicted_px;  // by frames hidden
+  std::size_t predicted = 0, hidden = 0, predicted_and_hidden = 0;
+  for (const FeatureId feature : tracks.features()) {
+    ++evaluation.tracks;
+    const auto track = AnchorTrack(tracks, feature, truth);
+    if (!track) {
+      ++evaluation.tracks_without_truth;
+      continue;
+    }
+    int hidden_frames = 0;
+    auto observation = track->observations.begin() + 1;
+    for (const FrameIndex frame : track->frames.subspan(1)) {
+      if (observation == track->observations.end()) break;
+      const auto sighting = track->path(frame);
+      if (sighting) hidden_frames = sighting->visible ? 0 : hidden_frames + 1;
+      if (observation->frame != frame) continue;
+      const Eigen::Vector2d xy = observation->xy;
+      const bool is_predicted = observation->state == ObservationState::kPredicted;
+      ++observation;
+      if (!sighting) continue;
+      if (is_predicted) ++predicted;
+      if (hidden_frames > 0) ++hidden;
+      if (is_predicted && hidden_frames > 0) ++predicted_and_hidden;
+      const double error_px = (xy - sighting->xy).norm();
+      (is_predicted ? predicted_px[hidden_frames] : observed_px).push_back(error_px);
+    }
+  }
+  evaluation.outlier_share =
+      Ratio(static_cast<std::size_t>(std::count_if(
+                observed_px.begin(), observed_px.end(), [](double e) { return e > kOutlierPx; })),
+            observed_px.size());
+  if (!observed_px.empty()) evaluation.observed = SummarizeErrors(std::move(observed_px));
+  for (const int frames : kHiddenFrames) {
+    if (const auto found = predicted_px.find(frames); found != predicted_px.end()) {
+      evaluation.predicted[frames] = SummarizeErrors(std::move(found->second));
+    }
+  }
+  evaluation.predicted_precision = Ratio(predicted_and_hidden, predicted);
+  evaluation.predicted_recall = Ratio(predicted_and_hidden, hidden);
+  evaluation.reinitializations = MeasureReinitializations(tracks, truth, options);
+  evaluation.trajectory_l1 = MeasureTrajectoryL1(tracks, truth);
+  return evaluation;
+}
+
+}  // namespace cohort

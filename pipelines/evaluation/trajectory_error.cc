@@ -1,0 +1,177 @@
+#include "pipelines/evaluation/trajectory_error.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <limits>
+#include <numbers>
+#include <numeric>
+
+#include "datasets/text_table.h"
+#include "frontend/core/error.h"
+
+namespace cohort {
+namespace {
+
+constexpr double kDegrees = 180.0 / std::numbers::pi;
+
+double AngleDeg(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
+  return std::atan2(a.cross(b).norm(), a.dot(b)) * kDegrees;
+}
+
+std::size_t Nearest(std::span<const StampedPose> poses, std::int64_t timestamp_ns) {
+  const auto distance = [&](const StampedPose& pose) {
+    return std::abs(pose.timestamp_ns - timestamp_ns);
+  };
+  const auto nearest =
+      std::min_element(poses.begin(), poses.end(), [&](const auto& a, const auto& b) {
+        return distance(a) < distance(b);
+      });
+  return static_cast<std::size_t>(nearest - poses.begin());
+}
+
+}  // namespace
+
+std::vector<StampedPose> ReadTumTrajectory(const std::filesystem::path& path) {
+  const TextTable table(path);
+  std::vector<StampedPose> poses;
+  for (std::size_t row = 0; row < table.rows(); ++row) {
+    if (table.columns(row) != 8) table.Fail(row, "a pose has 8 numbers: t tx ty tz qx qy qz qw");
+    StampedPose& pose = poses.emplace_back();
+    pose.timestamp_ns = table.SecondsAsNs(row, 0);
+    const auto number = [&](std::size_t column) { return table.Number(row, column); };
+    pose.world_from_cam.translation = {number(1), number(2), number(3)};
+    const Eigen::Quaterniond rotation(number(7), number(4), number(5), number(6));
+    if (!(rotation.norm() > 0.0)) table.Fail(row, "the quaternion is zero");
+    pose.world_from_cam.rotation = rotation.normalized();
+  }
+  return poses;
+}
+
+std::vector<PosePair> AssociatePoses(std::span<const StampedPose> estimate,
+                                     std::span<const StampedPose> truth,
+                                     std::int64_t max_difference_ns) {
+  std::vector<PosePair> pairs;
+  if (estimate.empty() || truth.empty()) return pairs;
+  const bool estimate_is_longer = estimate.size() > truth.size();
+  const auto shorter = estimate_is_longer ? truth : estimate;
+  const auto longer = estimate_is_longer ? estimate : truth;
+  for (const StampedPose& pose : shorter) {
+    const StampedPose& other = longer[Nearest(longer, pose.timestamp_ns)];
+    if (std::abs(other.timestamp_ns - pose.timestamp_ns) > max_difference_ns) continue;
+    pairs.push_back(estimate_is_longer ? PosePair{other.world_from_cam, pose.world_from_cam}
+                                       : PosePair{pose.world_from_cam, other.world_from_cam});
+  }
+  return pairs;
+}
+
+std::vector<PosePair> TransformEstimates(const Sim3& truth_from_estimate,
+                                         std::span<const PosePair> pairs) {
+  std::vector<PosePair> moved(pairs.begin(), pairs.end());
+  for (PosePair& pair : moved) {
+    pair.estimate.rotation = (truth_from_estimate.rotation * pair.estimate.rotation).normalized();
+    pair.estimate.translation = truth_from_estimate * pair.estimate.translation;
+  }
+  return moved;
+}
+
+std::optional<ErrorStatistics> ComputeStatistics(std::vector<double> errors) {
+  if (errors.empty()) return std::nullopt;
+  std::sort(errors.begin(), errors.end());
+  const std::size_t n = errors.size();
+  ErrorStatistics s;
+  s.count = n;
+  s.min = errors.front();
+  s.max = errors.back();
+  s.median = 0.5 * (errors[(n - 1) / 2] + errors[n / 2]);
+  s.mean = std::accumulate(errors.begin(), errors.end(), 0.0) / static_cast<double>(n);
+  double squared_deviations = 0.0;
+  for (const double e : errors) {
+    s.sse += e * e;
+    squared_deviations += (e - s.mean) * (e - s.mean);
+  }
+  s.rmse = std::sqrt(s.sse / static_cast<double>(n));
+  s.std = std::sqrt(squared_deviations / static_cast<double>(n));
+  return s;
+}
+
+std::vector<double> AbsoluteTranslationErrors(std::span<const PosePair> aligned) {
+  std::vector<double> errors;
+  for (const PosePair& pair : aligned) {
+    errors.push_back((pair.estimate.translation - pair.truth.translation).norm());
+  }
+  return errors;
+}
+
+std::vector<double> AbsoluteRotationErrorsDeg(std::span<const PosePair> aligned) {
+  std::vector<double> errors;
+  for (const PosePair& pair : aligned) {
+    errors.push_back(AngleBetween(pair.estimate.rotation, pair.truth.rotation) * kDegrees);
+  }
+  return errors;
+}
+
+RelativeErrors ComputeRelativeErrors(std::span<const PosePair> aligned,
+                                     std::size_t delta,
+                                     RelativePairs pairs) {
+  Check(delta > 0, "relative errors span at least one step");
+  RelativeErrors errors;
+  const std::size_t step = pairs == RelativePairs::kAll ? 1 : delta;
+  for (std::size_t i = 0; i + delta < aligned.size(); i += step) {
+    const PosePair& a = aligned[i];
+    const PosePair& b = aligned[i + delta];
+    const Rigid3 true_motion = a.truth.Inverse() * b.truth;
+    const Rigid3 estimated_motion = a.estimate.Inverse() * b.estimate;
+    const Rigid3 error = true_motion.Inverse() * estimated_motion;
+    errors.translation.push_back(error.translation.norm());
+    errors.rotation_deg.push_back(AngleBetween(error.rotation, Eigen::Quaterniond::Identity()) *
+                                  kDegrees);
+  }
+  return errors;
+}
+
+std::vector<double> RelativePoseErrorsDeg(std::span<const PosePair> pairs, double min_baseline) {
+  std::vector<double> errors;
+  for (std::size_t i = 0; i < pairs.size(); ++i) {
+    for (std::size_t j = i + 1; j < pairs.size(); ++j) {
+      const Rigid3 estimate = pairs[i].estimate.Inverse() * pairs[j].estimate;
+      const Rigid3 truth = pairs[i].truth.Inverse() * pairs[j].truth;
+      double error = AngleBetween(estimate.rotation, truth.rotation) * kDegrees;
+      if (truth.translation.norm() >= min_baseline && truth.translation.norm() > 0.0) {
+        // An estimate without any motion has no direction: it is wrong, by the most there is.
+        const bool has_direction = estimate.translation.norm() > 0.0;
+        error = std::max(error,
+                         has_direction ? AngleDeg(estimate.translation, truth.translation) : 180.0);
+      }
+      errors.push_back(error);
+    }
+  }
+  return errors;
+}
+
+double AreaUnderRecall(std::vector<double> errors_deg, double threshold_deg) {
+  Check(!errors_deg.empty() && threshold_deg > 0.0, "recall needs errors and a threshold");
+  std::sort(errors_deg.begin(), errors_deg.end());
+  const double share = 1.0 / static_cast<double>(errors_deg.size());
+  double area = 0.0, recall = 0.0, previous = 0.0;
+  for (const double error : errors_deg) {
+    if (error >= threshold_deg) break;
+    area += (error - previous) * (recall + 0.5 * share);
+    recall += share;
+    previous = error;
+  }
+  area += (threshold_deg - previous) * recall;
+  return area / threshold_deg;
+}
+
+double AreaUnderRecallHistogram(std::span<const double> errors_deg, int threshold_deg) {
+  Check(!errors_deg.empty() && threshold_deg > 0, "recall needs errors and a threshold");
+  double sum = 0.0;
+  for (int edge = 1; edge <= threshold_deg; ++edge) {
+    sum += static_cast<double>(std::count_if(
+        errors_deg.begin(), errors_deg.end(), [&](double error) { return error < edge; }));
+  }
+  return sum / (threshold_deg * static_cast<double>(errors_deg.size()));
+}
+
+}  // namespace cohort

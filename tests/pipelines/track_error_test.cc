@@ -1,0 +1,159 @@
+#include "pipelines/evaluation/track_error.h"
+
+#include <gtest/gtest.h>
+
+namespace cohort {
+namespace {
+
+constexpr ReinitializationOptions kImage{
+    .limit_px = 10.0, .border_px = 16.0, .width_px = 640, .height_px = 480};
+const Eigen::Vector2d kVelocity(2.0, -1.0);  // of every surface point [px per frame]
+
+// Everything moves at kVelocity; a point is hidden in the frames that `hidden` says.
+TrackTruthOracle Moving(std::function<bool(std::uint32_t)> hidden = [](auto) { return false; }) {
+  return [hidden](FrameIndex anchor, const Eigen::Vector2d& xy) -> std::optional<TruePath> {
+    if (xy.x() < 0.0) return std::nullopt;  // no surface there
+    return [=](FrameIndex frame) -> std::optional<TrueSighting> {
+      const double steps = static_cast<double>(ToInt(frame)) - ToInt(anchor);
+      const Eigen::Vector2d now = xy + steps * kVelocity;
+      const bool inside = now.x() >= 0 && now.y() >= 0 && now.x() <= 639 && now.y() <= 479;
+      return TrueSighting{.xy = now, .visible = inside && !hidden(ToInt(frame))};
+    };
+  };
+}
+
+// Observations that follow the truth with an error of error(frame) along x.
+std::vector<Observation> Track(
+    std::uint32_t id,
+    std::uint32_t first,
+    std::uint32_t end,
+    const Eigen::Vector2d& start,
+    std::function<double(std::uint32_t)> error = [](auto) { return 0.0; },
+    std::function<bool(std::uint32_t)> predicted = [](auto) { return false; }) {
+  std::vector<Observation> track;
+  for (std::uint32_t f = first; f < end; ++f) {
+    track.push_back(
+        {.feature = FeatureId{id},
+         .frame = FrameIndex{f},
+         .xy = start + (f - first) * kVelocity + Eigen::Vector2d(error(f), 0.0),
+         .state = predicted(f) ? ObservationState::kPredicted : ObservationState::kObserved});
+  }
+  return track;
+}
+
+TrackSet Join(std::initializer_list<std::vector<Observation>> tracks) {
+  std::vector<Observation> all;
+  for (const auto& track : tracks) all.insert(all.end(), track.begin(), track.end());
+  return TrackSet::Build(std::move(all));
+}
+
+TEST(EvaluateTracks, ErrorIsTheDriftFromTheFirstPosition) {
+  // Errors 1, 2, ... 10 px after the first; the second track begins off any corner, which is no
+  // error, and stays true; the third has no truth.
+  const auto tracks = Join({Track(1, 0, 11, {100, 100}, [](auto f) { return 1.0 * f; }),
+                            Track(2, 5, 11, {200.3, 100.7}),
+                            Track(3, 0, 11, {-50, 100})});
+  const auto e = EvaluateTracks(tracks, Moving(), kImage);
+  EXPECT_EQ(e.tracks, 3u);
+  EXPECT_EQ(e.tracks_without_truth, 1u);
+  ASSERT_TRUE(e.observed);
+  EXPECT_EQ(e.observed->count, 15u);
+  EXPECT_NEAR(e.observed->mean_px, 55.0 / 15.0, 1e-12);
+  EXPECT_NEAR(e.observed->median_px, 3.0, 1e-12);
+  EXPECT_NEAR(e.observed->p90_px, 8.6, 1e-12);  // between 8 and 9, at 0.9 * 14 = 12.6
+  EXPECT_NEAR(*e.outlier_share, 7.0 / 15.0, 1e-12);
+  EXPECT_TRUE(e.predicted.empty());
+  EXPECT_FALSE(e.predicted_precision);
+  EXPECT_FALSE(e.predicted_recall);
+}
+
+TEST(EvaluateTracks, PredictedPositionsAreJudgedByFramesHidden) {
+  const auto hidden = [](std::uint32_t f) { return f >= 10 && f < 20; };
+  // One says `predicted` in time, the other two frames late and three too long.
+  const auto drift = [](std::uint32_t f) { return f >= 10 && f < 23 ? 0.1 * (f - 9.0) : 0.0; };
+  const auto tracks =
+      Join({Track(1, 0, 30, {100, 300}, drift, hidden),
+            Track(2, 0, 30, {200, 300}, drift, [](auto f) { return f >= 12 && f < 23; })});
+  const auto e = EvaluateTracks(tracks, Moving(hidden), kImage);
+  ASSERT_EQ(e.predicted.size(), 4u);  // nothing is hidden for 20 frames
+  EXPECT_EQ(e.predicted.at(1).count, 1u);
+  EXPECT_NEAR(e.predicted.at(1).median_px, 0.1, 1e-9);
+  EXPECT_EQ(e.predicted.at(5).count, 2u);
+  EXPECT_NEAR(e.predicted.at(5).median_px, 0.5, 1e-9);
+  EXPECT_NEAR(e.predicted.at(10).median_px, 1.0, 1e-9);
+  EXPECT_EQ(e.predicted.at(0).count, 3u);
+  EXPECT_NEAR(e.predicted.at(0).mean_px, 1.2, 1e-9);
+  EXPECT_NEAR(*e.predicted_precision, 18.0 / 21.0, 1e-12);
+  EXPECT_NEAR(*e.predicted_recall, 18.0 / 20.0, 1e-12);
+  // Observed: 19 of the first track, three of them before it has come back to the truth, and 18 of
+  // the second, two of them while hidden.
+  EXPECT_EQ(e.observed->count, 37u);
+  EXPECT_NEAR(e.observed->mean_px, (1.1 + 1.2 + 1.3 + 0.1 + 0.2) / 37.0, 1e-9);
+}
+
+TEST(EvaluateTracks, HiddenFramesCountAcrossGapsAndNotWithoutTruth) {
+  const auto hidden = [](std::uint32_t f) { return f >= 5; };
+  auto gap = Track(
+      1, 0, 10, {100, 300}, [](auto) { return 0.0; }, hidden);
+  gap.erase(gap.begin() + 5, gap.begin() + 9);  // frame 9 is the fifth hidden one
+  const auto other = Track(2, 0, 10, {200, 300});
+  const auto e = EvaluateTracks(Join({gap, other}), Moving(hidden), kImage);
+  EXPECT_EQ(e.predicted.at(5).count, 1u);
+  const auto no_truth = EvaluateTracks(
+      Join({gap, other}),
+      [](FrameIndex, const Eigen::Vector2d&) -> std::optional<TruePath> {
+        return [](FrameIndex) { return std::optional<TrueSighting>(); };
+      },
+      kImage);
+  EXPECT_FALSE(no_truth.observed);
+  EXPECT_TRUE(no_truth.predicted.empty());
+  EXPECT_FALSE(no_truth.predicted_recall);
+}
+
+TEST(Reinitializations, AreCountedWhenATrackLeavesTheTruthOrGivesUp) {
+  const auto wanders = Track(1, 0, 40, {100, 300}, [](auto f) { return f < 15 ? 9.9 : 10.1; });
+  // Truth is anchored at the first position, which this one has 9.9 px off as well.
+  const auto wanders_from_start = Track(2, 0, 40, {100, 300}, [](auto f) {
+    return f == 0 ? 0.0 : f < 15 ? 9.9 : 10.1;
+  });
+  const auto lost = Track(3, 0, 11, {200, 300});
+  const auto alive = Track(4, 0, 40, {300, 300});
+  const auto leaves = Track(5, 0, 11, {602, 300});  // then at (624, 289): within the border
+  const auto figure = MeasureReinitializations(
+      Join({wanders, wanders_from_start, lost, alive, leaves}), Moving(), kImage);
+  EXPECT_EQ(figure.frames, 39u + 14u + 10u + 39u + 10u);
+  EXPECT_EQ(figure.reinitializations, 2u);
+  EXPECT_NEAR(*figure.mean_frames_between, 112.0 / 2.0, 1e-12);
+
+  const auto hidden = [](std::uint32_t f) { return f >= 10 && f < 20; };
+  const auto excused =
+      Track(6, 0, 40, {100, 300}, [](auto f) { return f >= 10 && f < 20 ? 50.0 : 0.0; });
+  const auto ends_hidden = Track(7, 0, 15, {200, 300});
+  const auto none = MeasureReinitializations(Join({excused, ends_hidden}), Moving(hidden), kImage);
+  EXPECT_EQ(none.frames, 29u + 9u);
+  EXPECT_EQ(none.reinitializations, 0u);
+  EXPECT_FALSE(none.mean_frames_between);
+}
+
+TEST(TrajectoryL1, IsSummedOverTheFramesAndGivingUpWinsNothing) {
+  const auto steady = Track(1, 0, 40, {100, 300}, [](auto f) { return f == 0 ? 0.0 : -0.5; });
+  auto figure = MeasureTrajectoryL1(Join({steady}), Moving());
+  ASSERT_TRUE(figure);
+  EXPECT_EQ(figure->tracks, 1u);
+  EXPECT_NEAR(figure->mean_px, 30 * 0.5, 1e-9);
+
+  // Lost after frame 28: it stays there, while the truth moves on by 3 px (L1) a frame.
+  const auto lost = Track(2, 0, 29, {200, 300});
+  const auto late = Track(3, 1, 40, {300, 300}, [](auto) { return 5.0; });  // not of frame 0
+  const auto leaves = Track(4, 0, 15, {610, 300});  // its point leaves the image
+  figure = MeasureTrajectoryL1(Join({steady, lost, late, leaves}), Moving());
+  ASSERT_TRUE(figure);
+  EXPECT_EQ(figure->tracks, 2u);
+  EXPECT_NEAR(figure->mean_px, (15.0 + 3.0 + 6.0) / 2.0, 1e-9);
+
+  EXPECT_FALSE(MeasureTrajectoryL1(Join({Track(1, 0, 30, {100, 300})}), Moving()));
+  EXPECT_FALSE(MeasureTrajectoryL1(TrackSet(), Moving()));
+}
+
+}  // namespace
+}  // namespace cohort
