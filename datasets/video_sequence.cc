@@ -89,8 +89,8 @@ class VideoSequence final : public Sequence {
   std::optional<Frame> End() {
     if (source_frames_ && EndsEarly(grabbed_, *source_frames_)) {
       warning_ = fmt::format(
-          "decoded {} frames of about {}: {} is cut short or damaged, or its sound lasts longer; "
-          "the last frame may be incomplete",
+          "decoded {} frames of about {}: {} is cut short or damaged, or its header promises too "
+          "many; the last frame may be incomplete",
           grabbed_,
           *source_frames_,
           file_);

@@ -185,6 +185,17 @@ TEST(ImageFolder, AFirstImageThatCannotBeDecodedIsAnError) {
               ThrowsMessage<Error>(AllOf(HasSubstr("0.png"), HasSubstr("empty"))));
 }
 
+TEST(ImageFolder, ReadsTheCastleOfDebiansVispImagesData) {
+  const std::filesystem::path folder =
+      "/usr/share/visp-images-data/ViSP-images/mbt-depth/castel/castel";
+  if (!std::filesystem::exists(folder)) GTEST_SKIP() << "no package visp-images-data";
+  const auto sequence = OpenSequence(folder);
+  const std::vector<Frame> frames = test::ReadAll(*sequence);
+  ASSERT_EQ(frames.size(), 30u);
+  EXPECT_EQ(frames.back().name, "image_0029.pgm");
+  EXPECT_EQ(frames.back().gray.size(), cv::Size(640, 480));
+}
+
 TEST(OpenSequence, SaysWhatItLookedForInAFolderOfAnotherKind) {
   const TempDir dir;
   std::ofstream(dir / "notes.txt") << "nothing";
