@@ -126,6 +126,7 @@ class Mapper {
     model.TriangulateAll();
     model.ReclassifyAll(kInfinity);
     constexpr int kMaxRounds = 6;
+    constexpr double kSettled = 2e-3;  // share of the observations that change sides
     for (int round = 0; round < kMaxRounds; ++round) {
       const BundleResult result =
           model.Adjust(model.RegisteredFrames(), {}, Bundle(model, 20, round == 0 ? 1e-4 : 1e-6));
@@ -137,7 +138,10 @@ class Mapper {
                     changes,
                     found,
                     model.noise());
-      if (round > 0 && changes + found < 1e-3 * clip_.observations().size()) break;
+      if (round > 0 &&
+          changes + found < kSettled * static_cast<double>(clip_.observations().size())) {
+        break;
+      }
     }
   }
 

@@ -14,7 +14,7 @@ namespace cohort {
 struct MapperOptions {
   int min_track_length = 3;
   double max_reprojection_px = 4.0;
-  double min_angle_deg = 1.0;
+  double min_angle_deg = 0.5;
   double keyframe_parallax_px = 10.0;
   RobustLoss loss = RobustLoss::kCauchy;
   double loss_scale = 2.0;

@@ -158,15 +158,16 @@ class WindowBuilder {
       model.ReclassifyAll(std::numeric_limits<double>::infinity());
       if (static_cast<int>(model.CountPoints()) < options_.min_points) return;
     }
-    int all = 0;
+    int seen = 0;
     int explained = 0;
     for (const int f : window_) {
       for (const int o : clip_.InFrame(f)) {
-        ++all;
+        if (!model.HasPoint(clip_.observations()[o].track)) continue;
+        ++seen;
         if (model.Active(o)) ++explained;
       }
     }
-    if (explained < kMinExplained * all) return;
+    if (explained < kMinExplained * seen) return;
     if (2 * registered().size() < window_.size()) return;
     model.Normalise();
     const double cost = model.TruncatedCost(window_, options_.scene.max_reprojection_px);
