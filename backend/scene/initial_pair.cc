@@ -39,9 +39,13 @@ std::vector<std::size_t> CountShared(const TrackSet& tracks, std::size_t start) 
 double Score(const TwoViewGeometry& geometry, const InitialPairOptions& options) {
   // Forward motion has its depth where the picture hardly moves; COLMAP refuses it outright.
   const double sideways = geometry.cam2_from_cam1->translation.head<2>().norm();
+  // Noise alone has a parallax of 2.5 times the median error (and an angle).
+  const double parallax = geometry.parallax_px / (2.5 * std::max(geometry.error_px, 0.05));
+  const double evidence = std::clamp((parallax * parallax - 1.0) / 35.0, 0.0, 1.0);
   double score = static_cast<double>(geometry.inlier_count) *
                  std::min(1.0, geometry.angle_deg / options.good_angle_deg) *
-                 (1.0 - 0.5 * std::pow(geometry.homography_ratio, 4)) * std::max(0.2, sideways);
+                 (1.0 - 0.5 * std::pow(geometry.homography_ratio, 4)) * std::max(0.2, sideways) *
+                 evidence;
   if (geometry.kind == TwoViewKind::kPlanar) score *= 0.5;
   return score;
 }

@@ -47,8 +47,10 @@ struct InitialPairSearch {
 
 // Tries pairs that start on a coarse grid over the clip and still share 80, 60 and 40 % of the
 // first frame's features, and ranks them by
-//   inliers * min(1, angle / good_angle) * (1 - homography_ratio^4 / 2) * max(0.2, sideways),
-// where sideways is the part of the (unit) translation across the optical axis; half of it for a
+//   inliers * min(1, angle / good_angle) * (1 - homography_ratio^4 / 2) * max(0.2, sideways)
+//           * evidence,
+// where sideways is the part of the (unit) translation across the optical axis and evidence grows
+// from 0 to 1 as the parallax grows from that of pure noise to six times as much; half of it for a
 // plane. At most 36 geometries a clip.
 InitialPairSearch FindInitialPairs(const TrackSet& tracks,
                                    const Camera& camera,

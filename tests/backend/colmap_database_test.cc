@@ -1,6 +1,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <sys/resource.h>
+
+#include <csignal>
 #include <cstring>
 #include <limits>
 
@@ -373,6 +376,25 @@ TEST(ColmapDatabase, ReplacesAnOldFileWholeWithItsLogs) {
   EXPECT_EQ(ReadColmapDatabase(dir / "a.db").images.size(), 3u);
   EXPECT_FALSE(std::filesystem::exists(dir / "a.db-wal"));
   EXPECT_FALSE(std::filesystem::exists(dir / "a.db-shm"));
+  EXPECT_FALSE(std::filesystem::exists(dir / "a.db.partial"));
+}
+
+TEST(ColmapDatabase, OnAFullDiskTheOldFileStays) {
+  const TempDir dir;
+  WriteColmapDatabase(dir / "a.db", ThreeFrames());
+  const std::string old = ReadBytes(dir / "a.db");
+  const SyntheticTracks scene = MakeSyntheticTracks();
+  // A bound on the size of files stands in for the disk.
+  rlimit before{};
+  getrlimit(RLIMIT_FSIZE, &before);
+  const rlimit small{100'000, before.rlim_max};
+  const auto handler = std::signal(SIGXFSZ, SIG_IGN);
+  setrlimit(RLIMIT_FSIZE, &small);
+  EXPECT_THAT([&] { WriteColmapDatabase(dir / "a.db", scene.file); },
+              ThrowsMessage<Error>(HasSubstr("a.db")));
+  setrlimit(RLIMIT_FSIZE, &before);
+  std::signal(SIGXFSZ, handler);
+  EXPECT_EQ(ReadBytes(dir / "a.db"), old);
   EXPECT_FALSE(std::filesystem::exists(dir / "a.db.partial"));
 }
 

@@ -4,7 +4,11 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <sstream>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <csignal>
+#include <fstream>
 
 #include "backend/colmap/model_io.h"
 #include "backend/colmap/program.h"
@@ -369,6 +373,35 @@ TEST(ColmapProgram, TellsAKilledProgram) {
       "case \"$*\" in\n'-h') echo COLMAP 3.8 ;;\n*-h) ;;\n*) kill -ABRT $$ ;;\nesac\n");
   ColmapProgram program(fake.path());
   EXPECT_EQ(program.Run("mapper", {}, fake.log()).Brief(), "killed by signal 6");
+}
+
+// Whether a process is gone, or dead and waiting for whoever inherited it.
+bool HasEnded(const std::string& pid) {
+  std::ifstream stat("/proc/" + pid + "/stat");
+  std::string text;
+  return !std::getline(stat, text) || text.find(") Z") != std::string::npos;
+}
+
+TEST(ColmapProgram, DiesWithUs) {
+  const FakeColmap fake(
+      "case \"$*\" in\n'-h') echo COLMAP 3.8 ;;\n*-h) ;;\n"
+      "*) echo $$ > \"$0.pid.partial\"; mv \"$0.pid.partial\" \"$0.pid\"; exec sleep 60 "
+      ";;\nesac\n");
+  const pid_t ours = fork();
+  ASSERT_GE(ours, 0);
+  if (ours == 0) {
+    ColmapProgram(fake.path()).Run("mapper", {}, fake.log());
+    _exit(0);
+  }
+  const std::string pid_file = fake.path() + ".pid";
+  while (!std::filesystem::exists(pid_file)) usleep(1000);
+  std::string pid = ReadBytes(pid_file);
+  pid.pop_back();
+  EXPECT_FALSE(HasEnded(pid));
+  kill(ours, SIGKILL);
+  waitpid(ours, nullptr, 0);
+  for (int i = 0; i < 5000 && !HasEnded(pid); ++i) usleep(1000);
+  EXPECT_TRUE(HasEnded(pid));
 }
 
 TEST(ColmapMapper, AProgramThatSucceedsAndRegistersNothingHasFailed) {
