@@ -1,5 +1,6 @@
 #include "frontend/track/track_loop.h"
 
+#include <chrono>
 #include <utility>
 
 #include "frontend/core/error.h"
@@ -72,8 +73,11 @@ FrameResult TrackLoop::Track(const Frame& frame) {
       alive < options_.detector.redetect_below * options_.detector.max_features) {
     std::vector<Eigen::Vector2d> occupied;
     for (const Feature& feature : features_) occupied.push_back(feature.xy);
+    const auto start = std::chrono::steady_clock::now();
     const std::vector<Eigen::Vector2d> born = DetectCorners(
         pyramid.levels.front(), occupied, mask_, options_.birth_border_px, options_.detector);
+    result.detect_ms =
+        std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
     for (const Eigen::Vector2d& xy : born) {
       features_.push_back({FeatureId{next_id_++}, xy, 0});
       result.observations.push_back(

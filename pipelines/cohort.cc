@@ -1,0 +1,6 @@
+#include "pipelines/commands/track.h"
+
+int main(int argc, char** argv) {
+  const std::vector<std::string> arguments(argv + 1, argv + argc);
+  return cohort::RunProgram({cohort::TrackCommand()}, arguments);
+}

@@ -1,0 +1,58 @@
+#include "pipelines/commands/input_options.h"
+
+#include <array>
+#include <charconv>
+#include <cmath>
+
+namespace cohort {
+namespace {
+
+Camera ParseCamera(const std::string& text, int width_px, int height_px) {
+  std::array<double, 8> values{};
+  std::size_t count = 0;
+  const char* at = text.data();
+  const char* const end = at + text.size();
+  while (count < values.size()) {
+    const auto [stop, error] = std::from_chars(at, end, values[count]);
+    if (error != std::errc() || !std::isfinite(values[count])) break;
+    ++count;
+    at = stop;
+    if (at == end || *at != ',') break;
+    ++at;
+  }
+  if (at != end || (count != 4 && count != 8)) {
+    ThrowUsageError("--camera '{}' is no camera: give fx,fy,cx,cy or fx,fy,cx,cy,k1,k2,p1,p2",
+                    text);
+  }
+  if (!(values[0] > 0.0 && values[1] > 0.0)) {
+    ThrowUsageError("--camera '{}': fx and fy must be above 0", text);
+  }
+  return {.width_px = width_px,
+          .height_px = height_px,
+          .fx = values[0],
+          .fy = values[1],
+          .cx = values[2],
+          .cy = values[3],
+          .k1 = values[4],
+          .k2 = values[5],
+          .p1 = values[6],
+          .p2 = values[7]};
+}
+
+}  // namespace
+
+std::unique_ptr<Sequence> OpenInput(const InputOptions& options) {
+  return OpenSequence(options.input,
+                      options.layout,
+                      options.frames.empty() ? FrameRange{} : FrameRange::Parse(options.frames));
+}
+
+std::optional<Camera> CameraOf(const InputOptions& options,
+                               const Sequence& sequence,
+                               int width_px,
+                               int height_px) {
+  if (!options.camera.empty()) return ParseCamera(options.camera, width_px, height_px);
+  return sequence.KnownCamera();
+}
+
+}  // namespace cohort

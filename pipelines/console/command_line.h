@@ -1,0 +1,43 @@
+#pragma once
+
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "pipelines/console/option_list.h"
+
+namespace cohort {
+
+// A short name of options on the command line, beside their full ones: {"features",
+// {"detector.max_features"}} makes --features. With several paths it sets all of them.
+struct ShortFlag {
+  std::string name;
+  std::vector<std::string> paths;
+};
+
+// What a command's line looks like. `positionals` are paths that are given without a flag, in this
+// order; a list takes all that are left.
+struct CommandLine {
+  std::string name;
+  std::string usage;    // what follows the name, "INPUT --out F.tracks [options]"
+  std::string summary;  // one line
+  std::vector<std::string> positionals;
+  std::vector<std::string> required;  // paths that must not stay empty
+  std::vector<ShortFlag> short_flags;
+};
+
+enum class ParseOutcome {
+  kRun,
+  kDone,  // --help or --dump-config has been printed
+};
+
+// Sets the options behind `entries`: defaults < --config F.json < flags. Every entry gets a flag
+// --group.some-name from its path group.some_name (--no-... too where it is on or off). Throws
+// UsageError naming the flag and the nearest known one, or what the value must be.
+// --quiet is handled here: only warnings and errors go to the log.
+ParseOutcome ParseCommandLine(const CommandLine& line,
+                              const std::vector<OptionEntry>& entries,
+                              std::span<const std::string> arguments);
+
+}  // namespace cohort

@@ -1,0 +1,24 @@
+#include "pipelines/console/json_file.h"
+
+#include <nlohmann/json.hpp>
+
+#include "frontend/core/error.h"
+#include "frontend/core/output.h"
+
+namespace cohort {
+
+void WriteJsonFile(const std::filesystem::path& path, const nlohmann::ordered_json& json) {
+  OutputFile out(path);
+  WriteBytes(out.partial(), json.dump(2) + "\n");
+  out.Commit();
+}
+
+nlohmann::ordered_json ReadJsonFile(const std::filesystem::path& path) {
+  try {
+    return nlohmann::ordered_json::parse(ReadBytes(path));
+  } catch (const nlohmann::json::parse_error& e) {
+    ThrowError("{}: is no JSON (byte {})", path.string(), e.byte);
+  }
+}
+
+}  // namespace cohort

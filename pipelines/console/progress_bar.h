@@ -1,0 +1,38 @@
+#pragma once
+
+#include <chrono>
+#include <cstddef>
+#include <optional>
+#include <string>
+
+namespace cohort {
+
+// One line on stderr, `track [=====>    ] 120/300  87 fps  ETA 0:02`, redrawn at most ten times a
+// second and wiped at the end. Nothing where stderr is no terminal or the log is quiet.
+class ProgressBar {
+ public:
+  explicit ProgressBar(std::string label, std::optional<std::size_t> total = std::nullopt);
+  ProgressBar(const ProgressBar&) = delete;
+  ProgressBar& operator=(const ProgressBar&) = delete;
+  ~ProgressBar();
+
+  void Advance();
+
+ private:
+  using Clock = std::chrono::steady_clock;
+
+  bool shown_;
+  std::string label_;
+  std::optional<std::size_t> total_;
+  std::size_t done_ = 0;
+  Clock::time_point start_ = Clock::now();
+  Clock::time_point next_draw_ = start_;
+};
+
+// The line itself, as drawn after `seconds`.
+std::string ProgressLine(const std::string& label,
+                         std::size_t done,
+                         std::optional<std::size_t> total,
+                         double seconds);
+
+}  // namespace cohort
