@@ -1,6 +1,9 @@
+#include "pipelines/commands/export.h"
+#include "pipelines/commands/import.h"
 #include "pipelines/commands/track.h"
 
 int main(int argc, char** argv) {
   const std::vector<std::string> arguments(argv + 1, argv + argc);
-  return cohort::RunProgram({cohort::TrackCommand()}, arguments);
+  return cohort::RunProgram(
+      {cohort::TrackCommand(), cohort::ImportCommand(), cohort::ExportCommand()}, arguments);
 }

@@ -93,7 +93,8 @@ EarlierRun FindEarlierRun(const fs::path& out, const TrackFile& header) {
         "--resume it is made anew",
         path.string());
   }
-  EarlierRun run{.complete = !unfinished};
+  EarlierRun run;
+  run.complete = !unfinished;
   if (!earlier.frames.empty()) run.last_frame = earlier.frames.back().index;
   return run;
 }

@@ -6,16 +6,21 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 #include <numeric>
+#include <sstream>
 
 #include "pipelines/console/json_file.h"
 
 namespace cohort {
 namespace {
 
+// An option as the command line knows it: one flag for one or several entries.
 struct BoundOption {
   CLI::Option* option;
   std::vector<const OptionEntry*> entries;
-  std::string given_as;
+  std::string given_as;     // in messages
+  std::string group;        // heading in --help
+  std::string left;         // of its line in --help
+  std::string description;  // of its line in --help
 };
 
 std::string FlagName(std::string path) {
@@ -44,21 +49,98 @@ std::string Description(const OptionEntry& entry) {
 }
 
 // `names` without dashes.
-CLI::Option* AddOption(CLI::App& app, const OptionEntry& entry, std::vector<std::string> names) {
-  const bool is_flag = std::holds_alternative<bool>(entry.get());
-  std::string joined;
-  for (const std::string& name : names) {
-    if (!joined.empty()) joined += ",";
-    joined += "--" + name;
-  }
-  if (is_flag) joined += ",!--no-" + names.front();
-  const std::string description = Description(entry);
-  if (is_flag) return app.add_flag(joined, description);
-  return app
-      .add_option(
-          joined, [](const CLI::results_t&) { return true; }, description)
-      ->type_name("")
+CLI::Option* AddFlag(CLI::App& app, bool takes_value, const std::vector<std::string>& names) {
+  const std::string joined = fmt::format("--{}", fmt::join(names, ",--"));
+  if (!takes_value) return app.add_flag(joined + ",!--no-" + names.front());
+  return app.add_option(joined, [](const CLI::results_t&) { return true; })
+      ->type_name("value")
       ->multi_option_policy(CLI::MultiOptionPolicy::TakeLast);
+}
+
+BoundOption BindPositional(CLI::App& app, const OptionEntry& entry) {
+  CLI::Option* option = app.add_option(entry.path, [](const CLI::results_t&) { return true; });
+  if (std::holds_alternative<std::vector<std::string>>(entry.get())) {
+    option->expected(0, CLI::detail::expected_max_vector_size);
+  }
+  return {option, {&entry}, entry.path, "", entry.path, Description(entry)};
+}
+
+BoundOption BindEntry(CLI::App& app, const CommandLine& line, const OptionEntry& entry) {
+  const OptionValue value = entry.get();
+  const bool takes_value = !std::holds_alternative<bool>(value);
+  const std::string full_name = FlagName(entry.path);
+  std::vector<std::string> names{full_name};
+  for (const ShortFlag& flag : line.short_flags) {
+    if (flag.paths == std::vector{entry.path}) names.insert(names.begin(), flag.name);
+  }
+  const bool listed_first = names.size() > 1 || entry.group.empty();
+  return {AddFlag(app, takes_value, names),
+          {&entry},
+          "--" + names.front(),
+          listed_first ? "" : entry.group,
+          fmt::format("{}{}",
+                      !takes_value && std::get<bool>(value) ? "--[no-]" : "--",
+                      fmt::join(names, ", --")),
+          Description(entry)};
+}
+
+// A short flag of several entries.
+BoundOption BindShortFlag(CLI::App& app,
+                          const std::vector<OptionEntry>& entries,
+                          const ShortFlag& flag) {
+  std::vector<const OptionEntry*> targets;
+  std::vector<std::string> names;
+  for (const std::string& path : flag.paths) {
+    targets.push_back(&EntryAt(entries, path));
+    names.push_back("--" + FlagName(path));
+  }
+  return {AddFlag(app, true, {flag.name}),
+          targets,
+          "--" + flag.name,
+          "",
+          "--" + flag.name,
+          fmt::format("sets {}", fmt::join(names, " and "))};
+}
+
+std::string HelpLine(const std::string& left, const std::string& description) {
+  constexpr std::size_t kLeftWidth = 30;
+  constexpr std::size_t kWidth = 100;
+  std::string text = fmt::format("  {:<{}}", left, kLeftWidth - 2);
+  std::size_t column = text.size();
+  if (column > kLeftWidth) {
+    text += fmt::format("\n{:{}}", "", kLeftWidth);
+    column = kLeftWidth;
+  }
+  std::istringstream words(description);
+  for (std::string word; words >> word;) {
+    if (column + 1 + word.size() > kWidth) {
+      text += fmt::format("\n{:{}}", "", kLeftWidth);
+      column = kLeftWidth;
+    }
+    text += " " + word;
+    column += 1 + word.size();
+  }
+  return text + "\n";
+}
+
+std::string HelpText(const CommandLine& line, const std::vector<BoundOption>& options) {
+  std::string text =
+      fmt::format("{}.\n\nUsage: cohort {} {}\n\n", line.summary, line.name, line.usage);
+  for (const BoundOption& option : options) {
+    if (option.group.empty()) text += HelpLine(option.left, option.description);
+  }
+  text += HelpLine("--config", "JSON file of options, as --dump-config prints; flags override it");
+  text += HelpLine("--dump-config", "print all options as JSON, and end");
+  text += HelpLine("--quiet", "no log and no progress bar, only warnings and errors");
+  text += HelpLine("--help", "print this, and end");
+  std::string group;
+  for (const BoundOption& option : options) {
+    if (option.group.empty()) continue;
+    if (option.group != group) text += fmt::format("\n{}:\n", option.group);
+    group = option.group;
+    text += HelpLine(option.left, option.description);
+  }
+  return text;
 }
 
 // Number of single-letter edits between two words.
@@ -119,69 +201,43 @@ void Apply(const BoundOption& bound) {
 ParseOutcome ParseCommandLine(const CommandLine& line,
                               const std::vector<OptionEntry>& entries,
                               std::span<const std::string> arguments) {
-  CLI::App app(line.summary);
+  CLI::App app;
   app.allow_extras();
-  app.set_help_flag("-h,--help", "print this help");
-  app.get_formatter()->column_width(38);
+  app.set_help_flag();
 
-  std::vector<BoundOption> bound;
+  // Later ones overwrite earlier ones: the full name of an option goes before a flag of several.
+  std::vector<BoundOption> options;
   for (const std::string& path : line.positionals) {
-    const OptionEntry& entry = EntryAt(entries, path);
-    CLI::Option* option =
-        app.add_option(
-               path, [](const CLI::results_t&) { return true; }, Description(entry))
-            ->type_name("");
-    if (std::holds_alternative<std::vector<std::string>>(entry.get())) {
-      option->expected(0, CLI::detail::expected_max_vector_size);
-    }
-    bound.push_back({option, {&entry}, path});
+    options.push_back(BindPositional(app, EntryAt(entries, path)));
   }
   for (const ShortFlag& flag : line.short_flags) {
-    if (flag.paths.size() == 1) continue;
-    std::vector<const OptionEntry*> targets;
-    std::vector<std::string> names;
-    for (const std::string& path : flag.paths) {
-      targets.push_back(&EntryAt(entries, path));
-      names.push_back("--" + FlagName(path));
-    }
-    CLI::Option* option = AddOption(app, *targets.front(), {flag.name});
-    option->description(fmt::format("the same as all of {}", fmt::join(names, ", ")));
-    bound.push_back({option, targets, "--" + flag.name});
+    if (flag.paths.size() > 1) options.push_back(BindShortFlag(app, entries, flag));
   }
   for (const OptionEntry& entry : entries) {
-    if (IsPositional(line, entry.path)) continue;
-    const std::string full_name = FlagName(entry.path);
-    std::vector<std::string> names{full_name};
-    for (const ShortFlag& flag : line.short_flags) {
-      if (flag.paths == std::vector{entry.path}) names.insert(names.begin(), flag.name);
-    }
-    CLI::Option* option = AddOption(app, entry, names);
-    if (names.size() == 1 && !entry.group.empty()) {
-      option->group(fmt::format(
-          "{} (--{}.*)", entry.group, full_name.substr(0, full_name.find_last_of('.'))));
-    }
-    bound.push_back({option, {&entry}, "--" + names.front()});
+    if (!IsPositional(line, entry.path)) options.push_back(BindEntry(app, line, entry));
   }
   std::string config;
   bool dump_config = false;
   bool quiet = false;
-  app.add_option("--config", config, "JSON file of options; flags override it")->type_name("");
-  app.add_flag("--dump-config", dump_config, "print all options as JSON for --config, and end");
-  app.add_flag("--quiet", quiet, "no log and no progress bar, only warnings and errors");
+  bool help = false;
+  app.add_option("--config", config);
+  app.add_flag("--dump-config", dump_config);
+  app.add_flag("--quiet", quiet);
+  app.add_flag("-h,--help", help);
 
   try {
     app.parse(std::vector<std::string>(arguments.rbegin(), arguments.rend()));
-  } catch (const CLI::CallForHelp&) {
-    fmt::print(
-        "Usage: cohort {} {}\n{}", line.name, line.usage, app.help("", CLI::AppFormatMode::Sub));
-    return ParseOutcome::kDone;
   } catch (const CLI::ParseError& e) {
     ThrowUsageError("{}: 'cohort {} --help' lists all options", e.what(), line.name);
+  }
+  if (help) {
+    fmt::print("{}", HelpText(line, options));
+    return ParseOutcome::kDone;
   }
   if (!app.remaining().empty()) ThrowUnexpected(app, line, app.remaining().front());
 
   if (!config.empty()) SetFromJson(entries, ReadJsonFile(config), config);
-  for (const BoundOption& option : bound) Apply(option);
+  for (const BoundOption& option : options) Apply(option);
   if (quiet) spdlog::set_level(spdlog::level::warn);
   if (dump_config) {
     fmt::print("{}\n", OptionsToJson(entries).dump(2));

@@ -22,9 +22,9 @@ struct CommandLine {
   std::string name;
   std::string usage;    // what follows the name, "INPUT --out F.tracks [options]"
   std::string summary;  // one line
-  std::vector<std::string> positionals;
-  std::vector<std::string> required;  // paths that must not stay empty
-  std::vector<ShortFlag> short_flags;
+  std::vector<std::string> positionals = {};
+  std::vector<std::string> required = {};  // paths that must not stay empty
+  std::vector<ShortFlag> short_flags = {};
 };
 
 enum class ParseOutcome {

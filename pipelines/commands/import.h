@@ -1,0 +1,26 @@
+#pragma once
+
+#include "pipelines/commands/input_options.h"
+#include "pipelines/console/command.h"
+
+namespace cohort {
+
+struct ImportCommandOptions {
+  std::string tracks;
+  InputOptions input;
+  std::string out;
+
+  template <typename Self, typename Visitor>
+  static void Visit(Self& o, Visitor& v) {
+    v.Text("tracks", o.tracks, "CSV file with columns track_id,frame,x,y[,observed][,residual]");
+    InputOptions::Visit(o.input, v);
+    v.Text("out", o.out, "the .tracks file to write");
+  }
+};
+
+// Tracks of any other tracker -> .tracks.
+void RunImport(const ImportCommandOptions& options);
+
+Command ImportCommand();
+
+}  // namespace cohort

@@ -1,0 +1,38 @@
+#pragma once
+
+#include "backend/colmap/colmap_mapper.h"
+#include "pipelines/console/command.h"
+
+namespace cohort {
+
+enum class BackendKind { kColmap };
+inline constexpr ChoiceNames<BackendKind, 1> kBackendNames{{{"colmap", BackendKind::kColmap}}};
+
+struct ReconstructCommandOptions {
+  std::string tracks;
+  std::string out;
+  std::string json;
+  BackendKind backend = BackendKind::kColmap;
+  bool write_frames = true;
+  ColmapOptions colmap;
+
+  template <typename Self, typename Visitor>
+  static void Visit(Self& o, Visitor& v) {
+    v.Text("tracks", o.tracks, "a .tracks file");
+    v.Text("out", o.out, "the model folder to write");
+    v.Text("json", o.json, "file for the figures of the run");
+    v.Choice("backend", o.backend, kBackendNames, "what reconstructs");
+    v.Flag("write_frames",
+           o.write_frames,
+           "of a video, write the frames as pictures beside COLMAP's database");
+    v.Group("colmap", o.colmap, "backend colmap");
+  }
+};
+
+// .tracks -> model folder. Throws Error after writing all there is where fewer than 80 % of the
+// frames registered: a part of a clip is no reconstruction of it.
+void RunReconstruct(const ReconstructCommandOptions& options);
+
+Command ReconstructCommand();
+
+}  // namespace cohort

@@ -1,0 +1,35 @@
+#include "pipelines/commands/video_frames.h"
+
+#include <opencv2/imgcodecs.hpp>
+#include <string>
+#include <vector>
+
+#include "datasets/sequence.h"
+#include "frontend/core/error.h"
+#include "frontend/core/output.h"
+#include "pipelines/console/progress_bar.h"
+
+namespace cohort {
+
+void WriteVideoFrames(const TrackFile& file, const std::filesystem::path& folder) {
+  std::vector<std::string> names;
+  for (const FrameInfo& frame : file.frames) names.push_back(frame.name);
+  OutputFolder out(folder, names);
+  const auto video = OpenSequence(file.source, Layout::kVideo);
+  ProgressBar progress("write frames", file.frames.size());
+  for (const FrameInfo& wanted : file.frames) {
+    std::optional<Frame> frame = video->Next();
+    while (frame && frame->index < wanted.index) frame = video->Next();
+    if (!frame || frame->name != wanted.name) {
+      ThrowError("{}: has no frame {} any more: track the video again", file.source, wanted.name);
+    }
+    const std::string path = (out.partial() / wanted.name).string();
+    if (!cv::imwrite(path, frame->gray)) {
+      ThrowError("cannot write {}: is the disk full?", path);
+    }
+    progress.Advance();
+  }
+  out.Commit();
+}
+
+}  // namespace cohort
