@@ -1,9 +1,13 @@
 #include "pipelines/commands/export.h"
 #include "pipelines/commands/import.h"
+#include "pipelines/commands/reconstruct.h"
 #include "pipelines/commands/track.h"
 
 int main(int argc, char** argv) {
   const std::vector<std::string> arguments(argv + 1, argv + argc);
-  return cohort::RunProgram(
-      {cohort::TrackCommand(), cohort::ImportCommand(), cohort::ExportCommand()}, arguments);
+  return cohort::RunProgram({cohort::TrackCommand(),
+                             cohort::ImportCommand(),
+                             cohort::ExportCommand(),
+                             cohort::ReconstructCommand()},
+                            arguments);
 }

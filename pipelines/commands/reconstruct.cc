@@ -42,25 +42,57 @@ void PrintSummary(const ReconstructionSummary& summary, const std::string& out) 
                            {"seconds", fmt::format("{:.1f}", summary.seconds)}}));
 }
 
-}  // namespace
+struct Outcome {
+  Reconstruction reconstruction;  // empty: there is none
+  ReconstructionSummary summary;
+};
 
-void RunReconstruct(const ReconstructCommandOptions& options) {
-  TrackFile file = ReadTrackFile(options.tracks);
-  OutputFolder out(options.out, ModelFolderNames());
-  const fs::path work_dir = out.partial() / "colmap";
+Outcome ReconstructByCeres(const TrackFile& file, const ReconstructCommandOptions& options) {
+  MapperResult result = ReconstructWithCeres(file, options.ceres);
+  return {std::move(result.reconstruction), std::move(result.summary)};
+}
+
+Outcome ReconstructByColmap(TrackFile file,
+                            const ReconstructCommandOptions& options,
+                            const fs::path& work_dir) {
   if (file.image_root.empty() && options.write_frames) {
     fs::create_directory(work_dir);
     WriteVideoFrames(file, work_dir / "images");
     file.image_root = (work_dir / "images").string();
   }
-  spdlog::info("colmap reconstructs {} frames, {} tracks ...",
+  ColmapResult result = ReconstructWithColmap(file, options.colmap, work_dir);
+  return {std::move(result.reconstruction), std::move(result.summary)};
+}
+
+Outcome Reconstruct(const TrackFile& file,
+                    const ReconstructCommandOptions& options,
+                    const fs::path& folder) {
+  switch (options.backend) {
+    case BackendKind::kCeres:
+      return ReconstructByCeres(file, options);
+    case BackendKind::kColmap:
+      return ReconstructByColmap(file, options, folder / "colmap");
+  }
+  ThrowUsageError("unknown backend");
+}
+
+}  // namespace
+
+void RunReconstruct(const ReconstructCommandOptions& options) {
+  const TrackFile file = ReadTrackFile(options.tracks);
+  if (!file.complete) {
+    spdlog::warn(
+        "{}: tracking was interrupted; it holds {} frames", options.tracks, file.frames.size());
+  }
+  OutputFolder out(options.out, ModelFolderNames());
+  spdlog::info("{} reconstructs {} frames, {} tracks ...",
+               NameOf(kBackendNames, options.backend),
                file.frames.size(),
                file.tracks.features().size());
-  const ColmapResult result = ReconstructWithColmap(file, options.colmap, work_dir);
-  const ReconstructionSummary& summary = result.summary;
+  const auto [reconstruction, summary] = Reconstruct(file, options, out.partial());
 
-  if (!result.reconstruction.cam_from_world.empty()) {
-    WriteReconstructionFiles(out.partial(), result.reconstruction);
+  if (!reconstruction.cam_from_world.empty()) {
+    WriteReconstructionFiles(out.partial(), reconstruction);
   }
   const nlohmann::ordered_json json = SummaryToJson(summary, options);
   WriteJsonFile(out.partial() / "summary.json", json);
@@ -70,7 +102,7 @@ void RunReconstruct(const ReconstructCommandOptions& options) {
   if (summary.Failed()) {
     ThrowError(
         "the reconstruction failed: {} of {} frames registered, fewer than 80 % ({}); what "
-        "there is and COLMAP's log are in {}",
+        "there is lies in {}",
         summary.registered,
         summary.frames,
         summary.termination,
@@ -81,7 +113,7 @@ void RunReconstruct(const ReconstructCommandOptions& options) {
 Command ReconstructCommand() {
   return MakeCommand(
       {.name = "reconstruct",
-       .usage = "F.tracks --out DIR [options]",
+       .usage = "F.tracks --backend ceres|colmap --out DIR [options]",
        .summary = "Reconstruct cameras and points from tracks",
        .positionals = {"tracks"},
        .required = {"tracks", "out"},

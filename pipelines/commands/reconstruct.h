@@ -1,19 +1,22 @@
 #pragma once
 
 #include "backend/colmap/colmap_mapper.h"
+#include "backend/scene/incremental_mapper.h"
 #include "pipelines/console/command.h"
 
 namespace cohort {
 
-enum class BackendKind { kColmap };
-inline constexpr ChoiceNames<BackendKind, 1> kBackendNames{{{"colmap", BackendKind::kColmap}}};
+enum class BackendKind { kCeres, kColmap };
+inline constexpr ChoiceNames<BackendKind, 2> kBackendNames{
+    {{"ceres", BackendKind::kCeres}, {"colmap", BackendKind::kColmap}}};
 
 struct ReconstructCommandOptions {
   std::string tracks;
   std::string out;
   std::string json;
-  BackendKind backend = BackendKind::kColmap;
+  BackendKind backend = BackendKind::kCeres;
   bool write_frames = true;
+  MapperOptions ceres;
   ColmapOptions colmap;
 
   template <typename Self, typename Visitor>
@@ -25,6 +28,7 @@ struct ReconstructCommandOptions {
     v.Flag("write_frames",
            o.write_frames,
            "of a video, write the frames as pictures beside COLMAP's database");
+    v.Group("ceres", o.ceres, "backend ceres");
     v.Group("colmap", o.colmap, "backend colmap");
   }
 };
