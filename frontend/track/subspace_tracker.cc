@@ -60,6 +60,10 @@ class SubspaceMover final : public FeatureMover {
     Eigen::Matrix2Xd x;       // 2 x F; no columns: unknown
     double spread_px = 0.0;   // typical distance of the trusted features from it, a coordinate
     double noise_gain = 0.0;  // variance that it takes over from the history, a coordinate
+    // How far a feature's history lies outside the trusted ones', as its leverage in the
+    // regression: about 3 / C for one of C trusted features, large for one that would be
+    // extrapolated.
+    Eigen::VectorXd leverage;
     bool known() const { return x.cols() > 0; }
   };
   Prediction Predict(const Eigen::Matrix2Xd& x, const std::vector<std::uint8_t>& trusted) const;
@@ -290,6 +294,10 @@ SubspaceMover::Prediction SubspaceMover::Predict(const Eigen::Matrix2Xd& x,
     prediction.noise_gain = 0.5 * A.squaredNorm();
     prediction.x = (A * (history.colwise() - mean_h)).colwise() + mean_x;
 
+    const Eigen::MatrixXd projected =
+        inverse.cwiseSqrt().asDiagonal() * U.transpose() * (history.colwise() - mean_h);
+    prediction.leverage = projected.colwise().squaredNorm();
+
     std::vector<double> errors;
     for (Eigen::Index i = 0; i < C; ++i) {
       errors.push_back((prediction.x.col(chosen[static_cast<std::size_t>(i)]) - X.col(i)).norm());
@@ -360,7 +368,12 @@ void SubspaceMover::LeadByTheOthers(std::vector<Move>& moves) {
       moves[f].state = ObservationState::kPredicted;
       moves[f].covariance.reset();
     }
-    if (moves[f].state == ObservationState::kPredicted) moves[f].xy = predicted;
+    if (moves[f].state == ObservationState::kObserved) continue;
+    moves[f].xy = predicted;
+    // A course that no other feature shares cannot be predicted.
+    if (prediction.leverage[static_cast<Eigen::Index>(f)] > 0.5) {
+      moves[f].loss = LossReason::kContradicted;
+    }
   }
 }
 

@@ -162,7 +162,7 @@ struct TrackerOptions {
   TrackerKind tracker = TrackerKind::kSubspace;
   double border_px = 5.0;
   int birth_border_px = 16;
-  int max_unconfirmed_frames = 30;
+  int max_unconfirmed_frames = 20;
   DetectorOptions detector;
   KltOptions klt;
   SubspaceOptions subspace;
