@@ -370,8 +370,9 @@ void SubspaceMover::LeadByTheOthers(std::vector<Move>& moves) {
     }
     if (moves[f].state == ObservationState::kObserved) continue;
     moves[f].xy = predicted;
-    // A course that no other feature shares cannot be predicted.
-    if (prediction.leverage[static_cast<Eigen::Index>(f)] > 0.5) {
+    // A course that no other feature shares cannot be predicted: its expected error says so.
+    const double leverage = prediction.leverage[static_cast<Eigen::Index>(f)];
+    if (prediction.spread_px * std::sqrt(leverage) > measure_.max_distance_px) {
       moves[f].loss = LossReason::kContradicted;
     }
   }
