@@ -16,7 +16,7 @@ inline constexpr ChoiceNames<DegradeRecipe, 2> kRecipeNames{
 
 struct DegradeOptions {
   DegradeRecipe recipe = DegradeRecipe::kPaper;
-  double level = 1.0;
+  double level = 1.0;  // 0 clean, 1 medium, 2 hard; as text: ParseLevel
   double occluder_px_per_frame = 0.0;
   unsigned seed = 1;
 
@@ -24,7 +24,6 @@ struct DegradeOptions {
   static void Visit(Self& o, Visitor& v) {
     v.Choice(
         "recipe", o.recipe, kRecipeNames, "paper: darken, noise, blur, noise; sensor: a camera");
-    v.Number("level", o.level, 0.0, 10.0, "0 clean, 1 medium, 2 hard; between: interpolated");
     v.Number("occluder_px_per_frame",
              o.occluder_px_per_frame,
              0.0,

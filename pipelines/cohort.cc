@@ -1,6 +1,9 @@
+#include "pipelines/commands/degrade.h"
+#include "pipelines/commands/evaluate.h"
 #include "pipelines/commands/export.h"
 #include "pipelines/commands/import.h"
 #include "pipelines/commands/reconstruct.h"
+#include "pipelines/commands/synth.h"
 #include "pipelines/commands/track.h"
 
 int main(int argc, char** argv) {
@@ -8,6 +11,9 @@ int main(int argc, char** argv) {
   return cohort::RunProgram({cohort::TrackCommand(),
                              cohort::ImportCommand(),
                              cohort::ExportCommand(),
-                             cohort::ReconstructCommand()},
+                             cohort::ReconstructCommand(),
+                             cohort::EvaluateCommand(),
+                             cohort::SynthCommand(),
+                             cohort::DegradeCommand()},
                             arguments);
 }

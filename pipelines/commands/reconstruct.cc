@@ -15,11 +15,21 @@ namespace {
 
 namespace fs = std::filesystem;
 
+// "first:end:stride", as FrameRange reads it: evaluation must know which frames are missing.
+std::string RangeOf(const std::vector<FrameInfo>& frames) {
+  if (frames.empty()) return "0:0";
+  const std::uint32_t first = ToInt(frames.front().index);
+  const std::uint32_t stride = frames.size() > 1 ? ToInt(frames[1].index) - first : 1;
+  return fmt::format("{}:{}:{}", first, ToInt(frames.back().index) + 1, stride);
+}
+
 nlohmann::ordered_json SummaryToJson(const ReconstructionSummary& summary,
+                                     const TrackFile& file,
                                      const ReconstructCommandOptions& options) {
   return {{"backend", NameOf(kBackendNames, options.backend)},
           {"registered", summary.registered},
           {"frames", summary.frames},
+          {"frame_range", RangeOf(file.frames)},
           {"failed", summary.Failed()},
           {"points", summary.points},
           {"observations", summary.observations},
@@ -94,7 +104,7 @@ void RunReconstruct(const ReconstructCommandOptions& options) {
   if (!reconstruction.cam_from_world.empty()) {
     WriteReconstructionFiles(out.partial(), reconstruction);
   }
-  const nlohmann::ordered_json json = SummaryToJson(summary, options);
+  const nlohmann::ordered_json json = SummaryToJson(summary, file, options);
   WriteJsonFile(out.partial() / "summary.json", json);
   out.Commit();
   if (!options.json.empty()) WriteJsonFile(options.json, json);

@@ -1,0 +1,176 @@
+#include "pipelines/commands/evaluate.h"
+
+#include <spdlog/spdlog.h>
+
+#include <nlohmann/json.hpp>
+
+#include "backend/colmap/model_io.h"
+#include "datasets/track_truth.h"
+#include "frontend/tracks/track_store.h"
+#include "pipelines/console/json_file.h"
+#include "pipelines/console/table.h"
+#include "pipelines/evaluation/model_evaluation.h"
+#include "pipelines/evaluation/track_error.h"
+
+namespace cohort {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::ordered_json;
+
+// null where a figure cannot be computed.
+template <typename T>
+Json OrNull(const std::optional<T>& value) {
+  return value ? Json(*value) : Json(nullptr);
+}
+
+TrackTruthOracle OracleOf(TrackTruth& truth) {
+  return [&truth](FrameIndex born, const Eigen::Vector2d& xy) -> std::optional<TruePath> {
+    const auto anchor = truth.Pick(born, xy);
+    if (!anchor) return std::nullopt;
+    return [&truth, anchor = *anchor](FrameIndex frame) -> std::optional<TrueSighting> {
+      const auto position = truth.Locate(anchor, frame);
+      if (!position) return std::nullopt;
+      return TrueSighting{position->xy, position->visible};
+    };
+  };
+}
+
+Json ErrorsToJson(const ErrorSummary& errors) {
+  return {{"count", errors.count},
+          {"median_px", errors.median_px},
+          {"p90_px", errors.p90_px},
+          {"mean_px", errors.mean_px}};
+}
+
+Json EvaluateTrackFile(const std::string& path, const Sequence& sequence, TrackTruth* truth) {
+  if (truth == nullptr) {
+    ThrowError(
+        "{} has no truth of tracks: it needs true poses and depth pictures, as `cohort "
+        "synth` writes them",
+        sequence.Name());
+  }
+  const TrackFile file = ReadTrackFile(path);
+  ReinitializationOptions options;
+  options.width_px = file.width_px;
+  options.height_px = file.height_px;
+  const TrackEvaluation figures = EvaluateTracks(file.tracks, OracleOf(*truth), options);
+
+  Json predicted = Json::object();
+  for (const auto& [hidden, errors] : figures.predicted) {
+    predicted[std::to_string(hidden)] = ErrorsToJson(errors);
+  }
+  return {{"tracks", figures.tracks},
+          {"tracks_without_truth", figures.tracks_without_truth},
+          {"mean_track_length", file.tracks.MeanObservedLength()},
+          {"observed", figures.observed ? ErrorsToJson(*figures.observed) : Json(nullptr)},
+          {"outlier_share", OrNull(figures.outlier_share)},
+          {"predicted", predicted},
+          {"predicted_precision", OrNull(figures.predicted_precision)},
+          {"predicted_recall", OrNull(figures.predicted_recall)},
+          {"mean_frames_between_reinitializations",
+           OrNull(figures.reinitializations.mean_frames_between)},
+          {"l1_error_30_frames_px",
+           figures.trajectory_l1 ? Json(figures.trajectory_l1->mean_px) : Json(nullptr)}};
+}
+
+// The frames that a model was to have: summary.json says so; of another program's model all that
+// have a true pose.
+std::vector<FrameIndex> FramesOfModel(const fs::path& folder, const Sequence& truth) {
+  std::vector<FrameIndex> frames;
+  const fs::path summary = folder / "summary.json";
+  if (fs::exists(summary)) {
+    const Json json = ReadJsonFile(summary);
+    if (json.contains("frame_range")) {
+      const FrameRange range = FrameRange::Parse(json["frame_range"].get<std::string>());
+      for (std::uint32_t i = range.first; i < range.end.value_or(range.first); i += range.stride) {
+        frames.push_back(FrameIndex{i});
+      }
+      return frames;
+    }
+  }
+  for (const auto& [frame, pose] : truth.TrueCamFromWorld()) frames.push_back(frame);
+  return frames;
+}
+
+Json EvaluateModelFolder(const fs::path& folder, const Sequence& sequence, TrackTruth* truth) {
+  ModelTruth model_truth;
+  model_truth.cam_from_world = sequence.TrueCamFromWorld();
+  if (model_truth.cam_from_world.empty()) {
+    ThrowError("{} has no true poses: give a clip in TUM RGB-D, EuRoC or KITTI layout",
+               sequence.Name());
+  }
+  if (truth != nullptr) {
+    model_truth.point = [truth](FrameIndex frame,
+                                const Eigen::Vector2d& xy) -> std::optional<Eigen::Vector3d> {
+      const auto anchor = truth->Pick(frame, xy);
+      if (!anchor) return std::nullopt;
+      return anchor->in_world;
+    };
+  }
+  const ModelEvaluation figures =
+      EvaluateModel(ReadReconstruction(folder), FramesOfModel(folder, sequence), model_truth);
+  return {{"registered", figures.registered},
+          {"frames", figures.frames},
+          {"failed", figures.registered * 10 < figures.frames * 8},
+          {"ate_m", OrNull(figures.ate_m)},
+          {"rpe_rot_deg", OrNull(figures.rpe_rot_deg)},
+          {"rpe_trans_m", OrNull(figures.rpe_trans_m)},
+          {"point_error_median_m", OrNull(figures.point_error_median_m)},
+          {"points_with_truth", figures.points_with_truth},
+          {"auc_5", OrNull(figures.auc_5)},
+          {"auc_10", OrNull(figures.auc_10)},
+          {"auc_20", OrNull(figures.auc_20)},
+          {"scale", OrNull(figures.scale)}};
+}
+
+void AddRows(const Json& json,
+             const std::string& prefix,
+             std::vector<std::vector<std::string>>& rows) {
+  for (const auto& [key, value] : json.items()) {
+    const std::string name = prefix + key;
+    if (value.contains("median_px")) {
+      rows.push_back({name,
+                      fmt::format("{:.3f} / {:.3f} ({})",
+                                  value["median_px"].get<double>(),
+                                  value["p90_px"].get<double>(),
+                                  value["count"].get<std::size_t>())});
+    } else if (value.is_object()) {
+      AddRows(value, name + " for frames: ", rows);
+    } else if (value.is_number_float()) {
+      rows.push_back({name, fmt::format("{:.4g}", value.get<double>())});
+    } else {
+      rows.push_back({name, value.is_null() ? "-" : value.dump()});
+    }
+  }
+}
+
+}  // namespace
+
+void RunEvaluate(const EvaluateCommandOptions& options) {
+  const auto sequence = OpenSequence(options.truth, options.layout);
+  const auto truth = OpenTrackTruth(*sequence, options.truth);
+  const Json figures = fs::is_directory(options.subject)
+                           ? EvaluateModelFolder(options.subject, *sequence, truth.get())
+                           : EvaluateTrackFile(options.subject, *sequence, truth.get());
+  if (!options.json.empty()) WriteJsonFile(options.json, figures);
+  std::vector<std::vector<std::string>> rows{
+      {"figure (of positions: median / 90 % [px] (count))", options.subject}};
+  AddRows(figures, "", rows);
+  fmt::print("{}", AlignedTable(rows));
+  if (figures.value("failed", false)) {
+    spdlog::warn("{}: fewer than 80 % of the frames are registered: its errors say little",
+                 options.subject);
+  }
+}
+
+Command EvaluateCommand() {
+  return MakeCommand({.name = "evaluate",
+                      .usage = "F.tracks|DIR --truth INPUT [options]",
+                      .summary = "Measure tracks or a model against the truth",
+                      .positionals = {"subject"},
+                      .required = {"subject", "truth"}},
+                     RunEvaluate);
+}
+
+}  // namespace cohort

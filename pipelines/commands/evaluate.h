@@ -1,0 +1,28 @@
+#pragma once
+
+#include "datasets/sequence.h"
+#include "pipelines/console/command.h"
+
+namespace cohort {
+
+struct EvaluateCommandOptions {
+  std::string subject;
+  std::string truth;
+  Layout layout = Layout::kAuto;
+  std::string json;
+
+  template <typename Self, typename Visitor>
+  static void Visit(Self& o, Visitor& v) {
+    v.Text("subject", o.subject, "a .tracks file, or a model folder");
+    v.Text("truth", o.truth, "the clip with true poses (and, for tracks and points, true depth)");
+    v.Choice("layout", o.layout, kLayoutNames, "how to read the truth");
+    v.Text("json", o.json, "file for the figures");
+  }
+};
+
+// Tracks or a model against the truth.
+void RunEvaluate(const EvaluateCommandOptions& options);
+
+Command EvaluateCommand();
+
+}  // namespace cohort

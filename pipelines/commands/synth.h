@@ -1,0 +1,24 @@
+#pragma once
+
+#include "datasets/synthetic_scene.h"
+#include "pipelines/console/command.h"
+
+namespace cohort {
+
+struct SynthCommandOptions {
+  std::string out;
+  SyntheticSceneOptions scene;
+
+  template <typename Self, typename Visitor>
+  static void Visit(Self& o, Visitor& v) {
+    v.Text("out", o.out, "the folder to write, in TUM RGB-D layout");
+    SyntheticSceneOptions::Visit(o.scene, v);
+  }
+};
+
+// Renders a clip with exact truth.
+void RunSynth(const SynthCommandOptions& options);
+
+Command SynthCommand();
+
+}  // namespace cohort
