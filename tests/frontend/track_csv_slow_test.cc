@@ -41,7 +41,7 @@ TEST(TracksCsv, AMillionRowsGoInAndOutWithinBoundedMemory) {
     WriteTrackFile(dir / "a.tracks", file);
     return fmt::format("{} rows, bounded: {}",
                        file.tracks.observations().size(),
-                       PeakMegabytes() - before < 300 ? "yes" : std::to_string(PeakMegabytes()));
+                       PeakMegabytes() - before < 200 ? "yes" : std::to_string(PeakMegabytes()));
   });
   EXPECT_EQ(report, "1000000 rows, bounded: yes");
   const TrackFile file = ReadTrackFile(dir / "a.tracks");
