@@ -216,7 +216,7 @@ struct TrackWriter::Impl {
       : path(std::move(final_path)), working(std::move(working_path)), db(std::move(opened)) {
     // A kill of the program loses nothing that was written, synced or not; only Finish syncs, so
     // that a finished file survives the machine's end too.
-    db->Execute("PRAGMA synchronous = OFF; PRAGMA busy_timeout = 10000");
+    db->Execute("PRAGMA synchronous = OFF");
   }
 
   fs::path path;
@@ -233,21 +233,25 @@ TrackWriter::~TrackWriter() = default;
 
 TrackWriter TrackWriter::Create(const fs::path& path, const TrackFile& header) {
   CheckOutputPath(path);
-  const fs::path partial = PartialOf(path);
-  RemoveDatabase(partial);
-  const fs::path working = fs::exists(path) ? partial : path;
+  fs::path working = PartialOf(path);
+  RemoveDatabase(working);
   try {
-    auto impl = std::make_unique<Impl>(
-        path, working, SqliteDatabase::Open(working, SqliteDatabase::Mode::kCreate));
-    SqliteTransaction transaction(*impl->db);
-    CreateSchema(*impl->db, header, kRunning);
+    auto db = SqliteDatabase::Open(working, SqliteDatabase::Mode::kCreate);
+    SqliteTransaction transaction(db);
+    CreateSchema(db, header, kRunning);
     transaction.Commit();
-    impl->insert.emplace(*impl->db);
-    return TrackWriter(std::move(impl));
   } catch (const Error&) {
-    RemoveDatabase(working);  // it holds nothing
+    RemoveDatabase(working);
     throw;
   }
+  // Renamed only now, so that a kill before leaves no file that cannot be read at PATH.
+  if (!fs::exists(path)) {
+    fs::rename(working, path);
+    working = path;
+  }
+  auto impl = std::make_unique<Impl>(path, working, OpenExisting(working));
+  impl->insert.emplace(*impl->db);
+  return TrackWriter(std::move(impl));
 }
 
 TrackWriter TrackWriter::Resume(const fs::path& path) {

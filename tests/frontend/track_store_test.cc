@@ -183,6 +183,27 @@ TEST(TrackStore, AnOldFileStaysUntilTheNewOneIsFinished) {
   EXPECT_THAT(NamesIn(dir.path()), testing::ElementsAre("a.tracks"));
 }
 
+TEST(TrackStore, AWriterKilledBeforeItsFirstFrameLeavesNothingOrAReadableFile) {
+  for (int delay_us = 0; delay_us < 6000; delay_us += 300) {
+    const test::TempDir dir;
+    const pid_t child = fork();
+    if (child == 0) {
+      TrackWriter::Create(dir / "a.tracks", Header());
+      pause();
+    }
+    usleep(static_cast<useconds_t>(delay_us));
+    kill(child, SIGKILL);
+    waitpid(child, nullptr, 0);
+    if (fs::exists(dir / "a.tracks")) {
+      EXPECT_FALSE(ReadTrackFile(dir / "a.tracks").complete);
+      EXPECT_EQ(FindUnfinishedTracks(dir / "a.tracks"), dir / "a.tracks");
+    }
+    WriteFrames(TrackWriter::Create(dir / "a.tracks", Header()), 0, 1).Finish();
+    EXPECT_EQ(ReadTrackFile(dir / "a.tracks").frames.size(), 1u);
+    EXPECT_THAT(NamesIn(dir.path()), testing::ElementsAre("a.tracks"));
+  }
+}
+
 // A writer that is killed at an arbitrary moment: while it writes, or between two frames.
 class KilledWriter : public testing::TestWithParam<std::tuple<bool, int>> {};
 
