@@ -1,3 +1,4 @@
+#include "pipelines/commands/compare.h"
 #include "pipelines/commands/degrade.h"
 #include "pipelines/commands/evaluate.h"
 #include "pipelines/commands/export.h"
@@ -14,6 +15,7 @@ int main(int argc, char** argv) {
                              cohort::ReconstructCommand(),
                              cohort::EvaluateCommand(),
                              cohort::SynthCommand(),
-                             cohort::DegradeCommand()},
+                             cohort::DegradeCommand(),
+                             cohort::CompareCommand()},
                             arguments);
 }

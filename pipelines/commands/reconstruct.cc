@@ -88,7 +88,7 @@ Outcome Reconstruct(const TrackFile& file,
 
 }  // namespace
 
-void RunReconstruct(const ReconstructCommandOptions& options) {
+ReconstructionSummary ReconstructTracks(const ReconstructCommandOptions& options) {
   const TrackFile file = ReadTrackFile(options.tracks);
   if (!file.complete) {
     spdlog::warn(
@@ -108,6 +108,11 @@ void RunReconstruct(const ReconstructCommandOptions& options) {
   WriteJsonFile(out.partial() / "summary.json", json);
   out.Commit();
   if (!options.json.empty()) WriteJsonFile(options.json, json);
+  return summary;
+}
+
+void RunReconstruct(const ReconstructCommandOptions& options) {
+  const ReconstructionSummary summary = ReconstructTracks(options);
   PrintSummary(summary, options.out);
   if (summary.Failed()) {
     ThrowError(

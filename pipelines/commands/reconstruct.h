@@ -33,8 +33,11 @@ struct ReconstructCommandOptions {
   }
 };
 
-// .tracks -> model folder. Throws Error after writing all there is where fewer than 80 % of the
-// frames registered: a part of a clip is no reconstruction of it.
+// .tracks -> model folder. A clip that does not reconstruct is a result, which says why.
+ReconstructionSummary ReconstructTracks(const ReconstructCommandOptions& options);
+
+// The same, printed; throws Error after writing all there is where fewer than 80 % of the frames
+// registered: a part of a clip is no reconstruction of it.
 void RunReconstruct(const ReconstructCommandOptions& options);
 
 Command ReconstructCommand();

@@ -7,7 +7,8 @@
 
 namespace cohort {
 
-std::string AlignedTable(const std::vector<std::vector<std::string>>& rows) {
+std::string AlignedTable(const std::vector<std::vector<std::string>>& rows,
+                         std::size_t left_columns) {
   std::vector<std::size_t> widths;
   for (const auto& row : rows) {
     widths.resize(std::max(widths.size(), row.size()), 0);
@@ -17,8 +18,9 @@ std::string AlignedTable(const std::vector<std::vector<std::string>>& rows) {
   for (std::size_t r = 0; r < rows.size(); ++r) {
     std::string line;
     for (std::size_t c = 0; c < rows[r].size(); ++c) {
-      line += c == 0 ? fmt::format("{:<{}}", rows[r][c], widths[c])
-                     : fmt::format("  {:>{}}", rows[r][c], widths[c]);
+      if (c > 0) line += "  ";
+      line += c < left_columns ? fmt::format("{:<{}}", rows[r][c], widths[c])
+                               : fmt::format("{:>{}}", rows[r][c], widths[c]);
     }
     text += line.substr(0, line.find_last_not_of(' ') + 1) + "\n";
     if (r == 0) {

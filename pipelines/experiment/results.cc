@@ -1,0 +1,139 @@
+#include "pipelines/experiment/results.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <tuple>
+
+#include "frontend/core/output.h"
+#include "pipelines/console/json_file.h"
+#include "pipelines/console/table.h"
+
+namespace cohort {
+namespace {
+
+std::string QuoteCsv(const std::string& text) {
+  if (text.find_first_of(",\"\n") == std::string::npos) return text;
+  std::string quoted = "\"";
+  for (const char c : text) quoted += c == '"' ? "\"\"" : std::string(1, c);
+  return quoted + "\"";
+}
+
+using Line = std::tuple<std::string, std::string, std::string, std::string>;  // without the seed
+using ValuesOfMetric = std::map<std::string, std::vector<double>>;            // over seeds
+
+std::optional<double> Median(const ValuesOfMetric& values, const std::string& metric) {
+  const auto it = values.find(metric);
+  if (it == values.end()) return std::nullopt;
+  std::vector<double> sorted = it->second;
+  std::sort(sorted.begin(), sorted.end());
+  return 0.5 * (sorted[(sorted.size() - 1) / 2] + sorted[sorted.size() / 2]);
+}
+
+std::string Cell(const std::optional<double>& value, double factor, int decimals) {
+  return value ? fmt::format("{:.{}f}", *value * factor, decimals) : "-";
+}
+
+std::vector<std::string> TableRow(const Line& line,
+                                  const ValuesOfMetric& model,
+                                  const ValuesOfMetric& tracks) {
+  const auto& [sequence, level, tracker, backend] = line;
+  std::vector<std::string> row{sequence, level, tracker, backend};
+  const auto registered = Median(model, "registered");
+  row.push_back(
+      registered ? fmt::format("{:.0f}/{:.0f}", *registered, Median(model, "frames").value_or(0.0))
+                 : "-");
+  const auto& failed = model.at("failed");
+  const auto failures = std::count(failed.begin(), failed.end(), 1.0);
+  if (failures == static_cast<std::ptrdiff_t>(failed.size())) {
+    row.insert(row.end(), {"FAILED", "-", "-"});
+  } else {
+    std::string ate = Cell(Median(model, "ate"), 1e3, 2);
+    if (failures > 0) ate += fmt::format(" ({} of {} FAILED)", failures, failed.size());
+    row.push_back(ate);
+    row.push_back(Cell(Median(model, "rpe_rot"), 1.0, 3));
+    row.push_back(Cell(Median(model, "point_error_median"), 1e3, 1));
+  }
+  row.push_back(Cell(Median(tracks, "mean_track_length"), 1.0, 1));
+  row.push_back(Cell(Median(tracks, "observed_error_median"), 1.0, 2));
+  row.push_back(Cell(Median(tracks, "observed_error_p90"), 1.0, 2));
+  return row;
+}
+
+}  // namespace
+
+void WriteResultsCsv(const std::filesystem::path& path, const ExperimentResults& results) {
+  std::string text = "sequence,level,tracker,backend,seed,metric,value,unit\n";
+  for (const ResultRow& row : results.rows) {
+    text += fmt::format("{},{},{},{},{},{},{},{}\n",
+                        QuoteCsv(row.sequence),
+                        QuoteCsv(row.level),
+                        QuoteCsv(row.tracker),
+                        row.backend,
+                        row.seed,
+                        row.metric,
+                        row.value,
+                        row.unit);
+  }
+  OutputFile out(path);
+  WriteBytes(out.partial(), text);
+  out.Commit();
+}
+
+void WriteResultsJson(const std::filesystem::path& path,
+                      const ExperimentResults& results,
+                      const nlohmann::ordered_json& conditions) {
+  nlohmann::ordered_json json{{"conditions", conditions},
+                              {"failures", nlohmann::ordered_json::array()},
+                              {"rows", nlohmann::ordered_json::array()}};
+  for (const Failure& failure : results.failures) {
+    json["failures"].push_back({{"sequence", failure.sequence},
+                                {"level", failure.level},
+                                {"tracker", failure.tracker},
+                                {"backend", failure.backend},
+                                {"seed", failure.seed},
+                                {"reason", failure.reason}});
+  }
+  for (const ResultRow& row : results.rows) {
+    json["rows"].push_back({{"sequence", row.sequence},
+                            {"level", row.level},
+                            {"tracker", row.tracker},
+                            {"backend", row.backend},
+                            {"seed", row.seed},
+                            {"metric", row.metric},
+                            {"value", row.value},
+                            {"unit", row.unit}});
+  }
+  WriteJsonFile(path, json);
+}
+
+std::string ResultsTable(const ExperimentResults& results) {
+  std::vector<Line> order;
+  std::map<Line, ValuesOfMetric> values;
+  for (const ResultRow& row : results.rows) {
+    const Line line{row.sequence, row.level, row.tracker, row.backend};
+    if (!row.backend.empty() && !values.contains(line)) order.push_back(line);
+    values[line][row.metric].push_back(row.value);
+  }
+  std::vector<std::vector<std::string>> table{{"sequence",
+                                               "level",
+                                               "tracker",
+                                               "backend",
+                                               "registered",
+                                               "ATE [mm]",
+                                               "rotation [deg]",
+                                               "points [mm]",
+                                               "length",
+                                               "track error [px]",
+                                               "its 90 % [px]"}};
+  for (const Line& line : order) {
+    const auto& [sequence, level, tracker, backend] = line;
+    table.push_back(TableRow(line, values[line], values[Line{sequence, level, tracker, ""}]));
+  }
+  return AlignedTable(table, 4);
+}
+
+}  // namespace cohort

@@ -1,0 +1,49 @@
+#pragma once
+
+#include <filesystem>
+#include <nlohmann/json_fwd.hpp>
+#include <string>
+#include <vector>
+
+namespace cohort {
+
+// One figure of one cell. `backend` is empty for figures of the tracks alone.
+struct ResultRow {
+  std::string sequence;
+  std::string level;
+  std::string tracker;
+  std::string backend;
+  unsigned seed = 0;
+  std::string metric;
+  double value = 0.0;
+  std::string unit;
+};
+
+struct Failure {
+  std::string sequence;
+  std::string level;
+  std::string tracker;
+  std::string backend;
+  unsigned seed = 0;
+  std::string reason;
+};
+
+// What an experiment has measured. A failed cell has the rows `failed` = 1 and, where it came so
+// far, `registered` and `frames`, and none of errors: a small error of few frames means nothing.
+struct ExperimentResults {
+  std::vector<ResultRow> rows;
+  std::vector<Failure> failures;
+};
+
+// results.csv: header sequence,level,tracker,backend,seed,metric,value,unit. Whole or not at all.
+void WriteResultsCsv(const std::filesystem::path& path, const ExperimentResults& results);
+// The same with the failures' reasons and the conditions of the experiment.
+void WriteResultsJson(const std::filesystem::path& path,
+                      const ExperimentResults& results,
+                      const nlohmann::ordered_json& conditions);
+
+// A line for every sequence, level, tracker and backend in their order of appearance: medians over
+// the seeds that did not fail; FAILED where all did.
+std::string ResultsTable(const ExperimentResults& results);
+
+}  // namespace cohort

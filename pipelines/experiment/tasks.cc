@@ -1,0 +1,136 @@
+#include "pipelines/experiment/tasks.h"
+
+#include <fcntl.h>
+#include <signal.h>
+#include <spdlog/spdlog.h>
+#include <sys/prctl.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <chrono>
+#include <cstdio>
+#include <cstring>
+#include <map>
+#include <nlohmann/json.hpp>
+
+#include "frontend/core/error.h"
+#include "pipelines/console/interrupt.h"
+#include "pipelines/console/json_file.h"
+#include "pipelines/console/progress_bar.h"
+
+namespace cohort {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::ordered_json;
+using Clock = std::chrono::steady_clock;
+
+void WriteResult(const Task& task, const Json& figures, const Json& error, double seconds) {
+  WriteJsonFile(task.result,
+                {{"options", Json::parse(task.options)},
+                 {"figures", figures},
+                 {"error", error},
+                 {"seconds", seconds}});
+}
+
+bool IsDone(const Task& task) {
+  if (!fs::exists(task.result)) return false;
+  const Json result = ReadJsonFile(task.result);
+  return result.at("error").is_null() && result.at("options") == Json::parse(task.options);
+}
+
+[[noreturn]] void RunInChild(const Task& task) {
+  prctl(PR_SET_PDEATHSIG, SIGKILL);
+  const std::string log = task.result.string() + ".log";
+  const int descriptor = open(log.c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0644);
+  if (descriptor >= 0) {
+    dup2(descriptor, STDOUT_FILENO);
+    dup2(descriptor, STDERR_FILENO);
+  }
+  const auto start = Clock::now();
+  int exit_code = 0;
+  try {
+    Json figures;
+    Json error;
+    try {
+      figures = task.run();
+    } catch (const std::exception& e) {
+      error = e.what();
+    }
+    WriteResult(task, figures, error, std::chrono::duration<double>(Clock::now() - start).count());
+  } catch (const std::exception& e) {
+    fmt::print(stderr, "cohort: error: {}\n", e.what());
+    exit_code = 1;
+  }
+  std::fflush(stdout);
+  _exit(exit_code);
+}
+
+pid_t Start(const Task& task) {
+  fs::create_directories(task.result.parent_path());
+  std::error_code ignored;
+  fs::remove(task.result, ignored);
+  std::fflush(stdout);
+  std::fflush(stderr);
+  const pid_t child = fork();
+  if (child < 0) ThrowError("cannot start a process: {}", std::strerror(errno));
+  if (child == 0) RunInChild(task);
+  return child;
+}
+
+// A process that died without a word: its result says how.
+void RecordEnd(const Task& task, int status) {
+  if (WIFEXITED(status) && WEXITSTATUS(status) == 0) return;
+  const std::string how =
+      WIFSIGNALED(status)
+          ? fmt::format("killed by signal {}", WTERMSIG(status))
+          : fmt::format("could not write its result, see {}.log", task.result.string());
+  WriteResult(task, nullptr, how, 0.0);
+}
+
+}  // namespace
+
+void RunTasks(const std::string& stage, const std::vector<Task>& tasks, int jobs, bool resume) {
+  std::vector<const Task*> open;
+  for (const Task& task : tasks) {
+    if (!resume || !IsDone(task)) open.push_back(&task);
+  }
+  if (open.size() < tasks.size()) {
+    spdlog::info("{}: {} of {} are done already", stage, tasks.size() - open.size(), tasks.size());
+  }
+
+  const InterruptGuard interrupt;
+  ProgressBar progress(stage, open.size());
+  std::map<pid_t, const Task*> running;
+  std::size_t next = 0;
+  while (next < open.size() || !running.empty()) {
+    while (next < open.size() && running.size() < static_cast<std::size_t>(jobs)) {
+      running.emplace(Start(*open[next]), open[next]);
+      ++next;
+    }
+    int status = 0;
+    const pid_t ended = waitpid(-1, &status, WNOHANG);
+    if (interrupt.Requested()) {
+      for (const auto& [child, task] : running) kill(child, SIGKILL);
+      for (const auto& [child, task] : running) waitpid(child, &status, 0);
+      ThrowError("interrupted; what is finished is kept: the same command with --resume goes on");
+    }
+    const auto it = running.find(ended);
+    if (it == running.end()) {
+      usleep(20'000);
+      continue;
+    }
+    RecordEnd(*it->second, status);
+    const Json result = ReadJsonFile(it->second->result);
+    if (result.at("error").is_null()) {
+      spdlog::info("{}: {:.1f} s", it->second->label, result.at("seconds").get<double>());
+    } else {
+      spdlog::warn("{}: {}", it->second->label, result.at("error").get<std::string>());
+    }
+    running.erase(it);
+    progress.Advance();
+  }
+}
+
+}  // namespace cohort
