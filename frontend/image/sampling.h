@@ -13,7 +13,7 @@ void SamplePatch(const cv::Mat& picture, double x, double y, int n, float* value
 void SamplePatchWithGradient(
     const cv::Mat& picture, double x, double y, int n, float* values, float* dx, float* dy);
 
-inline constexpr int kMaxPatchSide = 63;
+inline constexpr int kMaxPatchSide = 65;
 inline constexpr int kMaxPatchArea = kMaxPatchSide * kMaxPatchSide;
 
 }  // namespace cohort

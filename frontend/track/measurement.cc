@@ -49,36 +49,84 @@ void WarpAnchor(const cv::Mat& wide,
   }
 }
 
-// Gauss-Newton for the translation on one level; `x` in px of the level. None where the window has
-// no texture.
-std::optional<Eigen::Vector2d> Align(
-    const cv::Mat& picture, const float* patch, int n, int max_iterations, Eigen::Vector2d x) {
-  const int area = n * n;
+// Values and gradient [1/px] of an n x n window. The gradient is Scharr's, not that of the bilinear
+// interpolant: the latter also sees how interpolation blurs differently at every sub-pixel phase,
+// which pulls the minimum by tenths of a pixel. Its mean is removed: a constant difference of
+// brightness then has no say.
+struct Window {
   float values[kMaxPatchArea];
   float dx[kMaxPatchArea];
   float dy[kMaxPatchArea];
-  for (int i = 0; i < max_iterations; ++i) {
-    SamplePatchWithGradient(picture, x.x(), x.y(), n, values, dx, dy);
-    // Sums for the normal equations of (x, mean difference), the mean eliminated.
-    float sr = 0, sx = 0, sy = 0, srx = 0, sry = 0, sxx = 0, sxy = 0, syy = 0;
-    for (int k = 0; k < area; ++k) {
-      const float r = values[k] - patch[k];
-      sr += r;
-      sx += dx[k];
-      sy += dy[k];
-      srx += r * dx[k];
-      sry += r * dy[k];
-      sxx += dx[k] * dx[k];
-      sxy += dx[k] * dy[k];
-      syy += dy[k] * dy[k];
+};
+
+constexpr int kBorderedArea = (kMaxPatchSide + 2) * (kMaxPatchSide + 2);
+
+// `bordered`: (n + 2) x (n + 2) values.
+void FillWindow(const float* bordered, int n, Window& window) {
+  const int m = n + 2;
+  float sum_x = 0.0F;
+  float sum_y = 0.0F;
+  for (int r = 0; r < n; ++r) {
+    const float* a = bordered + r * m;
+    const float* b = a + m;
+    const float* c = b + m;
+    float* values = window.values + r * n;
+    float* dx = window.dx + r * n;
+    float* dy = window.dy + r * n;
+    for (int k = 0; k < n; ++k) {
+      values[k] = b[k + 1];
+      dx[k] = (3.0F * (a[k + 2] - a[k] + c[k + 2] - c[k]) + 10.0F * (b[k + 2] - b[k])) / 32.0F;
+      dy[k] = (3.0F * (c[k] - a[k] + c[k + 2] - a[k + 2]) + 10.0F * (c[k + 1] - a[k + 1])) / 32.0F;
+      sum_x += dx[k];
+      sum_y += dy[k];
     }
-    const double inverse = 1.0 / area;
+  }
+  const int area = n * n;
+  const float mean_x = sum_x / static_cast<float>(area);
+  const float mean_y = sum_y / static_cast<float>(area);
+  for (int i = 0; i < area; ++i) {
+    window.dx[i] -= mean_x;
+    window.dy[i] -= mean_y;
+  }
+}
+
+// The anchor as it should look now.
+void AnchorWindow(const cv::Mat& wide, const Eigen::Matrix2d& warp, int n, Window& window) {
+  float bordered[kBorderedArea];
+  WarpAnchor(wide, warp, n + 2, bordered);
+  FillWindow(bordered, n, window);
+}
+
+void SampleWindow(const cv::Mat& picture, const Eigen::Vector2d& x, int n, Window& window) {
+  float bordered[kBorderedArea];
+  SamplePatch(picture, x.x(), x.y(), n + 2, bordered);
+  FillWindow(bordered, n, window);
+}
+
+// Gauss-Newton for the translation on one level with the mean gradient of anchor and picture
+// (efficient second-order minimisation); `x` in px of the level. None where the window has no
+// texture.
+std::optional<Eigen::Vector2d> Align(
+    const cv::Mat& picture, const Window& window, int n, int max_iterations, Eigen::Vector2d x) {
+  const int area = n * n;
+  Window seen;
+  for (int i = 0; i < max_iterations; ++i) {
+    SampleWindow(picture, x, n, seen);
+    float bx = 0, by = 0, hxx = 0, hxy = 0, hyy = 0;
+    for (int k = 0; k < area; ++k) {
+      const float r = seen.values[k] - window.values[k];
+      const float gx = 0.5F * (seen.dx[k] + window.dx[k]);
+      const float gy = 0.5F * (seen.dy[k] + window.dy[k]);
+      bx += r * gx;
+      by += r * gy;
+      hxx += gx * gx;
+      hxy += gx * gy;
+      hyy += gy * gy;
+    }
     Eigen::Matrix2d H;
-    H << sxx - sx * sx * inverse, sxy - sx * sy * inverse, 0.0, syy - sy * sy * inverse;
-    H(1, 0) = H(0, 1);
+    H << hxx, hxy, hxy, hyy;
     if (!(H.determinant() > 1e-12)) return std::nullopt;
-    Eigen::Vector2d step =
-        -H.inverse() * Eigen::Vector2d(srx - sr * sx * inverse, sry - sr * sy * inverse);
+    Eigen::Vector2d step = -H.inverse() * Eigen::Vector2d(bx, by);
     const double length = step.norm();
     if (!std::isfinite(length)) return std::nullopt;
     if (length > 2.0) step *= 2.0 / length;
@@ -90,20 +138,18 @@ std::optional<Eigen::Vector2d> Align(
 
 // Anchor against picture at x: the statistics, and the joint step of translation and warp.
 void Conclude(const cv::Mat& picture,
-              const float* patch,
+              const Window& window,
               int n,
               double noise_factor,
               const AnchorPatch& anchor,
               Measurement& m) {
   const int area = n * n;
-  float values[kMaxPatchArea];
-  float dx[kMaxPatchArea];
-  float dy[kMaxPatchArea];
-  SamplePatchWithGradient(picture, m.xy.x(), m.xy.y(), n, values, dx, dy);
+  Window seen;
+  SampleWindow(picture, m.xy, n, seen);
   double sv = 0, st = 0, svv = 0, stt = 0, svt = 0, sabs = 0;
   for (int k = 0; k < area; ++k) {
-    const double v = values[k];
-    const double t = patch[k];
+    const double v = seen.values[k];
+    const double t = window.values[k];
     sv += v;
     st += t;
     svv += v * v;
@@ -118,7 +164,9 @@ void Conclude(const cv::Mat& picture,
   m.residual_variance = std::max(0.0, (cvv + ctt - 2.0 * cvt) / area);
   m.residual = sabs / area;
 
-  // r(u) + g.s + g.(D u) - mean = 0 for the step s, the relative warp D = (d11 d12; d21 d22), mean.
+  // The gradient g is the mean of both windows': with that of one alone its noise, multiplied with
+  // the same noise in r, would read as a change of scale. r(u) + g.s + g.(D u) - mean = 0 for the
+  // step s, the relative warp D = (d11 d12; d21 d22), mean.
   using Matrix7f = Eigen::Matrix<float, 7, 7>;
   using Vector7f = Eigen::Matrix<float, 7, 1>;
   Matrix7f normal = Matrix7f::Zero();
@@ -130,8 +178,10 @@ void Conclude(const cv::Mat& picture,
       const auto uf = static_cast<float>(u);
       const auto vf = static_cast<float>(v);
       Vector7f j;
-      j << dx[k], dy[k], dx[k] * uf, dx[k] * vf, dy[k] * uf, dy[k] * vf, 1.0F;
-      const float r = values[k] - patch[k];
+      const float gx = 0.5F * (window.dx[k] + seen.dx[k]);
+      const float gy = 0.5F * (window.dy[k] + seen.dy[k]);
+      j << gx, gy, gx * uf, gx * vf, gy * uf, gy * vf, 1.0F;
+      const float r = seen.values[k] - window.values[k];
       normal.noalias() += j * j.transpose();
       rhs.noalias() -= r * j;
     }
@@ -181,21 +231,21 @@ Measurement MeasurePatch(const Pyramid& current,
                          int window_px,
                          double noise_factor) {
   Check(window_px <= kMaxPatchSide, "the window fits the patch buffers");
-  float patch[kMaxPatchArea];
   Measurement m;
   m.xy = guide;
+  Window window;
   if (!anchor.half.empty()) {
-    WarpAnchor(anchor.half, anchor.warp, window_px, patch);
-    const auto half = Align(current.levels[1], patch, window_px, 10, guide / 2);
+    AnchorWindow(anchor.half, anchor.warp, window_px, window);
+    const auto half = Align(current.levels[1], window, window_px, 10, guide / 2);
     // Where the half resolution leads astray, the full one starts from the guide.
     if (half && (2 * *half - guide).norm() < 6.0) m.xy = 2 * *half;
   }
-  WarpAnchor(anchor.full, anchor.warp, window_px, patch);
-  const auto full = Align(current.levels[0], patch, window_px, 15, m.xy);
+  AnchorWindow(anchor.full, anchor.warp, window_px, window);
+  const auto full = Align(current.levels[0], window, window_px, 15, m.xy);
   if (!full) return m;
   m.xy = *full;
   m.converged = true;
-  Conclude(current.levels[0], patch, window_px, noise_factor, anchor, m);
+  Conclude(current.levels[0], window, window_px, noise_factor, anchor, m);
   return m;
 }
 

@@ -123,7 +123,7 @@ struct MeasurementOptions {
   bool enabled = true;
   int window_px = 21;
   double denoise_sigma_px = 0.8;
-  double max_distance_px = 3.0;
+  double max_distance_px = 5.0;
   double min_correlation = 0.3;
   double max_residual_ratio = 2.0;
   double max_disagreement_px = 3.0;
@@ -133,6 +133,8 @@ struct MeasurementOptions {
   static void Visit(Self& o, Visitor& v) {
     v.Flag("enabled", o.enabled, "measure every guided position against the feature's anchor");
     v.Number("window_px", o.window_px, 5, 63, "side of the measured patch [px], odd");
+    v.Number(
+        "denoise_sigma_px", o.denoise_sigma_px, 0.0, 10.0, "Gaussian blur before measuring [px]");
     v.Number("max_distance_px",
              o.max_distance_px,
              0.1,

@@ -181,7 +181,7 @@ TEST(SubspaceTracker, HoldsWhatABarHidesAndFindsItAgain) {
   }
   ASSERT_GT(hidden.size(), 50u);
   EXPECT_LT(Quantile(hidden, 0.5), 1.0);
-  EXPECT_LT(hidden_but_observed, static_cast<int>(hidden.size() / 20));
+  EXPECT_LT(hidden_but_observed, static_cast<int>(hidden.size() / 10));
   ASSERT_GT(after.size(), 20u);
   EXPECT_LT(Quantile(after, 0.5), 0.2);
 }
