@@ -37,30 +37,48 @@ std::string Cell(const std::optional<double>& value, double factor, int decimals
   return value ? fmt::format("{:.{}f}", *value * factor, decimals) : "-";
 }
 
+std::string Registered(const ValuesOfMetric& model) {
+  const auto registered = Median(model, "registered");
+  const std::string text =
+      registered ? fmt::format("{:.0f}/{:.0f}", *registered, Median(model, "frames").value_or(0.0))
+                 : "-";
+  const auto& failed = model.at("failed");
+  const auto failures = std::count(failed.begin(), failed.end(), 1.0);
+  if (failures == 0) return text;
+  if (failed.size() == 1) return "FAILED " + text;
+  return fmt::format("FAILED {} of {}, {}", failures, failed.size(), text);
+}
+
 std::vector<std::string> TableRow(const Line& line,
                                   const ValuesOfMetric& model,
                                   const ValuesOfMetric& tracks) {
   const auto& [sequence, level, tracker, backend] = line;
-  std::vector<std::string> row{sequence, level, tracker, backend};
-  const auto registered = Median(model, "registered");
-  row.push_back(
-      registered ? fmt::format("{:.0f}/{:.0f}", *registered, Median(model, "frames").value_or(0.0))
-                 : "-");
-  const auto& failed = model.at("failed");
-  const auto failures = std::count(failed.begin(), failed.end(), 1.0);
-  if (failures == static_cast<std::ptrdiff_t>(failed.size())) {
-    row.insert(row.end(), {"FAILED", "-", "-"});
-  } else {
-    std::string ate = Cell(Median(model, "ate"), 1e3, 2);
-    if (failures > 0) ate += fmt::format(" ({} of {} FAILED)", failures, failed.size());
-    row.push_back(ate);
-    row.push_back(Cell(Median(model, "rpe_rot"), 1.0, 3));
-    row.push_back(Cell(Median(model, "point_error_median"), 1e3, 1));
+  return {sequence,
+          level,
+          tracker,
+          backend,
+          Registered(model),
+          Cell(Median(model, "ate"), 1e3, 2),
+          Cell(Median(model, "rpe_rot"), 1.0, 3),
+          Cell(Median(model, "point_error_median"), 1e3, 1),
+          Cell(Median(model, "points"), 1.0, 0),
+          Cell(Median(model, "mean_reprojection"), 1.0, 2),
+          Cell(Median(tracks, "mean_track_length"), 1.0, 1),
+          Cell(Median(tracks, "observed_error_median"), 1.0, 2),
+          Cell(Median(tracks, "observed_error_p90"), 1.0, 2)};
+}
+
+// Without the columns in which no line has a figure.
+std::vector<std::vector<std::string>> WithoutEmptyColumns(
+    const std::vector<std::vector<std::string>>& table) {
+  std::vector<std::vector<std::string>> filled(table.size());
+  for (std::size_t c = 0; c < table.front().size(); ++c) {
+    const bool empty =
+        std::all_of(table.begin() + 1, table.end(), [c](const auto& row) { return row[c] == "-"; });
+    if (empty) continue;
+    for (std::size_t r = 0; r < table.size(); ++r) filled[r].push_back(table[r][c]);
   }
-  row.push_back(Cell(Median(tracks, "mean_track_length"), 1.0, 1));
-  row.push_back(Cell(Median(tracks, "observed_error_median"), 1.0, 2));
-  row.push_back(Cell(Median(tracks, "observed_error_p90"), 1.0, 2));
-  return row;
+  return filled;
 }
 
 }  // namespace
@@ -125,15 +143,17 @@ std::string ResultsTable(const ExperimentResults& results) {
                                                "registered",
                                                "ATE [mm]",
                                                "rotation [deg]",
-                                               "points [mm]",
+                                               "point error [mm]",
+                                               "points",
+                                               "reprojection [px]",
                                                "length",
                                                "track error [px]",
-                                               "its 90 % [px]"}};
+                                               "90 % [px]"}};
   for (const Line& line : order) {
     const auto& [sequence, level, tracker, backend] = line;
     table.push_back(TableRow(line, values[line], values[Line{sequence, level, tracker, ""}]));
   }
-  return AlignedTable(table, 4);
+  return AlignedTable(WithoutEmptyColumns(table), 4);
 }
 
 }  // namespace cohort

@@ -42,8 +42,15 @@ void WriteResultsJson(const std::filesystem::path& path,
                       const ExperimentResults& results,
                       const nlohmann::ordered_json& conditions);
 
-// A line for every sequence, level, tracker and backend in their order of appearance: medians over
-// the seeds that did not fail; FAILED where all did.
+// A line for every sequence, level, tracker and backend in their order of appearance, marked FAILED
+// where a cell did. Errors are medians over the seeds that did not fail:
+//   registered        frames with a pose, of all
+//   ATE               rmse of camera centres after the Sim(3) alignment with the truth
+//   rotation          rmse of the relative rotation of neighbouring frames
+//   point error       median distance to the true surface point, after that alignment
+//   reprojection      mean over the model's observations: no error, but what the model admits to
+//   length            mean number of frames in which the image confirmed a track
+//   track error, 90 % median and 90th percentile of the confirmed positions' distance to the truth
 std::string ResultsTable(const ExperimentResults& results);
 
 }  // namespace cohort
