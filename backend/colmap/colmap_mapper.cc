@@ -17,6 +17,8 @@ namespace {
 namespace fs = std::filesystem;
 using Arguments = std::vector<ColmapArgument>;
 
+constexpr double kMaxReprojectionPx = 4.0;  // COLMAP's own default, also passed to it
+
 class Stopwatch {
  public:
   double Seconds() const {
@@ -93,6 +95,7 @@ Arguments CommonArguments(const TrackFile& file,
           Argument("Mapper.ba_refine_focal_length", refine ? 1 : 0),
           Argument("Mapper.ba_refine_extra_params", refine ? 1 : 0),
           Argument("Mapper.ba_refine_principal_point", 0),
+          Argument("Mapper.filter_max_reproj_error", kMaxReprojectionPx),
           // Tracks of two frames are noise in a clip, and all there is in a clip of two frames.
           Argument("Mapper.tri_ignore_two_view_tracks", file.frames.size() > 3 ? 1 : 0)};
 }
@@ -119,7 +122,7 @@ Arguments MapperArguments(const TrackFile& file,
   add("Mapper.ba_global_max_refinements", 2);
   add("Mapper.ba_global_function_tolerance", 1e-6);
   add("Mapper.min_model_size", std::clamp(static_cast<int>(file.frames.size() / 2), 2, 10));
-  add("Mapper.abs_pose_min_num_inliers", std::clamp(static_cast<int>(0.25 * features), 8, 30));
+  add("Mapper.abs_pose_min_num_inliers", std::clamp(static_cast<int>(0.1 * features), 8, 30));
   if (pair == nullptr) {
     add("Mapper.init_min_num_inliers", std::clamp(static_cast<int>(0.4 * features), 15, 100));
     add("Mapper.init_min_tri_angle", 4.0);
@@ -193,8 +196,18 @@ std::string FailureIn(const fs::path& log, std::size_t offset, const ProgramEnd&
   return end.Brief();
 }
 
+// Takes out what the adjustment left behind a camera or further off than the mapper's own bound,
+// and points that fewer than two views are left of.
 void Finish(const TrackFile& file, Reconstruction& reconstruction) {
   reconstruction.camera.known = file.camera && file.camera->known;
+  for (auto& [feature, point] : reconstruction.points) {
+    std::erase_if(point.views, [&, in_world = point.in_world](const PointView& view) {
+      const auto xy =
+          reconstruction.camera.Project(reconstruction.cam_from_world.at(view.frame) * in_world);
+      return !xy || (*xy - view.xy).norm() > kMaxReprojectionPx;
+    });
+  }
+  std::erase_if(reconstruction.points, [](const auto& p) { return p.second.views.size() < 2; });
   UpdateReprojectionErrors(reconstruction);  // bundle_adjuster leaves the old ones
 }
 
@@ -235,7 +248,7 @@ ColmapResult ReconstructWithColmap(const TrackFile& file,
     return finish(search.reason);  // COLMAP would make up a depth
   }
 
-  // Attempts that start in different places; without any pair of ours COLMAP looks for one.
+  // Attempts that start in different places; the last one is COLMAP's own search for a pair.
   std::vector<const InitialPair*> attempts;
   std::vector<std::pair<FrameIndex, FrameIndex>> extra_pairs;
   for (const InitialPair& pair : search.ranked) {
@@ -246,7 +259,7 @@ ColmapResult ReconstructWithColmap(const TrackFile& file,
     attempts.push_back(&pair);
     extra_pairs.emplace_back(pair.frame1, pair.frame2);
   }
-  if (attempts.empty()) attempts.push_back(nullptr);
+  attempts.push_back(nullptr);
 
   const ColmapDatabase database = BuildColmapDatabase(file, options.database, extra_pairs);
   WriteColmapDatabase(workspace.database, database);

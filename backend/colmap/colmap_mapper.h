@@ -28,7 +28,7 @@ struct ColmapOptions {
              o.max_attempts,
              1,
              100,
-             "initial pairs to try until at least 80 % of the frames register");
+             "initial pairs of ours to try until 80 % of the frames register; then COLMAP's");
     v.Flag("final_adjustment",
            o.final_adjustment,
            "run COLMAP's bundle_adjuster on the mapper's model without double points");
@@ -44,11 +44,11 @@ struct ColmapResult {
   std::filesystem::path log;      // all that COLMAP printed
 };
 
-// Hands tracks to COLMAP's incremental mapper: own database, own initial pair (then the next best,
-// where fewer than 80 % of the frames register), options fit for video, intrinsics kept where they
-// are known. What counts is what registered: COLMAP's exit code says nothing of that. Of a
-// feature that it gave two points (one of them of false matches, which can bend a camera) one is
-// kept, and COLMAP's bundle_adjuster runs once more to the optimum.
+// Hands tracks to COLMAP's incremental mapper: own database, own initial pair (then the next best
+// and at last COLMAP's, where fewer than 80 % of the frames register), options fit for video,
+// intrinsics kept where they are known. What counts is what registered: COLMAP's exit code says
+// nothing of that. Of a feature that it gave two points (one of them of false matches, which can
+// bend a camera) one is kept, and COLMAP's bundle_adjuster runs once more to the optimum.
 // `work_dir` is made if missing and keeps database.db, the log and COLMAP's models; what an earlier
 // run left there is replaced. A clip that does not reconstruct is a result that says why; throws
 // Error without a usable colmap program or where work_dir cannot be written.
