@@ -68,10 +68,11 @@ std::vector<Eigen::Vector2d> DetectCorners(const cv::Mat& gray,
                                            std::span<const Eigen::Vector2d> occupied,
                                            const cv::Mat& mask,
                                            int border_px,
+                                           int max_new,
                                            const DetectorOptions& options) {
   Check(gray.type() == CV_32FC1, "DetectCorners takes CV_32FC1");
   std::vector<Eigen::Vector2d> corners;
-  if (static_cast<int>(occupied.size()) >= options.max_features) return corners;
+  if (max_new <= 0) return corners;
   const int width = gray.cols;
   const int height = gray.rows;
 
@@ -123,7 +124,7 @@ std::vector<Eigen::Vector2d> DetectCorners(const cv::Mat& gray,
     ++in_cell[cell_of(xy.x(), xy.y())];
   }
   const int share = (options.max_features + columns * rows - 1) / (columns * rows);
-  const auto wanted = static_cast<std::size_t>(options.max_features) - occupied.size();
+  const auto wanted = static_cast<std::size_t>(max_new);
 
   // First every cell's share, then the strongest of what is left.
   for (const bool limited : {true, false}) {

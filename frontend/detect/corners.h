@@ -14,12 +14,13 @@ namespace cohort {
 // corner first, and what cells without texture leave is given to the strongest corners elsewhere.
 // `gray` is CV_32FC1 (0..1); `occupied` are positions [px] that new corners keep min_distance_px
 // away from; `mask` (empty or CV_8UC1) is 0 where no corner may be; `border_px` is kept free.
-// Returns at most max_features - occupied.size() positions, refined to sub-pixel by a parabola, in
+// Returns at most max_new positions, refined to sub-pixel by a parabola, in
 // a fixed order.
 std::vector<Eigen::Vector2d> DetectCorners(const cv::Mat& gray,
                                            std::span<const Eigen::Vector2d> occupied,
                                            const cv::Mat& mask,
                                            int border_px,
+                                           int max_new,
                                            const DetectorOptions& options);
 
 }  // namespace cohort

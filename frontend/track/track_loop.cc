@@ -68,16 +68,21 @@ FrameResult TrackLoop::Track(const Frame& frame) {
     mover_->Keep(keep);
   }
 
-  const auto alive = static_cast<double>(features_.size());
+  // Features that are only predicted keep their place, but do not count: the picture needs new
+  // ones.
+  int confirmed = 0;
+  for (const Feature& feature : features_) confirmed += feature.unconfirmed_frames == 0 ? 1 : 0;
   if (!previous_frame_ ||
-      alive < options_.detector.redetect_below * options_.detector.max_features) {
+      confirmed < options_.detector.redetect_below * options_.detector.max_features) {
     std::vector<Eigen::Vector2d> occupied;
     for (const Feature& feature : features_) occupied.push_back(feature.xy);
-    const auto start = std::chrono::steady_clock::now();
-    const std::vector<Eigen::Vector2d> born = DetectCorners(
-        pyramid.levels.front(), occupied, mask_, options_.birth_border_px, options_.detector);
-    result.detect_ms =
-        std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
+    const std::vector<Eigen::Vector2d> born =
+        DetectCorners(pyramid.levels.front(),
+                      occupied,
+                      mask_,
+                      options_.birth_border_px,
+                      options_.detector.max_features - confirmed,
+                      options_.detector);
     for (const Eigen::Vector2d& xy : born) {
       features_.push_back({FeatureId{next_id_++}, xy, 0});
       result.observations.push_back(
