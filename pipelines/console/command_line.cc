@@ -60,7 +60,7 @@ CLI::Option* AddFlag(CLI::App& app, bool takes_value, const std::vector<std::str
 BoundOption BindPositional(CLI::App& app, const OptionEntry& entry) {
   CLI::Option* option = app.add_option(entry.path, [](const CLI::results_t&) { return true; });
   if (std::holds_alternative<std::vector<std::string>>(entry.get())) {
-    option->allow_extra_args();
+    option->expected(1, CLI::detail::expected_max_vector_size)->allow_extra_args();
   }
   return {option, {&entry}, entry.path, "", entry.path, Description(entry)};
 }

@@ -126,7 +126,7 @@ void RunTasks(const std::string& stage, const std::vector<Task>& tasks, int jobs
     if (result.at("error").is_null()) {
       spdlog::info("{}: {:.1f} s", it->second->label, result.at("seconds").get<double>());
     } else {
-      spdlog::warn("{}: {}", it->second->label, result.at("error").get<std::string>());
+      spdlog::info("{}: FAILED: {}", it->second->label, result.at("error").get<std::string>());
     }
     running.erase(it);
     progress.Advance();

@@ -1,0 +1,122 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <fstream>
+#include <map>
+#include <optional>
+#include <regex>
+#include <set>
+#include <string>
+#include <vector>
+
+// Who may include whom. Everything flows one way: frames -> tracks -> reconstruction -> figures.
+// The CMake targets say the same; this test reads every #include.
+
+namespace cohort {
+namespace {
+
+namespace fs = std::filesystem;
+
+// Parts by the folder that they are (the longest that fits counts), and all they may include.
+const std::map<std::string, std::set<std::string>> kMayInclude{
+    {"frontend/core", {}},
+    {"backend/geometry", {"frontend/core"}},
+    {"frontend/tracks", {"frontend/core", "backend/geometry"}},
+    {"frontend/image", {"frontend/core", "frontend/tracks"}},
+    {"frontend", {"frontend/core", "frontend/tracks", "frontend/image"}},
+    {"datasets", {"frontend/core", "frontend/tracks", "frontend/image", "backend/geometry"}},
+    {"backend", {"frontend/core", "frontend/tracks", "backend/geometry"}},
+    {"pipelines/console", {"frontend/core"}},
+    {"pipelines/evaluation",
+     {"frontend/core", "frontend/tracks", "datasets", "backend", "backend/geometry"}},
+    {"pipelines",
+     {"frontend/core",
+      "frontend/tracks",
+      "frontend/image",
+      "frontend",
+      "datasets",
+      "backend",
+      "backend/geometry",
+      "pipelines/console",
+      "pipelines/evaluation"}},
+};
+
+// Libraries that only one part may show or use: by the start of the include.
+const std::map<std::string, std::vector<std::string>> kOnlyIn{
+    {"ceres/", {"backend"}},
+    {"sqlite3.h", {"frontend/core"}},
+    {"CLI/", {"pipelines/console"}},
+    {"nlohmann/", {"pipelines"}},
+};
+
+std::optional<std::string> PartOf(const std::string& path) {
+  std::optional<std::string> part;
+  for (const auto& [folder, ignored] : kMayInclude) {
+    if (path.starts_with(folder + "/") && (!part || folder.size() > part->size())) part = folder;
+  }
+  return part;
+}
+
+std::vector<std::string> IncludesOf(const fs::path& file) {
+  static const std::regex kInclude(R"(^\s*#\s*include\s*["<]([^">]+)[">])");
+  std::vector<std::string> includes;
+  std::ifstream in(file);
+  std::smatch match;
+  for (std::string line; std::getline(in, line);) {
+    if (std::regex_search(line, match, kInclude)) includes.push_back(match[1]);
+  }
+  return includes;
+}
+
+// What is wrong with an include, if anything.
+std::optional<std::string> Fault(const std::string& file, const std::string& include) {
+  const auto from = PartOf(file);
+  if (!from) return file + " is in no part that this test knows";
+  for (const auto& [library, parts] : kOnlyIn) {
+    if (!include.starts_with(library)) continue;
+    const bool allowed = std::any_of(
+        parts.begin(), parts.end(), [&](const auto& part) { return file.starts_with(part + "/"); });
+    if (!allowed) return file + " includes " + include;
+  }
+  if (include.starts_with("tests/")) return file + " includes " + include;
+  const auto to = PartOf(include);
+  if (!to || *to == *from || kMayInclude.at(*from).contains(*to)) return std::nullopt;
+  return file + " (" + *from + ") includes " + include + " (" + *to + ")";
+}
+
+TEST(Architecture, NoIncludePointsUpward) {
+  const fs::path root = COHORT_SOURCE_DIR;
+  std::vector<std::string> faults;
+  std::size_t files = 0;
+  for (const char* top : {"frontend", "backend", "datasets", "pipelines"}) {
+    for (const auto& entry : fs::recursive_directory_iterator(root / top)) {
+      const std::string extension = entry.path().extension();
+      if (extension != ".h" && extension != ".cc") continue;
+      ++files;
+      const std::string file = entry.path().lexically_relative(root).string();
+      for (const std::string& include : IncludesOf(entry.path())) {
+        if (const auto fault = Fault(file, include)) faults.push_back(*fault);
+      }
+    }
+  }
+  EXPECT_GT(files, 50u);
+  EXPECT_THAT(faults, testing::IsEmpty());
+}
+
+TEST(Architecture, FindsAnIncludeThatPointsUpward) {
+  EXPECT_TRUE(Fault("frontend/tracks/a.h", "frontend/track/tracker.h"));
+  EXPECT_TRUE(Fault("frontend/track/a.h", "backend/scene/reconstruction.h"));
+  EXPECT_TRUE(Fault("backend/scene/a.cc", "frontend/track/tracker.h"));
+  EXPECT_TRUE(Fault("backend/geometry/a.h", "backend/scene/reconstruction.h"));
+  EXPECT_TRUE(Fault("datasets/a.cc", "pipelines/console/table.h"));
+  EXPECT_TRUE(Fault("frontend/track/a.cc", "ceres/ceres.h"));
+  EXPECT_TRUE(Fault("backend/scene/a.cc", "tests/support/temp_dir.h"));
+  EXPECT_FALSE(Fault("backend/scene/a.cc", "ceres/ceres.h"));
+  EXPECT_FALSE(Fault("backend/scene/a.cc", "frontend/tracks/track_set.h"));
+  EXPECT_FALSE(Fault("pipelines/commands/a.cc", "backend/scene/reconstruction.h"));
+}
+
+}  // namespace
+}  // namespace cohort

@@ -1,0 +1,551 @@
+// The commands as a user has them: the built program, run on good input and on bad. Bad input ends
+// with one line on stderr and the right exit code: 1 failed, 2 usage.
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <csignal>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+#include <opencv2/videoio.hpp>
+
+#include "frontend/tracks/track_store.h"
+#include "tests/support/program.h"
+#include "tests/support/temp_dir.h"
+
+namespace cohort {
+namespace {
+
+namespace fs = std::filesystem;
+using test::ProgramEnd;
+using test::RunCohort;
+using test::RunShell;
+using test::TempDir;
+using testing::AllOf;
+using testing::HasSubstr;
+using testing::MatchesRegex;
+using testing::Not;
+using testing::StartsWith;
+
+constexpr const char* kCommands[] = {
+    "track", "import", "export", "reconstruct", "evaluate", "synth", "degrade", "compare"};
+
+// Frame i of a textured plane that moves 2 px to the left and 1 px up a frame.
+cv::Mat MovingFrame(int i, int depth = CV_8U, cv::Size size = {160, 120}) {
+  cv::Mat texture(400, 600, CV_32FC1);
+  cv::RNG random(7);
+  random.fill(texture, cv::RNG::UNIFORM, 0.0, 1.0);
+  cv::GaussianBlur(texture, texture, {}, 2.0);
+  cv::normalize(texture, texture, 0.0, 1.0, cv::NORM_MINMAX);
+  cv::Mat frame;
+  texture(cv::Rect({2 * i, i}, size)).convertTo(frame, depth, depth == CV_8U ? 255.0 : 65535.0);
+  return frame;
+}
+
+std::string ImagePath(const fs::path& folder, int i) {
+  return (folder / fmt::format("{:03}.png", i)).string();
+}
+
+fs::path WriteImages(const fs::path& folder, int frames, int depth = CV_8U) {
+  fs::create_directories(folder);
+  for (int i = 0; i < frames; ++i) cv::imwrite(ImagePath(folder, i), MovingFrame(i, depth));
+  return folder;
+}
+
+fs::path WriteVideo(const fs::path& file, int frames) {
+  cv::VideoWriter writer(
+      file.string(), cv::VideoWriter::fourcc('M', 'J', 'P', 'G'), 25.0, {160, 120});
+  cv::Mat color;
+  for (int i = 0; i < frames; ++i) {
+    cv::cvtColor(MovingFrame(i), color, cv::COLOR_GRAY2BGR);
+    writer.write(color);
+  }
+  return file;
+}
+
+void WriteText(const fs::path& file, const std::string& text) { std::ofstream(file) << text; }
+
+nlohmann::json ReadJson(const fs::path& file) { return nlohmann::json::parse(ReadBytes(file)); }
+
+// Exit code and one line, that names what it is about.
+void ExpectFailure(const ProgramEnd& end,
+                   int exit_code,
+                   const testing::Matcher<const std::string&>& line) {
+  EXPECT_EQ(end.exit_code, exit_code) << end.err;
+  EXPECT_EQ(std::count(end.err.begin(), end.err.end(), '\n'), 1) << end.err;
+  EXPECT_THAT(end.err, StartsWith("cohort: error: "));
+  EXPECT_THAT(end.err, line);
+}
+
+class Commands : public testing::Test {
+ protected:
+  std::string Path(const std::string& name) const { return dir_ / name; }
+  // Tracks a clip of eight frames.
+  std::string Track(const std::string& clip, const std::string& more = "") const {
+    return "track " + clip + " --tracker klt --features 30 --quiet --out " + Path("a.tracks") +
+           " " + more;
+  }
+
+  TempDir dir_;
+};
+
+TEST_F(Commands, HelpNamesEveryOptionWithDefaultAndRange) {
+  for (const char* command : kCommands) {
+    const ProgramEnd end = RunCohort(std::string(command) + " --help");
+    EXPECT_EQ(end.exit_code, 0) << command;
+    EXPECT_EQ(end.err, "") << command;
+    EXPECT_THAT(end.out, HasSubstr(std::string("Usage: cohort ") + command));
+    EXPECT_THAT(end.out, AllOf(HasSubstr("--config"), HasSubstr("--quiet")));
+  }
+  EXPECT_THAT(RunCohort("track --help").out,
+              AllOf(HasSubstr("--features, --detector.max-features"),
+                    HasSubstr("(1 to 100000; default 400)"),
+                    HasSubstr("(subspace, descent, klt; default subspace)"),
+                    HasSubstr("--window"),
+                    HasSubstr("--seed"),
+                    HasSubstr("--camera"),
+                    HasSubstr("--mask")));
+  const ProgramEnd all = RunCohort("--help");
+  for (const char* command : kCommands) EXPECT_THAT(all.out, HasSubstr(command));
+  EXPECT_THAT(RunCohort("--version").out, MatchesRegex("cohort [0-9.]+\n"));
+}
+
+TEST_F(Commands, UnknownCommandFlagOrValueIsAUsageError) {
+  ExpectFailure(RunCohort(""), 2, HasSubstr("cohort --help"));
+  ExpectFailure(RunCohort("trak a.mp4"), 2, HasSubstr("unknown command 'trak'"));
+  ExpectFailure(RunCohort("track a --featurs 3"), 2, HasSubstr("did you mean --features?"));
+  ExpectFailure(RunCohort("track a --out b --features many"), 2, HasSubstr("no whole number"));
+  ExpectFailure(RunCohort("track a --out b --tracker lk"), 2, HasSubstr("subspace, descent, klt"));
+  ExpectFailure(RunCohort("track a --out"), 2, HasSubstr("--out"));
+  ExpectFailure(RunCohort("track a"), 2, HasSubstr("--out is missing"));
+  ExpectFailure(RunCohort("export a.tracks"), 2, HasSubstr("nothing to export"));
+  ExpectFailure(RunCohort("degrade a b --level dim"), 2, HasSubstr("clean, medium, hard"));
+  ExpectFailure(RunCohort("compare a --out b --trackers sift"), 2, HasSubstr("tracker 'sift'"));
+  ExpectFailure(RunCohort("compare a --out b --shard 2/2"), 2, HasSubstr("--shard '2/2'"));
+  const std::string clip = WriteImages(Path("clip"), 2);
+  ExpectFailure(RunCohort(Track(clip, "--camera 1,2,3")), 2, HasSubstr("--camera '1,2,3'"));
+  ExpectFailure(RunCohort(Track(clip, "--camera 0,1,1,1")), 2, HasSubstr("above 0"));
+  ExpectFailure(RunCohort(Track(clip, "--frames 5:x")), 2, HasSubstr("5:x"));
+}
+
+TEST_F(Commands, ConfigFilesSetWhatFlagsDoNot) {
+  const std::string config = Path("c.json");
+  const ProgramEnd dumped = RunCohort("track x --features 77 --window 15 --dump-config");
+  ASSERT_EQ(dumped.exit_code, 0);
+  WriteText(config, dumped.out);
+  const ProgramEnd again = RunCohort("track --config " + config + " --features 78 --dump-config");
+  const auto json = nlohmann::json::parse(again.out);
+  EXPECT_EQ(json["input"], "x");
+  EXPECT_EQ(json["detector"]["max_features"], 78);
+  EXPECT_EQ(json["klt"]["window_px"], 15);
+
+  WriteText(config, R"({"detector": {"max_feature": 5}})");
+  ExpectFailure(RunCohort("track x --config " + config), 2, HasSubstr("detector.max_feature"));
+  WriteText(config, "{");
+  ExpectFailure(RunCohort("track x --config " + config), 1, HasSubstr("no JSON"));
+  ExpectFailure(RunCohort("track x --config " + Path("d.json")), 1, HasSubstr("d.json"));
+}
+
+TEST_F(Commands, TracksAClipAndReportsItsFigures) {
+  const std::string clip = WriteImages(Path("clip"), 8);
+  const ProgramEnd end = RunCohort(Track(clip, "--json " + Path("f.json") + " --frames 1:8:2"));
+  ASSERT_EQ(end.exit_code, 0) << end.err;
+  EXPECT_EQ(end.err, "");
+  EXPECT_THAT(end.out, HasSubstr("mean observed track length"));
+  const TrackFile file = ReadTrackFile(Path("a.tracks"));
+  EXPECT_TRUE(file.complete);
+  ASSERT_EQ(file.frames.size(), 4u);
+  EXPECT_EQ(file.frames[1].index, FrameIndex{3});
+  EXPECT_EQ(file.frames[1].name, "003.png");
+  EXPECT_EQ(file.image_root, clip);
+  EXPECT_FALSE(file.camera);
+  const Observation* first = file.tracks.Find(FeatureId{3}, FrameIndex{1});
+  const Observation* second = file.tracks.Find(FeatureId{3}, FrameIndex{3});
+  ASSERT_TRUE(first != nullptr && second != nullptr);
+  EXPECT_NEAR(second->xy.x() - first->xy.x(), -4.0, 0.1);
+  EXPECT_NEAR(second->xy.y() - first->xy.y(), -2.0, 0.1);
+
+  const auto figures = ReadJson(Path("f.json"));
+  EXPECT_EQ(figures["frames"], 4);
+  EXPECT_EQ(figures["tracks"], file.tracks.features().size());
+  EXPECT_EQ(figures["observations"], file.tracks.observations().size());
+  EXPECT_EQ(figures["predicted"], file.tracks.CountPredicted());
+  EXPECT_DOUBLE_EQ(figures["mean_track_length"], file.tracks.MeanObservedLength());
+  for (const char* stage : {"decode", "detect", "track", "write"}) {
+    EXPECT_GE(figures["ms_per_frame"][stage], 0.0) << stage;
+  }
+  EXPECT_EQ(figures["options"]["detector"]["max_features"], 30);
+}
+
+TEST_F(Commands, TheSameInputGivesTheSameBytesForAnyNumberOfThreads) {
+  const std::string clip = WriteImages(Path("clip"), 6);
+  std::vector<std::string> csv;
+  for (const char* threads : {"1", "2", "3"}) {
+    ASSERT_EQ(RunCohort("track " + clip + " --features 40 --quiet --out " + Path("a.tracks") +
+                        " --threads " + threads)
+                  .exit_code,
+              0);
+    ASSERT_EQ(RunCohort("export " + Path("a.tracks") + " --csv " + Path("a.csv")).exit_code, 0);
+    csv.push_back(ReadBytes(Path("a.csv")));
+  }
+  EXPECT_GT(csv[0].size(), 1000u);
+  EXPECT_EQ(csv[0], csv[1]);
+  EXPECT_EQ(csv[0], csv[2]);
+}
+
+TEST_F(Commands, InputThatIsNotThereOrHoldsNoPicture) {
+  ExpectFailure(RunCohort(Track(Path("none"))), 1, HasSubstr(Path("none")));
+  fs::create_directory(Path("empty"));
+  ExpectFailure(RunCohort(Track(Path("empty"))), 1, HasSubstr(Path("empty")));
+  ExpectFailure(RunCohort(Track("'" + Path("empty") + "/*.png'")), 1, HasSubstr("*.png"));
+  WriteText(Path("notes.txt"), "no video\n");
+  ExpectFailure(RunCohort(Track(Path("notes.txt"))), 1, HasSubstr("notes.txt"));
+  EXPECT_FALSE(fs::exists(Path("a.tracks")));
+}
+
+TEST_F(Commands, ATruncatedVideoKeepsWhatCanBeDecodedAndSaysSo) {
+  const fs::path video = WriteVideo(Path("cut.avi"), 20);
+  fs::resize_file(video, fs::file_size(video) * 6 / 10);
+  const ProgramEnd end = RunCohort(Track(video));
+  EXPECT_EQ(end.exit_code, 0);
+  EXPECT_THAT(end.err, AllOf(StartsWith("cohort: warning: "), HasSubstr("of about 20")));
+  EXPECT_EQ(std::count(end.err.begin(), end.err.end(), '\n'), 1) << end.err;
+  const TrackFile file = ReadTrackFile(Path("a.tracks"));
+  EXPECT_TRUE(file.complete);
+  EXPECT_GT(file.frames.size(), 5u);
+  EXPECT_LT(file.frames.size(), 20u);
+}
+
+TEST_F(Commands, FramesOfDifferentSizes) {
+  const fs::path clip = WriteImages(Path("clip"), 4);
+  cv::imwrite(ImagePath(clip, 2), MovingFrame(2, CV_8U, {150, 120}));
+  ExpectFailure(RunCohort(Track(clip)), 1, AllOf(HasSubstr("002.png"), HasSubstr("150x120")));
+}
+
+TEST_F(Commands, OneAndTwoFrames) {
+  for (const int frames : {1, 2}) {
+    const std::string clip = WriteImages(Path(fmt::format("clip{}", frames)), frames);
+    EXPECT_EQ(RunCohort(Track(clip)).exit_code, 0);
+    EXPECT_EQ(ReadTrackFile(Path("a.tracks")).frames.size(), static_cast<std::size_t>(frames));
+    ExpectFailure(
+        RunCohort("reconstruct " + Path("a.tracks") + " --quiet --out " + Path("model")),
+        1,
+        AllOf(HasSubstr("the reconstruction failed"), HasSubstr(fmt::format("of {}", frames))));
+    EXPECT_EQ(ReadJson(Path("model/summary.json"))["failed"], true);
+  }
+}
+
+TEST_F(Commands, ColorAnd16BitImages) {
+  const fs::path deep = WriteImages(Path("deep"), 3, CV_16U);
+  ASSERT_EQ(RunCohort(Track(deep)).exit_code, 0);
+  const TrackFile sixteen = ReadTrackFile(Path("a.tracks"));
+  const fs::path plain = WriteImages(Path("plain"), 3);
+  ASSERT_EQ(RunCohort(Track(plain)).exit_code, 0);
+  const TrackFile eight = ReadTrackFile(Path("a.tracks"));
+  EXPECT_NEAR(static_cast<double>(sixteen.tracks.observations().size()),
+              static_cast<double>(eight.tracks.observations().size()),
+              5.0);
+  for (int i = 0; i < 3; ++i) {
+    cv::Mat color;
+    cv::cvtColor(MovingFrame(i), color, cv::COLOR_GRAY2BGR);
+    cv::imwrite(ImagePath(plain, i), color);
+  }
+  ASSERT_EQ(RunCohort(Track(plain)).exit_code, 0);
+  EXPECT_EQ(ReadTrackFile(Path("a.tracks")).tracks.observations().size(),
+            eight.tracks.observations().size());
+}
+
+TEST_F(Commands, ImportsWhatItExports) {
+  const std::string clip = WriteImages(Path("clip"), 5);
+  ASSERT_EQ(RunCohort(Track(clip)).exit_code, 0);
+  ASSERT_EQ(RunCohort("export " + Path("a.tracks") + " --csv " + Path("a.csv")).exit_code, 0);
+  const ProgramEnd end = RunCohort("import " + Path("a.csv") + " --images " + clip +
+                                   " --camera 150,150,79.5,59.5 --quiet --out " + Path("b.tracks"));
+  ASSERT_EQ(end.exit_code, 0) << end.err;
+  ASSERT_EQ(RunCohort("export " + Path("b.tracks") + " --csv " + Path("b.csv")).exit_code, 0);
+  EXPECT_EQ(ReadBytes(Path("a.csv")), ReadBytes(Path("b.csv")));
+  const TrackFile file = ReadTrackFile(Path("b.tracks"));
+  EXPECT_EQ(file.frames.size(), 5u);
+  ASSERT_TRUE(file.camera);
+  EXPECT_EQ(file.camera->fx, 150.0);
+  EXPECT_EQ(file.camera->width_px, 160);
+}
+
+TEST_F(Commands, ImportNamesTheLineThatItCannotUse) {
+  const std::string clip = WriteImages(Path("clip"), 3);
+  const auto import = [&](const std::string& rows) {
+    WriteText(Path("a.csv"), "track_id,frame,x,y\n" + rows);
+    return RunCohort("import " + Path("a.csv") + " --images " + clip + " --quiet --out " +
+                     Path("b.tracks"));
+  };
+  ExpectFailure(import("0,0,1,2\n0,1,nan,2\n"), 1, AllOf(HasSubstr("a.csv"), HasSubstr("3")));
+  ExpectFailure(import("4,1,1,2\n4,1,1,2\n"), 1, AllOf(HasSubstr("a.csv"), HasSubstr("4")));
+  ExpectFailure(import("0,0,1\n"), 1, HasSubstr("a.csv"));
+  ExpectFailure(import("0,7,1,2\n"), 1, HasSubstr("frame 7 is not among the 3 frames"));
+  WriteText(Path("a.csv"), "a,b\n1,2\n");
+  ExpectFailure(
+      RunCohort("import " + Path("a.csv") + " --images " + clip + " --out " + Path("b.tracks")),
+      1,
+      HasSubstr("a.csv"));
+  EXPECT_FALSE(fs::exists(Path("b.tracks")));
+}
+
+TEST_F(Commands, AFolderThatCannotBeWritten) {
+  const std::string clip = WriteImages(Path("clip"), 3);
+  ExpectFailure(RunCohort("track " + clip + " --quiet --out " + Path("no/a.tracks")),
+                1,
+                HasSubstr("no/a.tracks"));
+  // Not even root can write here.
+  ExpectFailure(
+      RunCohort("track " + clip + " --quiet --out /proc/a.tracks"), 1, HasSubstr("/proc/a.tracks"));
+  ASSERT_EQ(RunCohort(Track(clip)).exit_code, 0);
+  ExpectFailure(
+      RunCohort("export " + Path("a.tracks") + " --csv /proc/a.csv"), 1, HasSubstr("/proc/a.csv"));
+  ExpectFailure(RunCohort("reconstruct " + Path("a.tracks") + " --quiet --out /proc/m"),
+                1,
+                HasSubstr("/proc/m"));
+  ExpectFailure(RunCohort("synth /proc/clip --frames 1"), 1, HasSubstr("/proc/clip"));
+  ExpectFailure(RunCohort("degrade " + clip + " /proc/clip"), 1, HasSubstr("/proc/clip"));
+  ExpectFailure(RunCohort("compare " + clip + " --out /proc/x"), 1, HasSubstr("/proc/x"));
+}
+
+// A bound on the size of files stands in for a disk that is full.
+TEST_F(Commands, AFullDiskKeepsTheOldFile) {
+  const std::string clip = WriteImages(Path("clip"), 8);
+  ASSERT_EQ(RunCohort(Track(clip)).exit_code, 0);
+  const std::string full = std::string("trap '' XFSZ; ulimit -f 4; ") + COHORT_PROGRAM + " ";
+
+  WriteText(Path("a.csv"), "the old file");
+  ExpectFailure(RunShell(full + "export " + Path("a.tracks") + " --csv " + Path("a.csv")),
+                1,
+                HasSubstr("a.csv"));
+  EXPECT_EQ(ReadBytes(Path("a.csv")), "the old file");
+
+  const std::string tracks = ReadBytes(Path("a.tracks"));
+  ExpectFailure(RunShell(full + Track(clip)), 1, HasSubstr("a.tracks"));
+  EXPECT_EQ(ReadBytes(Path("a.tracks")), tracks);
+
+  ExpectFailure(RunShell(full + "synth " + Path("new") + " --frames 1"), 1, HasSubstr("new"));
+  EXPECT_FALSE(fs::exists(Path("new")));
+}
+
+TEST_F(Commands, WithoutColmapSaysHowToGetIt) {
+  const std::string clip = WriteImages(Path("clip"), 3);
+  ASSERT_EQ(RunCohort(Track(clip)).exit_code, 0);
+  const std::string reconstruct =
+      "reconstruct " + Path("a.tracks") + " --backend colmap --quiet --out " + Path("m");
+  ExpectFailure(RunCohort(reconstruct + " --colmap-program " + Path("colmap")),
+                1,
+                AllOf(HasSubstr(Path("colmap")), HasSubstr("apt")));
+  ExpectFailure(RunShell("PATH=/nowhere " + std::string(COHORT_PROGRAM) + " " + reconstruct),
+                1,
+                HasSubstr("apt"));
+  EXPECT_FALSE(fs::exists(Path("m")));
+}
+
+TEST_F(Commands, AFileThatIsNoTracksFile) {
+  WriteText(Path("x.tracks"), "nothing");
+  for (const std::string& command : {"export " + Path("x.tracks") + " --csv " + Path("a.csv"),
+                                    "reconstruct " + Path("x.tracks") + " --out " + Path("m")}) {
+    ExpectFailure(RunCohort(command), 1, HasSubstr("x.tracks"));
+  }
+  ExpectFailure(RunCohort("export " + Path("none.tracks") + " --csv " + Path("a.csv")),
+                1,
+                HasSubstr("none.tracks"));
+}
+
+TEST_F(Commands, ExportOfAVideoWritesTheFramesThatTheDatabaseNames) {
+  const std::string video = WriteVideo(Path("clip.avi"), 4);
+  ASSERT_EQ(RunCohort(Track(video, "--frames 0:4:2")).exit_code, 0);
+  const ProgramEnd end = RunCohort("export " + Path("a.tracks") + " --quiet --colmap-database " +
+                                   Path("c.db") + " --opensfm " + Path("o.csv"));
+  ASSERT_EQ(end.exit_code, 0) << end.err;
+  EXPECT_THAT(end.out, HasSubstr("--image_path " + Path("c_images")));
+  for (const FrameInfo& frame : ReadTrackFile(Path("a.tracks")).frames) {
+    EXPECT_TRUE(fs::exists(Path("c_images") + "/" + frame.name)) << frame.name;
+  }
+  EXPECT_TRUE(fs::exists(Path("o.csv")));
+}
+
+TEST_F(Commands, RendersDegradesAndEvaluates) {
+  const std::string small = " --width-px 160 --height-px 120 --focal-px 130 --frames 6";
+  ASSERT_EQ(RunCohort("synth " + Path("clip") + small).exit_code, 0);
+  ASSERT_EQ(RunCohort("degrade " + Path("clip") + " " + Path("dark") + " --level 0.5").exit_code,
+            0);
+  EXPECT_LT(cv::mean(cv::imread(Path("dark/rgb/000003.png"), cv::IMREAD_GRAYSCALE))[0],
+            0.8 * cv::mean(cv::imread(Path("clip/rgb/000003.png"), cv::IMREAD_GRAYSCALE))[0]);
+  ASSERT_EQ(RunCohort(Track(Path("dark"))).exit_code, 0);
+  ASSERT_TRUE(ReadTrackFile(Path("a.tracks")).camera);
+  const ProgramEnd end = RunCohort("evaluate " + Path("a.tracks") + " --truth " + Path("dark") +
+                                   " --json " + Path("e.json"));
+  ASSERT_EQ(end.exit_code, 0) << end.err;
+  EXPECT_LT(ReadJson(Path("e.json"))["observed"]["median_px"], 1.0);
+  EXPECT_GT(ReadJson(Path("e.json"))["observed"]["count"], 50);
+
+  const std::string images = WriteImages(Path("images"), 2);
+  ExpectFailure(RunCohort("evaluate " + Path("a.tracks") + " --truth " + images),
+                1,
+                HasSubstr("has no truth of tracks"));
+}
+
+TEST_F(Commands, ReconstructsWithCeresAndJudgesTheModel) {
+  ASSERT_EQ(RunCohort("synth " + Path("clip") +
+                      " --width-px 320 --height-px 240 --focal-px 260 --frames 16")
+                .exit_code,
+            0);
+  ASSERT_EQ(RunCohort("track " + Path("clip") + " --tracker klt --quiet --features 150 --out " +
+                      Path("a.tracks"))
+                .exit_code,
+            0);
+  const ProgramEnd end =
+      RunCohort("reconstruct " + Path("a.tracks") + " --backend ceres --quiet --out " + Path("m") +
+                " --json " + Path("r.json"));
+  ASSERT_EQ(end.exit_code, 0) << end.err;
+  for (const char* key : {"registered",
+                          "frames",
+                          "points",
+                          "observations",
+                          "mean_track_length",
+                          "mean_reprojection_px",
+                          "seconds",
+                          "termination"}) {
+    EXPECT_TRUE(ReadJson(Path("r.json")).contains(key)) << key;
+  }
+  for (const char* file : {"cameras.txt",
+                           "images.txt",
+                           "points3D.txt",
+                           "cameras.bin",
+                           "images.bin",
+                           "points3D.bin",
+                           "trajectory.tum",
+                           "points.ply",
+                           "summary.json"}) {
+    EXPECT_TRUE(fs::exists(dir_ / "m" / file)) << file;
+  }
+  ASSERT_EQ(
+      RunCohort("evaluate " + Path("m") + " --truth " + Path("clip") + " --json " + Path("e.json"))
+          .exit_code,
+      0);
+  const auto figures = ReadJson(Path("e.json"));
+  EXPECT_EQ(figures["registered"], 16);
+  EXPECT_EQ(figures["frames"], 16);
+  EXPECT_LT(figures["ate_m"], 0.02);
+}
+
+// The tracks of a run that was killed or interrupted and then resumed are those of a run in peace.
+class Interruption : public Commands {
+ protected:
+  void SetUp() override {
+    clip_ = WriteImages(Path("clip"), 60);
+    ASSERT_EQ(RunCohort(Tracking("peace")).exit_code, 0);
+    ASSERT_EQ(Csv("peace"), 0);
+  }
+  std::string Tracking(const std::string& name) const {
+    return "track " + clip_ + " --features 200 --quiet --out " + Path(name + ".tracks");
+  }
+  int Csv(const std::string& name) const {
+    return RunCohort("export " + Path(name + ".tracks") + " --csv " + Path(name + ".csv"))
+        .exit_code;
+  }
+  // Sends the signal once some frames are in the file.
+  ProgramEnd RunAndSignal(const std::string& signal) const {
+    return RunShell(fmt::format(
+        "{} {} & pid=$!; while [ \"$(stat -c %s {} 2>/dev/null || echo 0)\" -lt 60000 ]; do "
+        "sleep 0.01; done; kill -{} $pid; wait $pid",
+        COHORT_PROGRAM,
+        Tracking("hurt"),
+        Path("hurt.tracks"),
+        signal));
+  }
+  void ExpectResumeGivesTheSame() const {
+    const TrackFile partial = ReadTrackFile(Path("hurt.tracks"));
+    EXPECT_FALSE(partial.complete);
+    EXPECT_GT(partial.frames.size(), 0u);
+    EXPECT_LT(partial.frames.size(), 60u);
+    ASSERT_EQ(RunCohort(Tracking("hurt") + " --resume").exit_code, 0);
+    EXPECT_TRUE(ReadTrackFile(Path("hurt.tracks")).complete);
+    ASSERT_EQ(Csv("hurt"), 0);
+    EXPECT_EQ(ReadBytes(Path("hurt.csv")), ReadBytes(Path("peace.csv")));
+  }
+
+  std::string clip_;
+};
+
+TEST_F(Interruption, AKilledRunKeepsFinishedFramesAndResumes) {
+  EXPECT_EQ(RunAndSignal("KILL").exit_code, 128 + SIGKILL);
+  ExpectResumeGivesTheSame();
+}
+
+TEST_F(Interruption, CtrlCEndsCleanlyAndResumes) {
+  // A shell starts background jobs with SIGINT ignored; SIGTERM is handled the same.
+  ExpectFailure(
+      RunAndSignal("TERM"), 1, AllOf(HasSubstr("interrupted after"), HasSubstr("--resume")));
+  ExpectResumeGivesTheSame();
+}
+
+TEST_F(Interruption, OtherOptionsDoNotResume) {
+  RunAndSignal("KILL");
+  ExpectFailure(
+      RunCohort(Tracking("hurt") + " --resume --window 9"), 1, HasSubstr("other options"));
+  EXPECT_FALSE(ReadTrackFile(Path("hurt.tracks")).complete);
+}
+
+TEST_F(Commands, CompareMeasuresEveryCellAndResumes) {
+  ASSERT_EQ(RunCohort("synth " + Path("clip") +
+                      " --width-px 160 --height-px 120 --focal-px 130 --frames 8")
+                .exit_code,
+            0);
+  const std::string compare = "compare " + Path("clip") +
+                              " --trackers klt,subspace --backends ceres --levels as-is,clean "
+                              "--features 80 --jobs 2 --out " +
+                              Path("out");
+  const ProgramEnd first = RunCohort(compare);
+  ASSERT_EQ(first.exit_code, 0) << first.err;
+  EXPECT_THAT(first.out, AllOf(HasSubstr("subspace"), HasSubstr("as-is"), HasSubstr("registered")));
+  EXPECT_THAT(ReadBytes(Path("out/results.csv")),
+              StartsWith("sequence,level,tracker,backend,seed,metric,value,unit\n"
+                         "clip,as-is,klt,,1,failed,0,\n"));
+  const ProgramEnd second = RunCohort(compare + " --resume");
+  EXPECT_EQ(second.out, first.out);
+  EXPECT_THAT(second.err, HasSubstr("reconstruct: 4 of 4 are done already"));
+
+  // Shards in one folder give the whole.
+  ASSERT_EQ(RunCohort(compare + "2 --shard 0/2").exit_code, 0);
+  ASSERT_EQ(RunCohort(compare + "2 --shard 1/2").exit_code, 0);
+  const auto without_times = [](const std::string& csv) {
+    std::istringstream in(csv);
+    std::string kept;
+    for (std::string line; std::getline(in, line);) {
+      if (line.find("time") == std::string::npos && line.find("seconds") == std::string::npos) {
+        kept += line + "\n";
+      }
+    }
+    return kept;
+  };
+  EXPECT_EQ(without_times(ReadBytes(Path("out2/results.csv"))),
+            without_times(ReadBytes(Path("out/results.csv"))));
+}
+
+TEST_F(Commands, CompareRecordsFailuresAsFailures) {
+  // Nothing moves: no reconstruction.
+  const fs::path still = Path("still");
+  fs::create_directory(still);
+  for (int i = 0; i < 8; ++i) cv::imwrite(ImagePath(still, i), MovingFrame(0));
+  const ProgramEnd end = RunCohort("compare " + still.string() +
+                                   " --trackers klt --backends ceres,colmap --colmap.program " +
+                                   Path("nocolmap") + " --quiet --out " + Path("out"));
+  ASSERT_EQ(end.exit_code, 0) << end.err;
+  EXPECT_THAT(end.out,
+              AllOf(HasSubstr("FAILED 0/8"), HasSubstr("FAILED -"), HasSubstr("nocolmap")));
+  EXPECT_EQ(ReadJson(Path("out/results.json"))["failures"].size(), 2u);
+  EXPECT_THAT(ReadBytes(Path("out/results.csv")),
+              AllOf(HasSubstr("still,as-is,klt,ceres,1,failed,1,\n"), Not(HasSubstr("ate"))));
+  ExpectFailure(RunCohort("compare " + Path("none") + " --quiet --out " + Path("out")),
+                1,
+                HasSubstr(Path("none")));
+}
+
+}  // namespace
+}  // namespace cohort

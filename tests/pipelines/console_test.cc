@@ -1,0 +1,35 @@
+#include <gtest/gtest.h>
+
+#include "pipelines/console/progress_bar.h"
+#include "pipelines/console/table.h"
+
+namespace cohort {
+namespace {
+
+TEST(ProgressLine, TellsShareSpeedAndTimeLeft) {
+  EXPECT_EQ(ProgressLine("track", 30, 120, 10.0),
+            "track [=======                       ] 30/120  3.0 fps  ETA 0:30");
+  EXPECT_EQ(ProgressLine("track", 120, 120, 40.0),
+            "track [==============================] 120/120  3.0 fps  ETA 0:00");
+  EXPECT_EQ(ProgressLine("track", 1, 4000, 1.0),
+            "track [                              ] 1/4000  1.0 fps  ETA 66:39");
+}
+
+TEST(ProgressLine, CountsWhereTheTotalIsUnknownOrWasAGuess) {
+  EXPECT_EQ(ProgressLine("track", 30, std::nullopt, 10.0), "track 30  3.0 fps");
+  EXPECT_EQ(ProgressLine("track", 6, 5, 2.0),
+            "track [==============================] 6/5  3.0 fps  ETA 0:00");
+}
+
+TEST(AlignedTable, AlignsColumnsUnderARule) {
+  EXPECT_EQ(
+      AlignedTable({{"tracker", "level", "error"}, {"klt", "medium", "12.5"}, {"subspace"}}, 2),
+      "tracker   level   error\n"
+      "-----------------------\n"
+      "klt       medium   12.5\n"
+      "subspace\n");
+  EXPECT_EQ(AlignedTable({}), "");
+}
+
+}  // namespace
+}  // namespace cohort
