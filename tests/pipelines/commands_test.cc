@@ -498,18 +498,18 @@ TEST_F(Commands, CompareMeasuresEveryCellAndResumes) {
                 .exit_code,
             0);
   const std::string compare = "compare " + Path("clip") +
-                              " --trackers klt,subspace --backends ceres --levels as-is,clean "
+                              " --trackers klt,subspace --backends ceres --levels clean "
                               "--features 80 --jobs 2 --out " +
                               Path("out");
   const ProgramEnd first = RunCohort(compare);
   ASSERT_EQ(first.exit_code, 0) << first.err;
-  EXPECT_THAT(first.out, AllOf(HasSubstr("subspace"), HasSubstr("as-is"), HasSubstr("registered")));
+  EXPECT_THAT(first.out, AllOf(HasSubstr("subspace"), HasSubstr("clean"), HasSubstr("registered")));
   EXPECT_THAT(ReadBytes(Path("out/results.csv")),
               StartsWith("sequence,level,tracker,backend,seed,metric,value,unit\n"
-                         "clip,as-is,klt,,1,failed,0,\n"));
+                         "clip,clean,klt,,1,failed,0,\n"));
   const ProgramEnd second = RunCohort(compare + " --resume");
   EXPECT_EQ(second.out, first.out);
-  EXPECT_THAT(second.err, HasSubstr("reconstruct: 4 of 4 are done already"));
+  EXPECT_THAT(second.err, HasSubstr("reconstruct: 2 of 2 are done already"));
 
   // Shards in one folder give the whole.
   ASSERT_EQ(RunCohort(compare + "2 --shard 0/2").exit_code, 0);
