@@ -1,0 +1,71 @@
+// The main job on rendered and, where it is there, on real input, as a user runs it: a clip goes
+// in, tracks of the joint tracker and of plain KLT come out, COLMAP reconstructs both.
+
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <tuple>
+
+#include "tests/support/program.h"
+#include "tests/support/shared_data.h"
+#include "tests/support/temp_dir.h"
+
+namespace cohort {
+namespace {
+
+// results.json as (tracker, backend, metric) -> value; the backend is empty for figures of tracks.
+using Figures = std::map<std::tuple<std::string, std::string, std::string>, double>;
+
+Figures CompareThroughColmap(const std::string& clip,
+                             const std::string& more,
+                             const std::string& out) {
+  const test::ProgramEnd end =
+      test::RunCohort("compare " + clip + " --backends colmap --quiet --out " + out + " " + more);
+  EXPECT_EQ(end.exit_code, 0) << end.err;
+  Figures figures;
+  std::ifstream file(out + "/results.json");
+  const nlohmann::json results = nlohmann::json::parse(file);
+  for (const auto& row : results.at("rows")) {
+    if (!row.at("value").is_number()) continue;
+    figures[{row.at("tracker"), row.at("backend"), row.at("metric")}] = row.at("value");
+  }
+  return figures;
+}
+
+class MainJob : public testing::TestWithParam<const char*> {};
+
+TEST_P(MainJob, AtMediumTheCohortTracksBetterThanKltAndEveryFrameRegisters) {
+  const test::TempDir dir;
+  const std::string motion = GetParam();
+  const std::string clip = dir / "clip";
+  ASSERT_EQ(test::RunCohort("synth " + clip + " --frames 40 --motion " + motion).exit_code, 0);
+  const Figures figures =
+      CompareThroughColmap(clip, "--levels medium --trackers klt,subspace", dir / "out");
+  const auto of = [&](const char* tracker, const char* metric) {
+    return figures.at({tracker, "", metric});
+  };
+  EXPECT_LT(of("subspace", "observed_error_median"), of("klt", "observed_error_median"));
+  EXPECT_LT(of("subspace", "observed_error_p90"), of("klt", "observed_error_p90"));
+  EXPECT_GT(of("subspace", "mean_track_length"), of("klt", "mean_track_length"));
+  EXPECT_EQ(figures.at({"subspace", "colmap", "registered"}), 40.0);
+  EXPECT_LT(figures.at({"subspace", "colmap", "ate"}), 0.02);
+}
+
+INSTANTIATE_TEST_SUITE_P(Rendered, MainJob, testing::Values("lateral", "forward", "orbit"));
+
+TEST(MainJobOnRealFrames, RegistersAtLeast95PercentAsTheyAreAndDarkened) {
+  const auto clip = test::SharedData("7scenes_redkitchen_000_299");
+  COHORT_SKIP_WITHOUT(clip);
+  for (const std::string level : {"as-is", "medium"}) {
+    const test::TempDir dir;
+    const Figures figures = CompareThroughColmap(
+        clip.string(), "--frames 0:120 --trackers subspace --levels " + level, dir / "out");
+    EXPECT_GE(figures.at({"subspace", "colmap", "registered"}), 0.95 * 120) << level;
+  }
+}
+
+}  // namespace
+}  // namespace cohort
