@@ -348,7 +348,7 @@ TEST_F(Commands, WithoutColmapSaysHowToGetIt) {
 TEST_F(Commands, AFileThatIsNoTracksFile) {
   WriteText(Path("x.tracks"), "nothing");
   for (const std::string& command : {"export " + Path("x.tracks") + " --csv " + Path("a.csv"),
-                                    "reconstruct " + Path("x.tracks") + " --out " + Path("m")}) {
+                                     "reconstruct " + Path("x.tracks") + " --out " + Path("m")}) {
     ExpectFailure(RunCohort(command), 1, HasSubstr("x.tracks"));
   }
   ExpectFailure(RunCohort("export " + Path("none.tracks") + " --csv " + Path("a.csv")),
