@@ -12,40 +12,46 @@ namespace cohort {
 std::string ProgressLine(const std::string& label,
                          std::size_t done,
                          std::optional<std::size_t> total,
-                         double seconds) {
-  const double fps = seconds > 0.0 ? static_cast<double>(done) / seconds : 0.0;
-  if (!total || *total == 0) return fmt::format("{} {}  {:.1f} fps", label, done, fps);
+                         double seconds,
+                         const std::string& rate_unit) {
+  const double rate = seconds > 0.0 ? static_cast<double>(done) / seconds : 0.0;
+  const std::string speed = rate_unit.empty() ? "" : fmt::format("  {:.1f} {}", rate, rate_unit);
+  if (!total || *total == 0) return fmt::format("{} {}{}", label, done, speed);
   constexpr std::size_t kWidth = 30;
-  const std::size_t filled = kWidth * std::min(done, *total) / *total;
-  const std::size_t left = *total - std::min(done, *total);
-  const auto eta = fps > 0.0 ? static_cast<long>(static_cast<double>(left) / fps + 0.5) : 0L;
-  return fmt::format("{} [{:<{}}] {}/{}  {:.1f} fps  ETA {}:{:02}",
-                     label,
-                     std::string(filled, '='),
-                     kWidth,
-                     done,
-                     *total,
-                     fps,
-                     eta / 60,
-                     eta % 60);
+  const std::size_t shown = std::min(done, *total);
+  std::string line = fmt::format("{} [{:<{}}] {}/{}{}",
+                                 label,
+                                 std::string(kWidth * shown / *total, '='),
+                                 kWidth,
+                                 done,
+                                 *total,
+                                 speed);
+  if (rate > 0.0) {
+    const auto left = static_cast<long>(static_cast<double>(*total - shown) / rate + 0.5);
+    line += fmt::format("  ETA {}:{:02}", left / 60, left % 60);
+  }
+  return line;
 }
 
-ProgressBar::ProgressBar(std::string label, std::optional<std::size_t> total)
+ProgressBar::ProgressBar(std::string label, std::optional<std::size_t> total, std::string rate_unit)
     : shown_(isatty(STDERR_FILENO) == 1 && spdlog::should_log(spdlog::level::info)),
       label_(std::move(label)),
-      total_(total) {}
+      total_(total),
+      rate_unit_(std::move(rate_unit)) {}
 
-ProgressBar::~ProgressBar() {
+ProgressBar::~ProgressBar() { Wipe(); }
+
+void ProgressBar::Wipe() {
   if (shown_) std::fputs("\r\x1b[K", stderr);
 }
 
-void ProgressBar::Advance() {
-  ++done_;
+void ProgressBar::Advance(std::size_t steps) {
+  done_ += steps;
   const auto now = Clock::now();
   if (!shown_ || now < next_draw_) return;
   next_draw_ = now + std::chrono::milliseconds(100);
   const double seconds = std::chrono::duration<double>(now - start_).count();
-  fmt::print(stderr, "\r{}\x1b[K", ProgressLine(label_, done_, total_, seconds));
+  fmt::print(stderr, "\r{}\x1b[K", ProgressLine(label_, done_, total_, seconds, rate_unit_));
   std::fflush(stderr);
 }
 

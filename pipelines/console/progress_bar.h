@@ -7,16 +7,20 @@
 
 namespace cohort {
 
-// One line on stderr, `track [=====>    ] 120/300  87 fps  ETA 0:02`, redrawn at most ten times a
-// second and wiped at the end. Nothing where stderr is no terminal or the log is quiet.
+// One line on stderr, `track [=====     ] 120/300  87.0 fps  ETA 0:02`, redrawn at most ten times a
+// second and wiped at the end. Nothing where stderr is no terminal or the log is quiet. `rate_unit`
+// empty: no speed is shown.
 class ProgressBar {
  public:
-  explicit ProgressBar(std::string label, std::optional<std::size_t> total = std::nullopt);
+  explicit ProgressBar(std::string label,
+                       std::optional<std::size_t> total,
+                       std::string rate_unit = "fps");
   ProgressBar(const ProgressBar&) = delete;
   ProgressBar& operator=(const ProgressBar&) = delete;
   ~ProgressBar();
 
-  void Advance();
+  void Advance(std::size_t steps = 1);  // 0: only the time goes on
+  void Wipe();                          // before something else is written to the terminal
 
  private:
   using Clock = std::chrono::steady_clock;
@@ -24,6 +28,7 @@ class ProgressBar {
   bool shown_;
   std::string label_;
   std::optional<std::size_t> total_;
+  std::string rate_unit_;
   std::size_t done_ = 0;
   Clock::time_point start_ = Clock::now();
   Clock::time_point next_draw_ = start_;
@@ -33,6 +38,7 @@ class ProgressBar {
 std::string ProgressLine(const std::string& label,
                          std::size_t done,
                          std::optional<std::size_t> total,
-                         double seconds);
+                         double seconds,
+                         const std::string& rate_unit);
 
 }  // namespace cohort

@@ -101,7 +101,7 @@ void RunTasks(const std::string& stage, const std::vector<Task>& tasks, int jobs
   }
 
   const InterruptGuard interrupt;
-  ProgressBar progress(stage, open.size());
+  ProgressBar progress(stage, open.size(), "");
   std::map<pid_t, const Task*> running;
   std::size_t next = 0;
   while (next < open.size() || !running.empty()) {
@@ -118,10 +118,12 @@ void RunTasks(const std::string& stage, const std::vector<Task>& tasks, int jobs
     }
     const auto it = running.find(ended);
     if (it == running.end()) {
+      progress.Advance(0);
       usleep(20'000);
       continue;
     }
     RecordEnd(*it->second, status);
+    progress.Wipe();
     const Json result = ReadJsonFile(it->second->result);
     if (result.at("error").is_null()) {
       spdlog::info("{}: {:.1f} s", it->second->label, result.at("seconds").get<double>());

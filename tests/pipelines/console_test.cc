@@ -7,17 +7,18 @@ namespace cohort {
 namespace {
 
 TEST(ProgressLine, TellsShareSpeedAndTimeLeft) {
-  EXPECT_EQ(ProgressLine("track", 30, 120, 10.0),
+  EXPECT_EQ(ProgressLine("track", 30, 120, 10.0, "fps"),
             "track [=======                       ] 30/120  3.0 fps  ETA 0:30");
-  EXPECT_EQ(ProgressLine("track", 120, 120, 40.0),
+  EXPECT_EQ(ProgressLine("track", 120, 120, 40.0, "fps"),
             "track [==============================] 120/120  3.0 fps  ETA 0:00");
-  EXPECT_EQ(ProgressLine("track", 1, 4000, 1.0),
-            "track [                              ] 1/4000  1.0 fps  ETA 66:39");
+  EXPECT_EQ(ProgressLine("cells", 1, 4000, 1.0, ""),
+            "cells [                              ] 1/4000  ETA 66:39");
+  EXPECT_EQ(ProgressLine("cells", 0, 4, 1.0, ""), "cells [                              ] 0/4");
 }
 
 TEST(ProgressLine, CountsWhereTheTotalIsUnknownOrWasAGuess) {
-  EXPECT_EQ(ProgressLine("track", 30, std::nullopt, 10.0), "track 30  3.0 fps");
-  EXPECT_EQ(ProgressLine("track", 6, 5, 2.0),
+  EXPECT_EQ(ProgressLine("track", 30, std::nullopt, 10.0, "fps"), "track 30  3.0 fps");
+  EXPECT_EQ(ProgressLine("track", 6, 5, 2.0, "fps"),
             "track [==============================] 6/5  3.0 fps  ETA 0:00");
 }
 
