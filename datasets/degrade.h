@@ -36,30 +36,38 @@ struct DegradeOptions {
 // Level by name: clean 0, medium 1, hard 2, or a number. Throws UsageError.
 double ParseLevel(const std::string& text);
 
-// What a level stands for. Gains and noise levels are interpolated geometrically between the
-// table's three levels (and beyond hard extrapolated), except that `paper`'s blur and second noise,
-// which clean has not, grow linearly from 0.
-//   paper   clean g 1, noise .004 | medium g .3, s1 .04, blur 2 px, s2 .02 | hard g .2, .06, 2 px,
-//   .03 sensor  clean gain 1, shot 1e-4 | medium gain .08, shot .006 | hard gain .04, shot .012;
-//           log read = 2.18 log shot + 1.2
+// What a level stands for: piecewise linear through the table's three levels and on beyond hard,
+// gains and shot in their logarithm, blur up to 2 px, shutter up to 1.
+//   paper    clean                medium                           hard
+//            gain 1, noise .004   gain .3, .04, blur 2 px, .02     gain .2, .06, blur 2 px, .03
+//   sensor   gain 1, shot 1e-4,   gain .08, shot .006, shutter .35 gain .04, shot .012, shutter .6
+//            shutter 0            log read = 2.18 log shot + 1.2
 struct PaperLevel {
   double gain, noise_before, blur_px, noise_after;
 };
 struct SensorLevel {
-  double gain, shot, read, motion_blur_px;
+  double gain, shot, read;
+  double digital_gain;  // back to a fifth of the full range, as an automatic exposure does
+  double shutter;       // open for this share of the time between frames
 };
 PaperLevel PaperLevelOf(double level);
 SensorLevel SensorLevelOf(double level);
 
-// One frame; `gray` is CV_8UC1 or CV_16UC1, the result CV_8UC1. Intensities 0..1:
+// One frame; `gray` is CV_8UC1 or CV_16UC1, the result CV_8UC1. With v in 0..1 and n normal noise:
 //   paper   g v + s1 n, Gaussian blur, + s2 n
-//   sensor  linear = gain v^2.2, a hand-shake blur of the exposure (a random straight smear, up to
-//           motion_blur_px), noise of variance shot linear + read, digital gain back to a fifth of
-//           the full range (what an automatic exposure does), gamma 1/2.2
-// The noise of frame i is RandomStream(seed, "degrade/noise").Fork(i).
-cv::Mat DegradeFrame(const cv::Mat& gray, const DegradeOptions& options, std::uint32_t frame);
+//   sensor  linear = gain v^2.2, blurred by motion, + noise of variance shot linear + read, digital
+//           gain, cut to 0..1, ^(1/2.2)
+// `motion` is how far the picture moves from frame to frame (CV_32FC2, px): it is smeared half
+// forwards, half backwards, so that nothing is displaced. Empty: a hand that moves the whole
+// picture by up to 5 px in some direction. The random numbers of frame i are
+// RandomStream(seed, "degrade/noise").Fork(i).
+cv::Mat DegradeFrame(const cv::Mat& gray,
+                     const DegradeOptions& options,
+                     std::uint32_t frame,
+                     const cv::Mat& motion = {});
 
-// An opaque, textured bar, 80 px wide, that crosses the picture from the left again and again.
+// An opaque, textured bar, 80 px wide, that crosses the picture from the left again and again; it
+// stays away for as long as it takes to cross.
 struct OccludedFrame {
   cv::Mat gray;
   cv::Mat mask;  // CV_8UC1, 255: covered
@@ -67,12 +75,15 @@ struct OccludedFrame {
 OccludedFrame DrawOccluder(const cv::Mat& gray, const DegradeOptions& options, std::uint32_t frame);
 
 // Degrades a clip into a folder in TUM layout, with calibration, true poses, depth and scene.json
-// where the source has them. The occluder is drawn before the degradation, as a real foreground
-// would be. Whole or not at all.
+// where the source has them; `source` is what `sequence` was opened from. The occluder is drawn
+// first, as a real foreground would be. Motion blur follows the true cameras where there are poses
+// and depth (bodies that move on their own are blurred as if they stood still). Whole or not at
+// all; the bytes do not depend on `threads` (0: one a core).
 void DegradeSequence(Sequence& sequence,
                      const std::filesystem::path& source,
                      const DegradeOptions& options,
                      const std::filesystem::path& out,
-                     const Progress& progress = {});
+                     const Progress& progress = {},
+                     unsigned threads = 0);
 
 }  // namespace cohort

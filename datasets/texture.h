@@ -1,37 +1,97 @@
 #pragma once
 
+#include <algorithm>
+#include <cmath>
 #include <cstdint>
 #include <opencv2/core/mat.hpp>
-#include <string_view>
 #include <vector>
+
+#include "frontend/core/random_stream.h"
 
 namespace cohort {
 
-// Procedural textures with the statistics of photographs: a 1/f spectrum, edges, flat parts. All
-// are drawn from the seed; none is anybody's picture.
-enum class TextureKind {
-  kConcrete,
-  kBricks,
-  kPlanks,
-  kTiles,
-  kPosters,
-  kPlaster,
-  kGravel,
-  kFabric
+// What a surface is made of. All are drawn from random numbers and built like photographs: a
+// 1/f-like spectrum, edges and corners of all sizes, strong and weak parts. None is a picture.
+enum class Material {
+  kPlaster,    // weak: slow shades, few stains and cracks
+  kConcrete,   // pores, stains, formwork joints
+  kBricks,     // 25 x 8 cm
+  kPlanks,     // 14 cm wide, grain and knots
+  kTiles,      // 30 cm, veined
+  kCarpet,     // woven rows with a border
+  kAsphalt,    // fine grit, cracks, patches
+  kPoster,     // overlapping shapes and lines of letters
+  kBooks,      // a row of spines
+  kCardboard,  // tape, a label, dents
+  kFabric,     // stripes and folds
+  kFoliage,    // leaves over leaves
+  kWindow,     // panes with reflections in a frame
+  kDoor,       // panels and a handle
+  kMetal,      // painted sheet with rust
+  kSky         // clouds
 };
 
-// A square of kTextureMetres, repeated endlessly, as CV_32FC1 in 0..1 with its mip levels.
-class Texture {
- public:
-  Texture(TextureKind kind, std::uint64_t seed);
+struct TextureSpec {
+  Material material = Material::kPlaster;
+  double width_m = 1.0;
+  double height_m = 1.0;
+  double texels_per_m = 200.0;
+  double brightness = 1.0;  // factor on the material's own reflectance
+};
 
-  // Value at (x, y) [m], averaged over a footprint of `footprint_m` (trilinear).
-  float At(double x, double y, double footprint_m) const;
+// Reflectance 0.015..0.9 in linear light, CV_32FC1; row 0 is the surface's upper edge.
+cv::Mat MakeTexture(const TextureSpec& spec, RandomStream random);
+
+// A texture with its halved, quartered ... copies, for sampling without aliasing.
+class MipMap {
+ public:
+  explicit MipMap(cv::Mat texture);
+
+  float width() const { return levels_[0].width; }  // [texels]
+  float height() const { return levels_[0].height; }
+
+  // Value at (s, t), 0..1 across the texture (the centre of texel i is at (i + 0.5) / width),
+  // linear between texels and between levels; lod 0 is the texture itself, 1 its half.
+  float Sample(float s, float t, float lod) const {
+    if (lod <= 0.0F) return levels_[0].Bilinear(s, t);
+    const float clamped = std::min(lod, static_cast<float>(levels_.size()) - 1.001F);
+    const int level = static_cast<int>(clamped);
+    const float fine = levels_[static_cast<std::size_t>(level)].Bilinear(s, t);
+    const float coarse = levels_[static_cast<std::size_t>(level) + 1].Bilinear(s, t);
+    return fine + (clamped - static_cast<float>(level)) * (coarse - fine);
+  }
 
  private:
-  std::vector<cv::Mat> levels_;
-};
+  struct Level {
+    cv::Mat texels;
+    const float* data;
+    int stride;
+    float width, height, last_x, last_y;
 
-inline constexpr double kTextureMetres = 5.12;
+    explicit Level(cv::Mat m)
+        : texels(std::move(m)),
+          data(texels.ptr<float>()),
+          stride(static_cast<int>(texels.step1())),
+          width(static_cast<float>(texels.cols)),
+          height(static_cast<float>(texels.rows)),
+          last_x(width - 1.001F),
+          last_y(height - 1.001F) {}
+
+    float Bilinear(float s, float t) const {
+      const float x = std::clamp(s * width - 0.5F, 0.0F, last_x);
+      const float y = std::clamp(t * height - 0.5F, 0.0F, last_y);
+      const int ix = static_cast<int>(x);
+      const int iy = static_cast<int>(y);
+      const float a = x - static_cast<float>(ix);
+      const float b = y - static_cast<float>(iy);
+      const float* p = data + iy * stride + ix;
+      const float* q = p + stride;
+      const float top = p[0] + a * (p[1] - p[0]);
+      const float bottom = q[0] + a * (q[1] - q[0]);
+      return top + b * (bottom - top);
+    }
+  };
+  std::vector<Level> levels_;
+};
 
 }  // namespace cohort

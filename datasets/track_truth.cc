@@ -4,37 +4,77 @@
 #include <array>
 #include <cmath>
 #include <map>
-#include <numbers>
 #include <utility>
+
+#include "datasets/synthetic_scene.h"
 
 namespace cohort {
 namespace {
 
-bool IsCovered(const Sequence& sequence,
-               std::map<FrameIndex, std::optional<cv::Mat>>& masks,
-               FrameIndex frame,
-               const Eigen::Vector2d& xy) {
-  auto it = masks.find(frame);
-  if (it == masks.end()) {
-    it = masks.emplace(frame, sequence.OccluderMask(frame)).first;
+// What was read or computed for a frame, kept for the next track that passes. Emptied when it holds
+// many frames: tracks of a long clip come in the order of their births.
+template <typename T>
+class FrameCache {
+ public:
+  template <typename Make>
+  const T& Get(FrameIndex frame, const Make& make) {
+    auto it = entries_.find(frame);
+    if (it == entries_.end()) {
+      constexpr std::size_t kMostFrames = 600;
+      if (entries_.size() >= kMostFrames) entries_.clear();
+      it = entries_.emplace(frame, make()).first;
+    }
+    return it->second;
   }
-  if (!it->second) return false;
-  const cv::Mat& mask = *it->second;
-  const int x = std::clamp(static_cast<int>(std::lround(xy.x())), 0, mask.cols - 1);
-  const int y = std::clamp(static_cast<int>(std::lround(xy.y())), 0, mask.rows - 1);
-  return mask.at<std::uint8_t>(y, x) != 0;
-}
 
-// Eight directions, at the radius and at half of it.
-template <typename Function>
-bool AnyAround(const Eigen::Vector2d& xy, double radius_px, const Function& differs) {
-  for (const double radius : {0.5 * radius_px, radius_px}) {
-    for (int i = 0; i < 8; ++i) {
-      const double angle = i * std::numbers::pi / 4.0;
-      if (differs(
-              Eigen::Vector2d(xy + radius * Eigen::Vector2d(std::cos(angle), std::sin(angle))))) {
-        return true;
-      }
+ private:
+  std::map<FrameIndex, T> entries_;
+};
+
+class OccluderMasks {
+ public:
+  explicit OccluderMasks(const Sequence& sequence) : sequence_(sequence) {}
+
+  bool Cover(FrameIndex frame, const Eigen::Vector2d& xy) {
+    const std::optional<cv::Mat>& mask =
+        masks_.Get(frame, [&] { return sequence_.OccluderMask(frame); });
+    if (!mask) return false;
+    const int x = std::clamp(static_cast<int>(std::lround(xy.x())), 0, mask->cols - 1);
+    const int y = std::clamp(static_cast<int>(std::lround(xy.y())), 0, mask->rows - 1);
+    return mask->at<std::uint8_t>(y, x) != 0;
+  }
+
+ private:
+  const Sequence& sequence_;
+  FrameCache<std::optional<cv::Mat>> masks_;
+};
+
+// Inverse depth is linear on a plane, whatever its slope: a jump shows as a second difference of
+// more than `jump` of it. 0 is unknown.
+template <typename InverseDepthAt>
+bool JumpsAround(const Eigen::Vector2d& xy,
+                 double radius_px,
+                 double jump,
+                 const InverseDepthAt& inverse_depth_at) {
+  const int radius = std::max(1, static_cast<int>(std::ceil(radius_px)));
+  const int side = 2 * radius + 1;
+  std::vector<double> near(static_cast<std::size_t>(side * side));
+  const auto at = [&](int dx, int dy) -> double& {
+    return near[static_cast<std::size_t>((dy + radius) * side + dx + radius)];
+  };
+  for (int dy = -radius; dy <= radius; ++dy) {
+    for (int dx = -radius; dx <= radius; ++dx) {
+      at(dx, dy) = inverse_depth_at(std::lround(xy.x()) + dx, std::lround(xy.y()) + dy);
+      if (at(dx, dy) == 0.0) return true;
+    }
+  }
+  const auto bends = [&](double a, double b, double c) {
+    return std::abs(a - 2.0 * b + c) > jump * b;
+  };
+  for (int i = -radius; i <= radius; ++i) {
+    for (int k = 1 - radius; k < radius; ++k) {
+      if (bends(at(k - 1, i), at(k, i), at(k + 1, i))) return true;
+      if (bends(at(i, k - 1), at(i, k), at(i, k + 1))) return true;
     }
   }
   return false;
@@ -42,64 +82,62 @@ bool AnyAround(const Eigen::Vector2d& xy, double radius_px, const Function& diff
 
 class SceneTruth final : public TrackTruth {
  public:
-  SceneTruth(const Sequence& sequence, const SyntheticSceneOptions& options)
-      : sequence_(sequence), scene_(options) {}
+  SceneTruth(const Sequence& sequence, const SceneFile& file)
+      : file_(file), scene_(file.options), masks_(sequence) {}
 
   std::optional<Anchor> Pick(FrameIndex frame, const Eigen::Vector2d& xy) override {
-    const auto& moment = MomentAt(frame);
+    if (masks_.Cover(frame, xy)) return std::nullopt;
+    const SceneMoment& moment = MomentAt(frame);
     const auto point = moment.Pick(xy);
     if (!point) return std::nullopt;
-    return Anchor{frame, moment.WorldPoint(*point), *point};
+    return Anchor{frame, moment.PointInWorld(*point), *point};
   }
 
   std::optional<TruePosition> Locate(const Anchor& anchor, FrameIndex frame) override {
-    const auto& moment = MomentAt(frame);
-    const auto xy = moment.Project(anchor.on_surface);
+    const SceneMoment& moment = MomentAt(frame);
+    const Eigen::Vector3d x_in_cam = moment.PointInCam(anchor.on_surface);
+    const auto xy = scene_.camera().Project(x_in_cam);
     if (!xy) return std::nullopt;
-    TruePosition position;
-    position.xy = *xy;
-    position.in_image = scene_.camera().Contains(*xy);
-    position.visible = position.in_image && !IsCovered(sequence_, masks_, frame, *xy) &&
-                       moment.IsUnobstructed(anchor.on_surface);
+    TruePosition position{*xy, scene_.camera().Contains(*xy), false};
+    position.visible = position.in_image && !masks_.Cover(frame, *xy) &&
+                       moment.InverseDepth(*xy) * x_in_cam.z() < 1.001;
     return position;
   }
 
   bool IsOnDepthEdge(FrameIndex frame, const Eigen::Vector2d& xy, double radius_px) override {
-    const auto& moment = MomentAt(frame);
-    const auto depth_at = [&](const Eigen::Vector2d& at) {
-      const auto point = moment.Pick(at);
-      return point ? moment.Depth(*point) : 0.0;
-    };
-    const double depth = depth_at(xy);
-    return AnyAround(xy, radius_px, [&](const Eigen::Vector2d& at) {
-      return std::abs(depth_at(at) - depth) > 0.03 * depth;
+    const SceneMoment& moment = MomentAt(frame);
+    // Nothing at all is as far as can be.
+    return JumpsAround(xy, radius_px, 0.02, [&](long x, long y) {
+      return std::max(1e-9, moment.InverseDepth(Eigen::Vector2d(x, y)));
     });
   }
 
  private:
-  const SyntheticScene::Moment& MomentAt(FrameIndex frame) {
-    const auto it = moments_.find(frame);
-    if (it != moments_.end()) return it->second;
-    return moments_.emplace(frame, scene_.At(static_cast<int>(ToInt(frame)))).first->second;
+  const SceneMoment& MomentAt(FrameIndex frame) {
+    return moments_.Get(frame, [&] {
+      const auto clip_frame = static_cast<int>(ToInt(frame));
+      return SceneMoment(scene_, file_.first_frame + clip_frame * file_.frame_step);
+    });
   }
 
-  const Sequence& sequence_;
+  SceneFile file_;
   SyntheticScene scene_;
-  std::map<FrameIndex, SyntheticScene::Moment> moments_;
-  std::map<FrameIndex, std::optional<cv::Mat>> masks_;
+  FrameCache<SceneMoment> moments_;
+  OccluderMasks masks_;
 };
 
 class DepthTruth final : public TrackTruth {
  public:
-  DepthTruth(const Sequence& sequence, Camera camera) : sequence_(sequence), camera_(camera) {}
+  DepthTruth(const Sequence& sequence, Camera camera)
+      : sequence_(sequence), camera_(camera), masks_(sequence) {}
 
   std::optional<Anchor> Pick(FrameIndex frame, const Eigen::Vector2d& xy) override {
     const auto pose = sequence_.TrueCamFromWorld().find(frame);
-    const auto depth = DepthAt(frame, xy);
-    if (pose == sequence_.TrueCamFromWorld().end() || !depth) return std::nullopt;
-    return Anchor{frame,
-                  pose->second.Inverse() * (*depth * camera_.Unproject(xy).homogeneous()),
-                  SurfacePoint{}};
+    if (pose == sequence_.TrueCamFromWorld().end() || masks_.Cover(frame, xy)) return std::nullopt;
+    const auto depth_m = DepthAt(frame, xy);
+    if (!depth_m) return std::nullopt;
+    const Eigen::Vector3d x_in_cam = *depth_m * camera_.Unproject(xy).homogeneous();
+    return Anchor{frame, pose->second.Inverse() * x_in_cam, SurfacePoint{}};
   }
 
   std::optional<TruePosition> Locate(const Anchor& anchor, FrameIndex frame) override {
@@ -108,54 +146,59 @@ class DepthTruth final : public TrackTruth {
     const Eigen::Vector3d x_in_cam = pose->second * anchor.in_world;
     const auto xy = camera_.Project(x_in_cam);
     if (!xy) return std::nullopt;
-    TruePosition position;
-    position.xy = *xy;
-    position.in_image = camera_.Contains(*xy);
-    if (position.in_image && !IsCovered(sequence_, masks_, frame, *xy)) {
-      const auto depth = DepthAt(frame, *xy);
-      position.visible = depth && *depth > 0.98 * x_in_cam.z() - 0.01;
+    TruePosition position{*xy, camera_.Contains(*xy), false};
+    if (position.in_image && !masks_.Cover(frame, *xy)) {
+      const auto depth_m = DepthAt(frame, *xy);
+      position.visible = depth_m && std::abs(*depth_m - x_in_cam.z()) < 0.03 * x_in_cam.z() + 0.02;
     }
     return position;
   }
 
   bool IsOnDepthEdge(FrameIndex frame, const Eigen::Vector2d& xy, double radius_px) override {
-    const auto depth = DepthAt(frame, xy);
-    if (!depth) return true;
-    return AnyAround(xy, radius_px, [&](const Eigen::Vector2d& at) {
-      const auto there = DepthAt(frame, at);
-      return !there || std::abs(*there - *depth) > 0.03 * *depth;
+    const cv::Mat& units = UnitsAt(frame);
+    if (units.empty()) return true;
+    return JumpsAround(xy, radius_px, 0.05, [&](long x, long y) {
+      const auto column = static_cast<int>(std::clamp(x, 0L, units.cols - 1L));
+      const auto row = static_cast<int>(std::clamp(y, 0L, units.rows - 1L));
+      const int z = units.at<std::uint16_t>(row, column);
+      return z == 0 ? 0.0 : 1.0 / z;
     });
   }
 
  private:
-  // Linear in inverse depth, which is exact on a plane.
+  static constexpr double kUnitsPerMetre = 5000.0;  // as TUM's files: nothing is lost in 16 bits
+
+  const cv::Mat& UnitsAt(FrameIndex frame) {
+    return depths_.Get(frame, [&] {
+      cv::Mat units;
+      if (const auto depth_m = sequence_.TrueDepth(frame)) {
+        depth_m->convertTo(units, CV_16U, kUnitsPerMetre);
+      }
+      return units;
+    });
+  }
+
   std::optional<double> DepthAt(FrameIndex frame, const Eigen::Vector2d& xy) {
-    auto it = depths_.find(frame);
-    if (it == depths_.end()) {
-      // A track asks frame after frame: all of a clip are kept, 1.2 MB each at 640 x 480.
-      it = depths_.emplace(frame, sequence_.TrueDepth(frame)).first;
-    }
-    if (!it->second) return std::nullopt;
-    const cv::Mat& depth = *it->second;
-    const int x = static_cast<int>(std::floor(xy.x()));
-    const int y = static_cast<int>(std::floor(xy.y()));
-    if (x < 0 || y < 0 || x + 1 >= depth.cols || y + 1 >= depth.rows) return std::nullopt;
-    const std::array<float, 4> z{depth.at<float>(y, x),
-                                 depth.at<float>(y, x + 1),
-                                 depth.at<float>(y + 1, x),
-                                 depth.at<float>(y + 1, x + 1)};
+    const cv::Mat& units = UnitsAt(frame);
+    if (units.empty() || !camera_.Contains(xy)) return std::nullopt;
+    const int x = std::min(static_cast<int>(xy.x()), units.cols - 2);
+    const int y = std::min(static_cast<int>(xy.y()), units.rows - 2);
+    const std::array<double, 4> z{static_cast<double>(units.at<std::uint16_t>(y, x)),
+                                  static_cast<double>(units.at<std::uint16_t>(y, x + 1)),
+                                  static_cast<double>(units.at<std::uint16_t>(y + 1, x)),
+                                  static_cast<double>(units.at<std::uint16_t>(y + 1, x + 1))};
     const auto [least, most] = std::minmax_element(z.begin(), z.end());
-    if (!(*least > 0.0F) || *most > 1.02F * *least) return std::nullopt;
+    if (!(*least > 0.0) || *most > 1.02 * *least) return std::nullopt;
     const double a = xy.x() - x;
     const double b = xy.y() - y;
     const double inverse = (1 - b) * ((1 - a) / z[0] + a / z[1]) + b * ((1 - a) / z[2] + a / z[3]);
-    return 1.0 / inverse;
+    return 1.0 / (inverse * kUnitsPerMetre);
   }
 
   const Sequence& sequence_;
   Camera camera_;
-  std::map<FrameIndex, std::optional<cv::Mat>> depths_;
-  std::map<FrameIndex, std::optional<cv::Mat>> masks_;
+  FrameCache<cv::Mat> depths_;
+  OccluderMasks masks_;
 };
 
 }  // namespace

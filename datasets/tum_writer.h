@@ -2,8 +2,12 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <map>
+#include <mutex>
 #include <opencv2/core/mat.hpp>
+#include <optional>
 #include <string>
+#include <string_view>
 
 #include "backend/geometry/camera.h"
 #include "backend/geometry/rigid3.h"
@@ -11,34 +15,33 @@
 
 namespace cohort {
 
-// Writes a clip in TUM RGB-D layout, whole or not at all:
-//   rgb.txt, depth.txt, occluder.txt   `seconds path`, lossless PNG; depth in 16 bits, 1/5000 m
-//   calibration.txt                    fx fy cx cy [k1 k2 p1 p2]
-//   groundtruth.txt                    `seconds tx ty tz qx qy qz qw`, world_from_cam
+// Writes a sequence as ReadTum (tum.h) reads it, whole or not at all. Frames may come in any order
+// and from several threads. Times are written to the nanosecond, poses exactly.
 class TumWriter {
  public:
+  struct Record {
+    std::int64_t timestamp_ns = 0;
+    cv::Mat picture;  // 8 or 16 bits
+    std::optional<Rigid3> cam_from_world;
+    std::optional<cv::Mat> depth_m;   // CV_32FC1; 0 and what 16 bits cannot hold: unknown
+    std::optional<cv::Mat> occluder;  // CV_8UC1, 255: covered
+  };
+
   explicit TumWriter(const std::filesystem::path& folder);
 
   void WriteCamera(const Camera& camera);
-  void AddFrame(const cv::Mat& picture, std::int64_t timestamp_ns);  // 8 or 16 bits
-  void AddPose(const Rigid3& cam_from_world, std::int64_t timestamp_ns);
-  void AddDepth(const cv::Mat& depth_m, std::int64_t timestamp_ns);  // CV_32FC1, 0: unknown
-  void AddOccluder(const cv::Mat& mask, std::int64_t timestamp_ns);  // CV_8UC1, 255: covered
-  void AddFile(const std::string& name, const std::string& text);
+  void WriteFile(const std::string& name, std::string_view text);
+  void Write(std::size_t frame, const Record& record);
   void Finish();
 
  private:
-  void AddPicture(const char* kind,
-                  const cv::Mat& picture,
-                  std::int64_t timestamp_ns,
-                  std::string& list);
+  struct Lines {
+    std::string rgb, depth, occluder, pose;
+  };
 
   OutputFolder folder_;
-  std::string frames_;
-  std::string depths_;
-  std::string occluders_;
-  std::string poses_;
-  std::size_t pictures_[3] = {0, 0, 0};
+  std::mutex mutex_;
+  std::map<std::size_t, Lines> lines_;  // by frame
 };
 
 }  // namespace cohort
