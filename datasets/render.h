@@ -3,7 +3,7 @@
 #include <opencv2/core/mat.hpp>
 #include <vector>
 
-#include "datasets/scene_model.h"
+#include "datasets/scene_geometry.h"
 
 namespace cohort {
 

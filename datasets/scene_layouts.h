@@ -1,6 +1,6 @@
 #pragma once
 
-#include "datasets/scene_model.h"
+#include "datasets/scene_geometry.h"
 
 namespace cohort {
 

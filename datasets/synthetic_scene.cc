@@ -5,7 +5,7 @@
 
 #include "datasets/parallel.h"
 #include "datasets/render.h"
-#include "datasets/scene_model.h"
+#include "datasets/scene_geometry.h"
 #include "datasets/tum_writer.h"
 #include "frontend/core/error.h"
 #include "frontend/core/output.h"

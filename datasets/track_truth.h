@@ -5,7 +5,7 @@
 #include <memory>
 #include <optional>
 
-#include "datasets/scene_model.h"
+#include "datasets/scene_geometry.h"
 #include "datasets/sequence.h"
 
 namespace cohort {

@@ -8,7 +8,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "datasets/render.h"
-#include "datasets/scene_model.h"
+#include "datasets/scene_geometry.h"
 #include "frontend/core/error.h"
 #include "frontend/core/output.h"
 #include "tests/datasets/displacement.h"

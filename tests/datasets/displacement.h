@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "datasets/render.h"
-#include "datasets/scene_model.h"
+#include "datasets/scene_geometry.h"
 
 namespace cohort::test {
 

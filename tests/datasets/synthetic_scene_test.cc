@@ -9,7 +9,7 @@
 #include <fstream>
 
 #include "datasets/render.h"
-#include "datasets/scene_model.h"
+#include "datasets/scene_geometry.h"
 #include "datasets/sequence.h"
 #include "frontend/core/error.h"
 #include "frontend/core/output.h"

@@ -1,4 +1,4 @@
-#include "datasets/scene_model.h"
+#include "datasets/scene_geometry.h"
 
 #include <algorithm>
 #include <cmath>
