@@ -37,6 +37,19 @@ class Builder {
   // What is added while it is set moves so.
   void SetMotion(BodyMotion motion) { motion_ = std::move(motion); }
 
+  // Things of one kind are of many shades.
+  class Shade {
+   public:
+    explicit Shade(Builder& builder) : builder_(builder), outer_(builder.shade_) {
+      if (outer_ == 1.0) builder.shade_ = std::exp(builder.Uniform(-0.8, 0.8));
+    }
+    ~Shade() { builder_.shade_ = outer_; }
+
+   private:
+    Builder& builder_;
+    double outer_;
+  };
+
   // A parallelogram seen from its front: `corner` is its upper left, `s` points right, `t` down.
   void Quad(const Vector3d& corner,
             const Vector3d& s,
@@ -59,6 +72,7 @@ class Builder {
            Material sides,
            Material top,
            double brightness = 1.0) {
+    const Shade shade(*this);
     const Vector3d x = size.x() * Vector3d(std::cos(angle), 0, std::sin(angle));
     const Vector3d z = size.z() * Vector3d(-std::sin(angle), 0, std::cos(angle));
     const Vector3d down(0, size.y(), 0);
@@ -80,6 +94,7 @@ class Builder {
                 double height,
                 Material material,
                 double brightness = 1.0) {
+    const Shade shade(*this);
     const auto around = [=](double s, double r, double y) -> Vector3d {
       return base + Vector3d(-r * std::sin(kTurn * s), y, r * std::cos(kTurn * s));
     };
@@ -270,7 +285,7 @@ class Builder {
     patch.texture.material = material;
     patch.texture.width_m = width_m;
     patch.texture.height_m = height_m;
-    patch.texture.brightness = brightness;
+    patch.texture.brightness = brightness * shade_;
     patch.moves = static_cast<bool>(motion_);
     if (motion_) {
       patch.x_in_world = [shape = std::move(shape), motion = motion_](
@@ -287,6 +302,7 @@ class Builder {
   RandomStream random_;
   double focal_px_;
   BodyMotion motion_;
+  double shade_ = 1.0;  // of the thing that is being added
   SceneLayout layout_;
 };
 
@@ -315,8 +331,8 @@ SceneLayout Builder::Finish() {
 }
 
 void RoomShell(Builder& b, double metres_per_frame) {
-  b.SetViewpoint({0, 0, 0}, {0, 0.15, 4.6}, metres_per_frame);
-  b.SetLamp({-0.6, -1.1, 3.0}, 0.5);
+  b.SetViewpoint({0, -0.1, 0}, {0, 0.35, 4.6}, metres_per_frame);
+  b.SetLamp({-0.6, -1.1, 3.0}, 0.3);
   b.Hall(-3.7, 3.9, -1.35, 1.4, 7.2, Material::kPlaster, Material::kPlanks, Material::kPlaster);
   // Skirting boards and a carpet.
   b.Quad({-3.7, 1.3, 7.17}, {7.6, 0, 0}, {0, 0.1, 0}, Material::kPlanks, 1.4);
@@ -335,10 +351,10 @@ void RoomWalls(Builder& b) {
            {0, b.Uniform(0.6, 0.9), 0},
            Material::kPoster);
   }
-  for (int i = 0; i < 3; ++i) {
-    b.Quad({-0.9 + 1.35 * i + b.Uniform(-0.1, 0.1), b.Uniform(-1.0, -0.7), 7.17},
-           {b.Uniform(0.6, 1.1), 0, 0},
-           {0, b.Uniform(0.6, 1.0), 0},
+  for (int i = 0; i < 4; ++i) {
+    b.Quad({-1.15 + 1.25 * i + b.Uniform(-0.1, 0.1), b.Uniform(-1.1, -0.8), 7.17},
+           {b.Uniform(0.6, 1.0), 0, 0},
+           {0, b.Uniform(0.6, 1.1), 0},
            Material::kPoster);
   }
 }
@@ -375,7 +391,7 @@ void Room(Builder& b) {
 
 void Corridor(Builder& b) {
   b.SetViewpoint({0, 0, 0}, {0.1, 0.05, 5.0}, 0.018);
-  b.SetLamp({0.1, -1.0, 4.5}, 0.5);
+  b.SetLamp({0.1, -1.0, 4.5}, 0.3);
   b.Hall(-1.95, 2.05, -1.25, 1.4, 11.5, Material::kConcrete, Material::kTiles, Material::kBricks);
   for (const double side : {-1.0, 1.0}) {
     const double wall = side < 0 ? -1.95 : 2.05;
@@ -453,7 +469,7 @@ void House(Builder& b, double x, double z, double length, double side, Material 
 
 void Street(Builder& b) {
   b.SetViewpoint({0, 0, 0}, {0.1, -0.1, 6.0}, 0.026);
-  b.SetLamp({-9.0, -22.0, -8.0}, 0.45);
+  b.SetLamp({-9.0, -22.0, -8.0}, 0.3);
   const double left = -3.8;
   const double right = 4.2;
   b.Quad({-6, 1.72, 13.0}, {12, 0, 0}, {0, 0, -15}, Material::kAsphalt);
@@ -510,7 +526,7 @@ void Street(Builder& b) {
 
 void Tabletop(Builder& b) {
   b.SetViewpoint({0, -0.25, 0}, {0.05, 0.4, 2.9}, 0.0145);
-  b.SetLamp({-1.4, -1.4, 1.6}, 0.4);
+  b.SetLamp({-1.4, -1.4, 1.6}, 0.3);
   b.Hall(-3.4, 3.4, -1.6, 1.3, 5.2, Material::kPlaster, Material::kPlanks, Material::kBricks);
   b.Opening({-1.7, -1.1, 5.2}, {1.3, 0, 0}, 1.1, {0, 0, -1}, Material::kWindow);
   b.Quad({0.3, -1.0, 5.17}, {0.8, 0, 0}, {0, 0.95, 0}, Material::kPoster);
@@ -564,7 +580,7 @@ void Tabletop(Builder& b) {
 
 void Facade(Builder& b) {
   b.SetViewpoint({0, 0, 0}, {0.2, -0.3, 6.0}, 0.025);
-  b.SetLamp({9.0, -20.0, -12.0}, 0.45);
+  b.SetLamp({9.0, -20.0, -12.0}, 0.3);
   const double slant = b.Uniform(0.03, 0.09);
   const auto wall = [&](double x) { return 6.3 + slant * x; };
   const Vector3d right(1, 0, slant);
@@ -627,7 +643,7 @@ void Facade(Builder& b) {
 
 void Shelves(Builder& b) {
   b.SetViewpoint({0, 0, 0}, {0, 0.1, 4.4}, 0.021);
-  b.SetLamp({0.4, -1.7, 2.4}, 0.45);
+  b.SetLamp({0.4, -1.7, 2.4}, 0.3);
   b.Hall(-4.6, 4.6, -1.9, 1.4, 8.0, Material::kConcrete, Material::kAsphalt, Material::kBricks);
   b.Shelf({-2.9, -1.2, 6.2}, {2.7, 2.6, 0.6}, 4);
   b.Shelf({0.3, -1.2, 6.5}, {2.9, 2.6, 0.6}, 4);

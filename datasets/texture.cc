@@ -50,7 +50,7 @@ class Canvas {
     cv::Mat sum = cv::Mat::zeros(image_.size(), CV_32FC1);
     double variance = 0.0;
     double amplitude = 1.0;
-    for (double cell = Texels(coarsest_m); cell >= std::max(2.0, Texels(finest_m)); cell *= 0.5) {
+    for (double cell = Texels(coarsest_m); cell >= std::max(4.0, Texels(finest_m)); cell *= 0.5) {
       const int cell_y = std::max(2, static_cast<int>(cell));
       const int cell_x = std::max(2, static_cast<int>(cell * stretch));
       cv::Mat lattice(image_.rows / cell_y + 3, image_.cols / cell_x + 3, CV_32FC1);
@@ -294,9 +294,8 @@ cv::Rect2d Whole(const Canvas& c) { return {0.0, 0.0, c.width(), c.height()}; }
 
 void Plaster(Canvas& c) {
   c.Fill(0.55);
-  c.Add(c.Noise(1.5, 0.75, 0.05), 0.07);
-  c.Add(c.Noise(0.02, 0.9), 0.02);
-  c.Stains(0.8, 0.1, -0.15);
+  c.Add(c.Noise(1.5, 0.85, 0.02), 0.09);
+  c.Stains(0.8, 0.15, -0.15);
   for (int i = 0; i < c.Count(0.25); ++i) c.Crack(c.Uniform(0.2, 1.0), 0.002, 0.2, 0.6);
   for (int i = 0; i < c.Count(1.0); ++i) {  // nail holes and scratches
     const cv::Point2d p = c.Anywhere();
@@ -412,7 +411,7 @@ void Asphalt(Canvas& c) {
 void Poster(Canvas& c) {
   c.Fill(c.Uniform(0.3, 0.7));
   const double size = std::min(c.width(), c.height()) / c.Texels(1.0);
-  c.DeadLeaves(0.025 * size, 0.5 * size, 1.6, 0.04, 0.8, Whole(c));
+  c.DeadLeaves(0.05 * size, 0.6 * size, 1.8, 0.04, 0.8, Whole(c));
   for (int i = 0; i < 2; ++i) {
     const double w = c.width() * c.Uniform(0.35, 0.7);
     const double h = c.height() * c.Uniform(0.12, 0.3);
@@ -493,7 +492,7 @@ void Fabric(Canvas& c) {
     y += h;
   }
   const double size = std::min(c.width(), c.height()) / c.Texels(1.0);
-  c.DeadLeaves(0.025 * size, 0.14 * size, 0.7, 0.04, 0.75, Whole(c));
+  c.DeadLeaves(0.03 * size, 0.2 * size, 0.8, 0.04, 0.75, Whole(c));
   c.Add(c.Noise(0.5, 0.8), 0.1);
   c.Add(c.Noise(0.006, 1.0), 0.07);
 }
@@ -643,8 +642,11 @@ cv::Mat MakeTexture(const TextureSpec& spec, RandomStream random) {
       Sky(canvas);
       break;
   }
-  cv::Mat reflectance;
-  cv::exp(canvas.image(), reflectance);
+  // Spread about a middle grey, to the contrast of photographs.
+  constexpr double kContrast = 1.3;
+  const double middle = std::log(0.2);
+  cv::Mat reflectance = kContrast * (canvas.image() - middle) + middle;
+  cv::exp(reflectance, reflectance);
   reflectance *= spec.brightness;
   return cv::min(cv::max(reflectance, 0.015), 0.9);
 }
