@@ -1,7 +1,10 @@
 #include "datasets/synthetic_scene.h"
 
+#include <fmt/format.h>
+
+#include <charconv>
 #include <mutex>
-#include <nlohmann/json.hpp>
+#include <opencv2/core/persistence.hpp>
 
 #include "datasets/parallel.h"
 #include "datasets/render.h"
@@ -13,7 +16,8 @@
 namespace cohort {
 namespace {
 
-constexpr int kSceneVersion = 1;  // raise it when the same options give another scene
+// Raise it when the same options give another scene.
+constexpr int kSceneVersion = 2;
 constexpr std::int64_t kFps = 30;
 
 template <typename Enum, std::size_t N>
@@ -54,44 +58,61 @@ void RenderSequence(const SyntheticSceneOptions& options,
 }
 
 std::string SceneFile::Text() const {
-  const nlohmann::ordered_json json{{"kind", "cohort synthetic scene"},
-                                    {"version", kSceneVersion},
-                                    {"scene", NameOf(kSceneNames, options.scene)},
-                                    {"motion", NameOf(kMotionNames, options.motion)},
-                                    {"frames", options.frames},
-                                    {"width_px", options.width_px},
-                                    {"height_px", options.height_px},
-                                    {"focal_px", options.focal_px},
-                                    {"seed", options.seed},
-                                    {"first_frame", first_frame},
-                                    {"frame_step", frame_step}};
-  return json.dump(2) + "\n";
+  return fmt::format(
+      "{{\n"
+      "  \"kind\": \"cohort synthetic scene\",\n"
+      "  \"version\": {},\n"
+      "  \"scene\": \"{}\",\n"
+      "  \"motion\": \"{}\",\n"
+      "  \"frames\": {},\n"
+      "  \"width_px\": {},\n"
+      "  \"height_px\": {},\n"
+      "  \"focal_px\": {},\n"
+      "  \"seed\": \"{}\",\n"
+      "  \"first_frame\": {},\n"
+      "  \"frame_step\": {}\n"
+      "}}\n",
+      kSceneVersion,
+      NameOf(kSceneNames, options.scene),
+      NameOf(kMotionNames, options.motion),
+      options.frames,
+      options.width_px,
+      options.height_px,
+      options.focal_px,
+      options.seed,  // as text: cv::FileStorage reads integers of 31 bits
+      first_frame,
+      frame_step);
 }
 
 std::optional<SceneFile> ReadSceneFile(const std::filesystem::path& folder) {
-  const std::filesystem::path file = folder / "scene.json";
-  if (!std::filesystem::exists(file)) return std::nullopt;
+  const std::filesystem::path path = folder / "scene.json";
+  if (!std::filesystem::exists(path)) return std::nullopt;
   try {
-    const nlohmann::json json = nlohmann::json::parse(ReadBytes(file));
-    if (const int version = json.at("version"); version != kSceneVersion) {
-      ThrowError("it is of version {}, this renderer is {}: render the scene again",
+    const cv::FileStorage file(path.string(), cv::FileStorage::READ);
+    if (const auto version = static_cast<int>(file["version"]); version != kSceneVersion) {
+      ThrowError("it is of version {}, this renderer of {}: render the scene again",
                  version,
                  kSceneVersion);
     }
     SceneFile scene;
-    scene.options.scene = ValueOf(kSceneNames, json.at("scene"));
-    scene.options.motion = ValueOf(kMotionNames, json.at("motion"));
-    scene.options.frames = json.at("frames");
-    scene.options.width_px = json.at("width_px");
-    scene.options.height_px = json.at("height_px");
-    scene.options.focal_px = json.at("focal_px");
-    scene.options.seed = json.at("seed");
-    scene.first_frame = json.at("first_frame");
-    scene.frame_step = json.at("frame_step");
+    scene.options.scene = ValueOf(kSceneNames, file["scene"].string());
+    scene.options.motion = ValueOf(kMotionNames, file["motion"].string());
+    scene.options.frames = static_cast<int>(file["frames"]);
+    scene.options.width_px = static_cast<int>(file["width_px"]);
+    scene.options.height_px = static_cast<int>(file["height_px"]);
+    scene.options.focal_px = static_cast<double>(file["focal_px"]);
+    const std::string seed = file["seed"].string();
+    if (std::from_chars(seed.data(), seed.data() + seed.size(), scene.options.seed).ec !=
+        std::errc()) {
+      ThrowError("seed '{}' is no number", seed);
+    }
+    scene.first_frame = static_cast<int>(file["first_frame"]);
+    scene.frame_step = static_cast<int>(file["frame_step"]);
     ValidateOptions(scene.options);
+    if (scene.first_frame < 0 || scene.frame_step < 1) ThrowError("its frames are out of order");
     return scene;
   } catch (const std::exception& e) {
-    ThrowError("cannot use {}: {}", file.string(), e.what());
+    ThrowError("cannot use {}: {}", path.string(), e.what());
   }
 }
 

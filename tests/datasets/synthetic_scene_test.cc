@@ -347,6 +347,10 @@ TEST(ReadSceneFile, NamesWhatItCannotUse) {
   };
   EXPECT_TRUE(read(good));
   EXPECT_THAT([&] { read("{"); }, ThrowsMessage<Error>(HasSubstr("scene.json")));
+  SceneFile large;
+  large.options.seed = 4294967295U;
+  large.options.focal_px = 1234.5678;
+  EXPECT_EQ(read(large.Text())->Text(), large.Text());
   std::string bad = good;
   bad.replace(bad.find("room"), 4, "moon");
   EXPECT_THAT([&] { read(bad); }, ThrowsMessage<Error>(HasSubstr("moon")));
