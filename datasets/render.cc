@@ -306,10 +306,10 @@ cv::Mat Renderer::RenderGray(double frame) const {
   return gray;
 }
 
-cv::Mat Renderer::RenderDepth(double frame) const {
-  const cv::Size size(scene_.camera().width_px, scene_.camera().height_px);
+cv::Mat RenderDepth(const SyntheticScene& scene, double frame) {
+  const cv::Size size(scene.camera().width_px, scene.camera().height_px);
   Visibility seen{cv::Mat(size, CV_32FC1), cv::Mat(size, CV_32SC1)};
-  Rasterize(ProjectScene(scene_, frame), Eigen::Vector2d::Zero(), seen);
+  Rasterize(ProjectScene(scene, frame), Eigen::Vector2d::Zero(), seen);
   cv::Mat depth;
   cv::divide(1.0, seen.inverse_depth, depth);
   depth.setTo(0.0F, seen.inverse_depth == 0.0F);

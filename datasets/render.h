@@ -7,6 +7,9 @@
 
 namespace cohort {
 
+// CV_32FC1: depth along the optical axis at the pixels' centres [m]; 0 where there is nothing.
+cv::Mat RenderDepth(const SyntheticScene& scene, double frame);
+
 // Renders a scene with a z-buffer, in linear light: every pixel is the mean of nine samples, placed
 // point-symmetrically about its centre, of textures filtered to the sample's footprint. So a detail
 // of a texture appears where its surface point projects, without bias. Light and shadow are fixed
@@ -20,8 +23,6 @@ class Renderer {
   cv::Mat RenderGray(double frame) const;
   // CV_32FC1: light in pixels, 1 is the brightest that RenderGray can show.
   cv::Mat RenderLight(double frame) const;
-  // CV_32FC1: depth along the optical axis at the pixels' centres [m]; 0 where there is nothing.
-  cv::Mat RenderDepth(double frame) const;
 
  private:
   const SyntheticScene& scene_;

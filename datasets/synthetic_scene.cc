@@ -48,7 +48,7 @@ void RenderSequence(const SyntheticSceneOptions& options,
     TumWriter::Record record;
     record.timestamp_ns = static_cast<std::int64_t>(i) * 1'000'000'000 / kFps;
     record.picture = renderer.RenderGray(frame);
-    record.depth_m = renderer.RenderDepth(frame);
+    record.depth_m = RenderDepth(scene, frame);
     record.cam_from_world = scene.CamFromWorld(frame);
     writer.Write(i, record);
     const std::lock_guard lock(mutex);

@@ -7,8 +7,6 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
-#include "datasets/render.h"
-#include "datasets/scene_geometry.h"
 #include "frontend/core/error.h"
 #include "frontend/core/output.h"
 #include "tests/datasets/displacement.h"
@@ -224,7 +222,7 @@ class DegradeClip : public testing::Test {
     options.width_px = 320;
     options.height_px = 160;
     options.focal_px = 200.0;
-    RenderSequence(options, dir_ / "clip");
+    test::WriteSceneWithoutPictures(options, dir_ / "clip");
   }
   void Degrade(const DegradeOptions& options,
                const char* out,

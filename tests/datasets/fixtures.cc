@@ -4,6 +4,11 @@
 #include <opencv2/imgcodecs.hpp>
 #include <stdexcept>
 
+#include "datasets/render.h"
+#include "datasets/scene_geometry.h"
+#include "datasets/tum_writer.h"
+#include "tests/support/closed_form_image.h"
+
 namespace cohort::test {
 
 namespace fs = std::filesystem;
@@ -25,6 +30,22 @@ void WriteText(const fs::path& file, const std::string& text) {
 void CutFile(const fs::path& file, double fraction) {
   const auto size = static_cast<double>(fs::file_size(file));
   fs::resize_file(file, static_cast<std::uintmax_t>(fraction * size));
+}
+
+void WriteSceneWithoutPictures(const SyntheticSceneOptions& options, const fs::path& folder) {
+  const SyntheticScene scene(options);
+  TumWriter writer(folder);
+  writer.WriteCamera(scene.camera());
+  writer.WriteFile("scene.json", SceneFile{options}.Text());
+  for (int frame = 0; frame < options.frames; ++frame) {
+    TumWriter::Record record;
+    record.timestamp_ns = 33'333'333 * static_cast<std::int64_t>(frame);
+    record.picture = WavesImage(options.width_px, options.height_px, 2.0 * frame, 0.0);
+    record.depth_m = RenderDepth(scene, frame);
+    record.cam_from_world = scene.CamFromWorld(frame);
+    writer.Write(static_cast<std::size_t>(frame), record);
+  }
+  writer.Finish();
 }
 
 std::vector<Frame> ReadAll(Sequence& sequence) {

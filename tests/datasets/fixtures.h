@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "datasets/sequence.h"
+#include "datasets/synthetic_scene.h"
 
 namespace cohort::test {
 
@@ -18,6 +19,10 @@ void WriteText(const std::filesystem::path& file, const std::string& text);
 
 // Keeps the first `fraction` of a file's bytes.
 void CutFile(const std::filesystem::path& file, double fraction);
+
+// What RenderSequence writes, but with a picture that does not show the scene: much faster.
+void WriteSceneWithoutPictures(const SyntheticSceneOptions& options,
+                               const std::filesystem::path& folder);
 
 std::vector<Frame> ReadAll(Sequence& sequence);
 std::vector<std::string> Names(const std::vector<Frame>& frames);

@@ -24,7 +24,7 @@ class Clip : public testing::Test {
     options_.width_px = 320;
     options_.height_px = 240;
     options_.focal_px = 262.5;
-    RenderSequence(options_, dir_ / "clip");
+    test::WriteSceneWithoutPictures(options_, dir_ / "clip");
     if (!keep_scene_file) fs::remove(dir_ / "clip/scene.json");
     sequence_ = OpenSequence(dir_ / "clip");
     return OpenTrackTruth(*sequence_, dir_ / "clip");
@@ -90,8 +90,7 @@ TEST_F(Clip, PointsOfMovingBodiesMoveWithThem) {
   for (const SceneName name : {SceneName::kBodies, SceneName::kCloth}) {
     const auto truth = Open(name);
     const SyntheticScene scene(options_);
-    const Renderer renderer(scene);
-    const cv::Mat depth = renderer.RenderDepth(9.0);
+    const cv::Mat depth = RenderDepth(scene, 9.0);
     int moved = 0;
     int visible = 0;
     for (double y = 10; y < 230; y += 11) {
