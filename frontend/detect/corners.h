@@ -12,6 +12,8 @@ namespace cohort {
 // Shi-Tomasi corners (the smaller eigenvalue of the gradient's structure tensor) of a denoised
 // picture, spread over a grid: every cell may hold an equal share of `max_features`, strongest
 // corner first, and what cells without texture leave is given to the strongest corners elsewhere.
+// A corner must be min_over_noise times as strong as the picture's noise alone looks (the median
+// over the picture): in the dark most of the strongest "corners" of a bare wall are noise.
 // `gray` is CV_32FC1 (0..1); `occupied` are positions [px] that new corners keep min_distance_px
 // away from; `mask` (empty or CV_8UC1) is 0 where no corner may be; `border_px` is kept free.
 // Returns at most max_new positions, refined to sub-pixel by a parabola, in

@@ -16,6 +16,7 @@ struct DetectorOptions {
   int grid_columns = 8;
   int grid_rows = 6;
   double quality = 0.01;
+  double min_over_noise = 5.0;
   double min_distance_px = 10.0;
   double denoise_sigma_px = 1.5;
   int block_px = 7;
@@ -35,6 +36,11 @@ struct DetectorOptions {
              1e-6,
              1.0,
              "least corner strength, as a share of the frame's strongest");
+    v.Number("min_over_noise",
+             o.min_over_noise,
+             0.0,
+             1e6,
+             "least corner strength, as a multiple of what the picture's noise alone has");
     v.Number("min_distance_px", o.min_distance_px, 1.0, 1000.0, "between features [px]");
     v.Number(
         "denoise_sigma_px", o.denoise_sigma_px, 0.0, 20.0, "Gaussian blur before detection [px]");
