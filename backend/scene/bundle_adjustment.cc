@@ -3,8 +3,10 @@
 #include <ceres/ceres.h>
 #include <ceres/covariance.h>
 #include <fmt/format.h>
+#include <glog/logging.h>
 
 #include <Eigen/Cholesky>
+#include <algorithm>
 #include <array>
 #include <deque>
 #include <memory>
@@ -208,6 +210,9 @@ class Adjuster {
 
   BundleResult Run() {
     BundleResult result;
+    // Levenberg-Marquardt answers a step that cannot be computed with a shorter one; Ceres would
+    // print a warning each time.
+    FLAGS_minloglevel = std::max<int>(FLAGS_minloglevel, google::GLOG_ERROR);
     ceres::Solver::Options solver;
     solver.max_num_iterations = options_.max_iterations;
     solver.function_tolerance = options_.function_tolerance;
@@ -366,7 +371,7 @@ class Adjuster {
     solver.linear_solver_ordering = ordering;
     // Tracks of a video are short against the clip, so the reduced camera matrix is a band and its
     // sparse factor stays small far beyond the sizes that unordered photographs allow.
-    constexpr int kMaxDense = 60;
+    constexpr int kMaxDense = 200;
     constexpr int kMaxSparse = 4000;
     if (free_cameras <= kMaxDense) {
       solver.linear_solver_type = ceres::DENSE_SCHUR;

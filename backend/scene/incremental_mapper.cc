@@ -3,13 +3,12 @@
 #include <fmt/format.h>
 #include <spdlog/spdlog.h>
 
-#include <Eigen/Eigenvalues>
-
 #include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <limits>
 #include <set>
+#include <span>
 
 #include "backend/scene/initialization.h"
 #include "backend/scene/keyframes.h"
@@ -20,11 +19,12 @@ namespace {
 
 constexpr int kMinKeyframes = 10;
 constexpr int kMinCommonTracks = 12;
-constexpr int kMaxStarts = 6;          // windows tried
-constexpr int kMaxComponents = 20;     // of a clip that breaks
-constexpr int kLocalFree = 4;          // frames that a local bundle adjustment moves
-constexpr int kLocalFixed = 6;         // and neighbours that hold them
-constexpr double kGlobalGrowth = 1.3;  // frames gained between global bundle adjustments
+constexpr std::size_t kMaxStarts = 6;       // windows tried
+constexpr std::size_t kMaxComponents = 20;  // of a clip that breaks
+constexpr int kLocalFree = 4;               // frames that a local bundle adjustment moves
+constexpr int kLocalFixed = 6;              // and neighbours that hold them
+constexpr double kGlobalGrowth = 1.3;       // frames gained between global bundle adjustments
+constexpr double kMinNoise = 0.02;          // of whitened residuals; less is no information
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 Camera CameraOf(const TrackFile& file) {
@@ -44,6 +44,13 @@ Camera CameraOf(const TrackFile& file) {
   return c;
 }
 
+// A model of a part of the clip, or why there is none.
+struct Mapped {
+  MapperTermination termination = MapperTermination::kNoStart;
+  std::string detail;
+  std::optional<SceneModel> model = std::nullopt;
+};
+
 class Mapper {
  public:
   Mapper(const Clip& clip, const Camera& camera, const MapperOptions& options)
@@ -52,103 +59,76 @@ class Mapper {
     scene_options_.min_angle_deg = options.min_angle_deg;
   }
 
-  // The model of the frames in `allowed` that a start among them grows to.
-  struct Outcome {
-    MapperTermination termination = MapperTermination::kNoStart;
-    std::string detail;
-    std::optional<SceneModel> model;
-    std::vector<int> keyframes;  // that grew it
-  };
-
-  Outcome Map(const std::vector<int>& keyframes) {
-    Outcome outcome;
-    outcome.keyframes = keyframes;
+  // Finds a start among these keyframes and grows it over them.
+  Mapped Map(const std::vector<int>& keyframes) const {
     const std::vector<FramePairMotion> pairs =
         RankPairs(clip_, camera_, keyframes, kMinCommonTracks);
     if (pairs.empty()) {
-      outcome.termination = MapperTermination::kTooFewTracks;
-      outcome.detail = fmt::format("no two frames share {} tracks", kMinCommonTracks);
-      return outcome;
+      return {MapperTermination::kTooFewTracks,
+              fmt::format("no two frames share {} tracks", kMinCommonTracks)};
     }
     const double noise_px = EstimateNoise(clip_);
     switch (ClassifyMotion(clip_, camera_, pairs, noise_px)) {
       case ClipMotion::kStatic:
-        outcome.termination = MapperTermination::kStaticCamera;
-        outcome.detail =
-            fmt::format("tracks move by no more than their noise ({:.2f} px)", noise_px);
-        return outcome;
+        return {MapperTermination::kStaticCamera,
+                fmt::format("the tracks move by no more than their noise ({:.2f} px)", noise_px)};
       case ClipMotion::kRotation:
-        outcome.termination = MapperTermination::kPureRotation;
-        outcome.detail = "a rotation about the camera's centre explains all motion";
-        return outcome;
+        return {MapperTermination::kPureRotation,
+                "a rotation about the camera's centre explains all motion, so there is no depth"};
       case ClipMotion::kParallax:
         break;
     }
-    StartOptions start_options;
-    start_options.scene = scene_options_;
-    start_options.refine_focal = RefinesFocal();
-    int tried = 0;
-    std::vector<FramePairMotion> used;
+    std::vector<FramePairMotion> tried;
     for (const FramePairMotion& pair : pairs) {
       // A window much like one that failed would fail again.
-      const bool similar = std::any_of(used.begin(), used.end(), [&](const auto& u) {
-        const int overlap = std::min(u.frame_b, pair.frame_b) - std::max(u.frame_a, pair.frame_a);
+      const bool similar = std::any_of(tried.begin(), tried.end(), [&](const auto& t) {
+        const int overlap = std::min(t.frame_b, pair.frame_b) - std::max(t.frame_a, pair.frame_a);
         return overlap > 0.7 * (pair.frame_b - pair.frame_a) &&
-               overlap > 0.7 * (u.frame_b - u.frame_a);
+               overlap > 0.7 * (t.frame_b - t.frame_a);
       });
       if (similar) continue;
-      used.push_back(pair);
-      if (++tried > kMaxStarts) break;
-      std::vector<StartModel> starts = BuildStartModels(clip_, camera_, pair, start_options);
-      for (const StartModel& s : starts) {
-        spdlog::debug("start {}-{} by {}: cost {:.0f}, {} points, f {:.1f}, noise {:.2f}",
-                      pair.frame_a,
-                      pair.frame_b,
-                      NameOf(kStartMethodNames, s.method),
-                      s.cost,
-                      s.model.CountPoints(),
-                      s.model.camera().fx,
-                      s.model.noise());
-      }
-      if (starts.empty()) continue;
-      outcome.model = std::move(starts.front().model);
-      outcome.termination = MapperTermination::kSuccess;
-      Grow(*outcome.model, keyframes);
-      return outcome;
+      if (tried.size() == kMaxStarts) break;
+      tried.push_back(pair);
+      std::vector<StartModel> starts = Starts(pair);
+      if (!starts.empty()) return GrowBest(std::move(starts), keyframes);
     }
-    outcome.detail = "no pair of frames gave a consistent model";
-    return outcome;
+    return {MapperTermination::kNoStart,
+            fmt::format("there is parallax, but none of {} windows gave a consistent model",
+                        tried.size())};
   }
 
-  // Poses for all frames between and beyond the keyframes, then everything adjusted together.
-  void Finish(SceneModel& model) {
-    Fill(model);
+  // Poses for the frames between and beyond the keyframes.
+  void Fill(SceneModel& model) const {
+    const std::vector<int> registered = model.RegisteredFrames();
+    for (int f = registered.front() + 1; f < clip_.frame_count(); ++f) {
+      if (!model.HasPose(f)) Register(model, f);
+    }
+    for (int f = registered.front() - 1; f >= 0; --f) Register(model, f);
     model.TriangulateAll();
+  }
+
+  // Bundle adjustment of everything, then of what the result agrees with, until little changes.
+  void Polish(SceneModel& model, int max_rounds, int iterations) const {
+    constexpr double kSettled = 2e-3;  // share of the observations
     model.ReclassifyAll(kInfinity);
-    constexpr int kMaxRounds = 6;
-    constexpr double kSettled = 2e-3;  // share of the observations that change sides
-    for (int round = 0; round < kMaxRounds; ++round) {
-      const BundleResult result =
-          model.Adjust(model.RegisteredFrames(), {}, Bundle(model, 20, round == 0 ? 1e-4 : 1e-6));
+    for (int round = 0; round < max_rounds; ++round) {
+      const SceneAdjustment adjustment =
+          model.Adjust(model.RegisteredFrames(), {}, Bundle(model, iterations, 1e-5));
       const int changes = model.ReclassifyAll(model.ErrorBound());
       const int found = model.TriangulateAll();
-      spdlog::debug("round {}: {}, {} changes, {} new points, noise {:.3f}",
-                    round,
-                    result.Brief(),
+      spdlog::debug("{}; {} observations change sides, {} new points, noise {:.3f}",
+                    adjustment.bundle.Brief(),
                     changes,
                     found,
                     model.noise());
-      if (round > 0 &&
-          changes + found < kSettled * static_cast<double>(clip_.observations().size())) {
-        break;
-      }
+      if (changes + found < kSettled * static_cast<double>(clip_.observations().size())) break;
     }
   }
 
   BundleOptions Bundle(const SceneModel& model, int max_iterations, double tolerance) const {
     BundleOptions bundle;
     bundle.loss = options_.loss;
-    bundle.loss_scale = std::max(0.02, options_.loss_scale * model.noise());
+    bundle.loss_scale = std::max(kMinNoise, options_.loss_scale * model.loss_turn());
     bundle.max_iterations = max_iterations;
     bundle.function_tolerance = tolerance;
     bundle.threads = options_.threads;
@@ -158,11 +138,87 @@ class Mapper {
     return bundle;
   }
 
+  // What the tracks say of a camera that is kept: refined on the keyframes alone. None where they
+  // have no better one to offer.
+  std::optional<Camera> BetterCamera(const SceneModel& model,
+                                     const std::vector<int>& keyframes) const {
+    SceneModel trial(model);
+    std::vector<int> frames;
+    for (const int f : keyframes) {
+      if (trial.HasPose(f)) frames.push_back(f);
+    }
+    constexpr std::size_t kMinFrames = 4;
+    if (frames.size() < kMinFrames) return std::nullopt;
+    BundleOptions bundle = Bundle(trial, 10, 1e-4);
+    const double before = trial.Adjust(frames, {}, bundle).bundle.final_cost;
+    bundle.refine_focal = bundle.refine_radial = true;
+    const double after = trial.Adjust(frames, {}, bundle).bundle.final_cost;
+    // Three more parameters cannot take a fifth of a cost of hundreds of residuals by chance.
+    constexpr double kMuchBetter = 0.8;
+    if (after < kMuchBetter * before) return trial.camera();
+    return std::nullopt;
+  }
+
  private:
   bool RefinesFocal() const { return !camera_.known && options_.refine_focal; }
 
+  std::vector<StartModel> Starts(const FramePairMotion& pair) const {
+    StartOptions options;
+    options.scene = scene_options_;
+    options.refine_focal = RefinesFocal();
+    std::vector<StartModel> starts = BuildStartModels(clip_, camera_, pair, options);
+    for (const StartModel& s : starts) {
+      spdlog::debug(
+          "start in frames {} to {} by {}: cost {:.1f}, {} points, f {:.1f}, noise {:.3f}",
+          pair.frame_a,
+          pair.frame_b,
+          NameOf(kStartMethodNames, s.method),
+          s.cost,
+          s.model.CountPoints(),
+          s.model.camera().fx,
+          s.model.noise());
+    }
+    return starts;
+  }
+
+  // Grows the best start; with it the best that is another scene, where the window could not tell
+  // them apart. If the whole cannot either, the clip is ambiguous.
+  Mapped GrowBest(std::vector<StartModel> starts, const std::vector<int>& keyframes) const {
+    constexpr double kSameScene = 0.05;  // DepthDisagreement
+    StartModel& best = starts.front();
+    const auto rival = std::find_if(starts.begin() + 1, starts.end(), [&](const StartModel& s) {
+      return SceneModel::DepthDisagreement(best.model, s.model, best.window.front()) > kSameScene &&
+             !Distinguishes(best.cost, s.cost, best.model.noise());
+    });
+    Grow(best.model, keyframes);
+    if (rival == starts.end()) return {MapperTermination::kSuccess, "", std::move(best.model)};
+
+    Grow(rival->model, keyframes);
+    const double bound = std::min(best.model.ErrorBound(), rival->model.ErrorBound());
+    const double cost = best.model.TruncatedCost(keyframes, bound);
+    const double rival_cost = rival->model.TruncatedCost(keyframes, bound);
+    const double noise = std::min(best.model.noise(), rival->model.noise());
+    spdlog::debug("two scenes fit the start; over all keyframes their costs are {:.1f} and {:.1f}",
+                  cost,
+                  rival_cost);
+    if (!Distinguishes(std::min(cost, rival_cost), std::max(cost, rival_cost), noise)) {
+      return {MapperTermination::kAmbiguous,
+              "two different scenes explain the tracks equally well (a plane or too little "
+              "perspective)"};
+    }
+    return {
+        MapperTermination::kSuccess, "", std::move(cost <= rival_cost ? best.model : rival->model)};
+  }
+
+  // Whether a cost is larger than another by more than noise would make it: 2 log likelihood.
+  static bool Distinguishes(double cost, double larger_cost, double noise) {
+    constexpr double kEvidence = 20.0;
+    const double variance = std::max(noise, kMinNoise) * std::max(noise, kMinNoise);
+    return larger_cost - cost > kEvidence * variance;
+  }
+
   // Registered frames by distance in time.
-  std::vector<int> Nearest(const SceneModel& model, int frame, std::size_t count) const {
+  static std::vector<int> Nearest(const SceneModel& model, int frame, std::size_t count) {
     std::vector<int> frames = model.RegisteredFrames();
     std::stable_sort(frames.begin(), frames.end(), [frame](int a, int b) {
       return std::abs(a - frame) < std::abs(b - frame);
@@ -171,7 +227,7 @@ class Mapper {
     return frames;
   }
 
-  bool Register(SceneModel& model, int frame) const {
+  static bool Register(SceneModel& model, int frame) {
     const std::vector<int> nearest = Nearest(model, frame, 1);
     return model.RegisterFrame(
         frame, nearest.empty() ? std::nullopt : std::optional(model.Pose(nearest.front())));
@@ -199,23 +255,21 @@ class Mapper {
   }
 
   // Adds one keyframe after the other, always the one that sees most points; where none can be
-  // added, the plain frames next to the model.
+  // added, plain frames next to the model.
   void Grow(SceneModel& model, const std::vector<int>& keyframes) const {
     AdjustAll(model);
     double adjusted_at = model.registered();
     std::set<int> refused;
-    for (;;) {
-      const int frame = NextFrame(model, keyframes, refused);
-      if (frame < 0) break;
-      if (!Register(model, frame)) {
-        refused.insert(frame);
+    while (const std::optional<int> frame = NextFrame(model, keyframes, refused)) {
+      if (!Register(model, *frame)) {
+        refused.insert(*frame);
         continue;
       }
       refused.clear();
-      const std::vector<int> tracks = TracksOf(frame);
+      const std::vector<int> tracks = TracksOf(*frame);
       model.Reclassify(tracks, kInfinity);
       model.TriangulateTracks(tracks);
-      AdjustAround(model, frame);
+      AdjustAround(model, *frame);
       model.Reclassify(tracks, kInfinity);
       if (model.registered() >= kGlobalGrowth * adjusted_at) {
         AdjustAll(model);
@@ -223,14 +277,15 @@ class Mapper {
       }
     }
     AdjustAll(model);
+    Polish(model, 4, 5);
   }
 
-  // -1: there is none left to try.
-  int NextFrame(const SceneModel& model,
-                const std::vector<int>& keyframes,
-                const std::set<int>& refused) const {
+  // None: there is none left to try.
+  std::optional<int> NextFrame(const SceneModel& model,
+                               const std::vector<int>& keyframes,
+                               const std::set<int>& refused) const {
     const auto best_of = [&](const std::vector<int>& candidates) {
-      int best = -1;
+      std::optional<int> best;
       int most = 0;
       for (const int f : candidates) {
         if (model.HasPose(f) || refused.contains(f)) continue;
@@ -242,27 +297,16 @@ class Mapper {
       }
       return best;
     };
-    const int keyframe = best_of(keyframes);
-    if (keyframe >= 0) return keyframe;
+    if (const auto keyframe = best_of(keyframes)) return keyframe;
     // Beside the model, only where keyframes are still missing on that side.
     std::vector<int> beside;
     for (const int k : keyframes) {
       if (model.HasPose(k)) continue;
-      const std::vector<int> nearest = Nearest(model, k, 1);
-      if (nearest.empty()) continue;
-      const int step = k > nearest.front() ? 1 : -1;
-      if (nearest.front() + step != k) beside.push_back(nearest.front() + step);
+      const int nearest = Nearest(model, k, 1).front();
+      const int step = k > nearest ? 1 : -1;
+      if (nearest + step != k) beside.push_back(nearest + step);
     }
     return best_of(beside);
-  }
-
-  void Fill(SceneModel& model) const {
-    const std::vector<int> registered = model.RegisteredFrames();
-    if (registered.empty()) return;
-    for (int f = registered.front() + 1; f < clip_.frame_count(); ++f) {
-      if (!model.HasPose(f)) Register(model, f);
-    }
-    for (int f = registered.front() - 1; f >= 0; --f) Register(model, f);
   }
 
   const Clip& clip_;
@@ -271,34 +315,56 @@ class Mapper {
   SceneOptions scene_options_;
 };
 
-// Relative standard deviation of a point's depth along its mean ray, from the angle its rays span:
-// median over points. Above about 0.3 a structure is noise.
-double MedianDepthUncertainty(const SceneModel& model) {
-  const Clip& clip = model.clip();
-  std::vector<double> values;
-  for (int t = 0; t < clip.track_count(); ++t) {
-    if (!model.HasPoint(t)) continue;
-    Eigen::Matrix3d information = Eigen::Matrix3d::Zero();
-    double distance = kInfinity;
-    const auto [first, last] = clip.TrackRange(t);
-    for (int o = first; o < last; ++o) {
-      if (!model.Active(o)) continue;
-      const Rigid3& pose = model.Pose(clip.observations()[o].frame);
-      const Eigen::Vector3d ray = model.Point(t) - pose.Inverse().translation;
-      const double d = ray.norm();
-      distance = std::min(distance, d);
-      const Eigen::Vector3d u = ray / d;
-      information += (Eigen::Matrix3d::Identity() - u * u.transpose()) / (d * d);
+// Models of the clip's parts: one, unless the tracks break off somewhere. The one of most frames is
+// first.
+std::vector<SceneModel> MapParts(const Mapper& mapper,
+                                 std::vector<int> keyframes,
+                                 std::optional<SceneModel> model) {
+  std::vector<SceneModel> parts;
+  while (model && parts.size() < kMaxComponents) {
+    mapper.Fill(*model);
+    std::vector<int> rest;
+    for (const int k : keyframes) {
+      if (!model->HasPose(k)) rest.push_back(k);
     }
-    const double sigma = model.noise() / model.MeanFocal();
-    const double weakest =
-        Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(information).eigenvalues()[0];
-    values.push_back(weakest > 0.0 ? sigma / std::sqrt(weakest) / distance : kInfinity);
+    parts.push_back(std::move(*model));
+    if (rest.size() < 2) break;
+    keyframes = std::move(rest);
+    model = mapper.Map(keyframes).model;
   }
-  if (values.empty()) return kInfinity;
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
+  std::stable_sort(parts.begin(), parts.end(), [](const SceneModel& a, const SceneModel& b) {
+    return a.registered() > b.registered();
+  });
+  return parts;
+}
+
+OtherComponent Describe(const SceneModel& model) {
+  const std::vector<int> frames = model.RegisteredFrames();
+  return {model.clip().frames()[frames.front()].index,
+          model.clip().frames()[frames.back()].index,
+          frames.size(),
+          model.CountPoints()};
+}
+
+void EstimateCovariances(SceneModel& model, const Mapper& mapper, MapperResult& result) {
+  const std::vector<int> frames = model.RegisteredFrames();
+  BundleOptions bundle = mapper.Bundle(model, 10, 1e-8);
+  bundle.covariances = true;
+  const SceneAdjustment adjustment = model.Adjust(frames, {}, bundle);
+  const std::optional<BundleCovariances>& covariances = adjustment.bundle.covariances;
+  if (!covariances) {
+    spdlog::warn("covariances could not be estimated: the problem is rank deficient");
+    return;
+  }
+  const Clip& clip = model.clip();
+  const double variance = model.noise() * model.noise();
+  for (std::size_t i = 0; i < frames.size(); ++i) {
+    result.camera_covariances[clip.frames()[frames[i]].index] = variance * covariances->cameras[i];
+  }
+  for (std::size_t i = 0; i < adjustment.tracks.size(); ++i) {
+    result.point_covariances[clip.features()[adjustment.tracks[i]]] =
+        variance * covariances->points[i];
+  }
 }
 
 Reconstruction ToReconstruction(const SceneModel& model) {
@@ -334,15 +400,6 @@ MapperResult ReconstructWithCeres(const TrackFile& file, const MapperOptions& op
   ValidateOptions(options);
   const auto started = std::chrono::steady_clock::now();
   MapperResult result;
-  const Camera camera = CameraOf(file);
-  ClipOptions clip_options;
-  clip_options.min_track_length = options.min_track_length;
-  clip_options.use_covariances = options.use_covariances;
-  clip_options.covariance_floor_px = options.covariance_floor_px;
-  clip_options.include_predicted = options.include_predicted;
-  clip_options.predicted_growth_px = options.predicted_growth_px;
-  const Clip clip(file, clip_options);
-
   const auto end = [&](MapperTermination termination, const std::string& detail) {
     result.termination = termination;
     result.summary = Summarize(result.reconstruction, file.frames.size());
@@ -355,37 +412,70 @@ MapperResult ReconstructWithCeres(const TrackFile& file, const MapperOptions& op
     }
     return result;
   };
+  const Camera camera = CameraOf(file);
   if (file.frames.size() < 2) {
     return end(MapperTermination::kTooFewTracks,
                fmt::format("the clip has {} frame, at least 2 are needed", file.frames.size()));
   }
+  ClipOptions clip_options;
+  clip_options.min_track_length = options.min_track_length;
+  clip_options.use_covariances = options.use_covariances;
+  clip_options.covariance_floor_px = options.covariance_floor_px;
+  clip_options.include_predicted = options.include_predicted;
+  clip_options.predicted_growth_px = options.predicted_growth_px;
+  const Clip clip(file, clip_options);
   if (clip.track_count() == 0) {
     return end(MapperTermination::kTooFewTracks,
-               fmt::format("none of the {} tracks is observed in {} frames",
+               fmt::format("none of {} tracks is observed in {} frames",
                            file.tracks.features().size(),
                            options.min_track_length));
   }
 
-  const std::vector<int> all_keyframes =
+  const Mapper mapper(clip, camera, options);
+  const std::vector<int> keyframes =
       SelectKeyframes(clip, camera, options.keyframe_parallax_px, kMinKeyframes);
-  Mapper mapper(clip, camera, options);
-  Mapper::Outcome best = mapper.Map(all_keyframes);
-  if (!best.model) return end(best.termination, best.detail);
-  SceneModel& model = *best.model;
-  mapper.Finish(model);
+  Mapped first = mapper.Map(keyframes);
+  if (!first.model) return end(first.termination, first.detail);
+  std::vector<SceneModel> parts = MapParts(mapper, keyframes, std::move(first.model));
+  SceneModel& model = parts.front();
+  for (const SceneModel& part : std::span(parts).subspan(1)) {
+    result.other_components.push_back(Describe(part));
+  }
+  mapper.Polish(model, 3, 4);
   model.Normalise();
-  result.noise_px = model.noise();
-  const double uncertainty = MedianDepthUncertainty(model);
-  spdlog::debug("median relative depth uncertainty {:.3f}", uncertainty);
+  result.noise = model.noise();
+
+  const double uncertainty = model.MedianDepthUncertainty();
   constexpr double kMaxDepthUncertainty = 0.3;
   if (uncertainty > kMaxDepthUncertainty) {
     return end(MapperTermination::kWeakDepth,
                fmt::format("depths are known to {:.0f} % only: too little parallax for the noise",
                            100.0 * uncertainty));
   }
+  std::string detail;
+  const auto say = [&detail](const std::string& text) {
+    detail += (detail.empty() ? "" : "; ") + text;
+  };
+  if (!result.other_components.empty()) {
+    say(fmt::format("the clip breaks into {} parts, this is the largest", parts.size()));
+  }
+  if (camera.known) result.better_camera = mapper.BetterCamera(model, keyframes);
+  if (result.better_camera) {
+    const Camera& better = *result.better_camera;
+    say(
+        fmt::format("the tracks contradict the camera given: they ask for fx {:.1f} instead of "
+                    "{:.1f} px and k1 {:.3f}, k2 {:.3f} instead of {:.3f}, {:.3f}",
+                    better.fx,
+                    camera.fx,
+                    better.k1,
+                    better.k2,
+                    camera.k1,
+                    camera.k2));
+  }
+  if (options.covariances) EstimateCovariances(model, mapper, result);
   result.reconstruction = ToReconstruction(model);
   const bool partial = model.registered() * 10 < static_cast<int>(file.frames.size()) * 8;
-  return end(partial ? MapperTermination::kPartial : MapperTermination::kSuccess, "");
+  return end(partial ? MapperTermination::kPartial : MapperTermination::kSuccess, detail);
 }
 
 }  // namespace cohort

@@ -17,7 +17,7 @@ struct MapperOptions {
   double min_angle_deg = 0.5;
   double keyframe_parallax_px = 10.0;
   RobustLoss loss = RobustLoss::kCauchy;
-  double loss_scale = 2.0;
+  double loss_scale = 1.0;
   bool use_covariances = true;
   double covariance_floor_px = 0.1;
   bool include_predicted = false;
@@ -43,8 +43,11 @@ struct MapperOptions {
              1000.0,
              "parallax after which a frame takes part in growing the model [px]");
     v.Choice("loss", o.loss, kRobustLossNames, "robust loss of bundle adjustment");
-    v.Number(
-        "loss_scale", o.loss_scale, 0.01, 100.0, "where the loss turns, in units of the noise");
+    v.Number("loss_scale",
+             o.loss_scale,
+             0.01,
+             100.0,
+             "where the loss turns, in units of where the residuals' distribution has it");
     v.Flag("use_covariances", o.use_covariances, "weigh observations by the tracker's covariance");
     v.Number("covariance_floor_px",
              o.covariance_floor_px,
@@ -101,10 +104,12 @@ struct MapperResult {
   ReconstructionSummary summary;         // its termination says in words how it ended
   std::vector<FeatureId> without_point;  // features with an observation, but no point in the model
   std::vector<OtherComponent> other_components;
-  double noise_px =
-      0.0;  // of an observation's coordinate; in its own sigmas if covariances are used
-  // With MapperOptions::covariances, scaled by noise_px^2: of (omega [rad], centre), see
-  // CameraPose.
+  // Standard deviation of an observation's coordinate [px], robust; where covariances are used, in
+  // units of theirs: 1 if they are right.
+  double noise = 0.0;
+  // Where the tracks contradict a camera that was given as known: the one they ask for.
+  std::optional<Camera> better_camera;
+  // With MapperOptions::covariances, scaled by noise^2: of (omega [rad], centre), see CameraPose.
   std::map<FrameIndex, Eigen::Matrix<double, 6, 6>> camera_covariances;
   std::map<FeatureId, Eigen::Matrix3d> point_covariances;
 };

@@ -133,7 +133,7 @@ class WindowBuilder {
   BundleOptions Bundle(const SceneModel& model, int max_iterations) const {
     BundleOptions bundle;
     bundle.loss = RobustLoss::kCauchy;
-    bundle.loss_scale = std::max(0.1, 2.0 * model.noise());
+    bundle.loss_scale = std::max(0.1, model.loss_turn());
     bundle.max_iterations = max_iterations;
     bundle.function_tolerance = 1e-4;
     bundle.refine_focal = options_.refine_focal;
@@ -170,8 +170,7 @@ class WindowBuilder {
     if (explained < kMinExplained * seen) return;
     if (2 * registered().size() < window_.size()) return;
     model.Normalise();
-    const double cost = model.TruncatedCost(window_, options_.scene.max_reprojection_px);
-    models.push_back({std::move(model), method, cost, window_});
+    models.push_back({std::move(model), method, 0.0, window_});
   }
 
   const Clip& clip_;
@@ -198,6 +197,9 @@ std::vector<StartModel> BuildStartModels(const Clip& clip,
     builder.AddRelativePoses(candidate, models);
     builder.AddAffine(candidate, models);
   }
+  double bound = options.scene.max_reprojection_px;
+  for (const StartModel& m : models) bound = std::min(bound, m.model.ErrorBound());
+  for (StartModel& m : models) m.cost = m.model.TruncatedCost(m.window, bound);
   std::stable_sort(models.begin(), models.end(), [](const StartModel& a, const StartModel& b) {
     return a.cost < b.cost;
   });

@@ -1,5 +1,6 @@
 #include "backend/scene/scene_model.h"
 
+#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -18,6 +19,8 @@ constexpr double kMinDepth = 1e-6;
 constexpr int kMinPoseInliers = 8;
 constexpr double kMinPoseInlierRatio = 0.3;
 constexpr std::size_t kMaxTriangulationRays = 12;
+constexpr double kMinLossTurn = 0.7;  // in units of the noise
+constexpr double kMaxLossTurn = 6.0;
 
 double Median(std::vector<double>& values) {
   const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
@@ -135,14 +138,15 @@ int SceneModel::TriangulateAll() {
   return TriangulateTracks(tracks);
 }
 
-BundleResult SceneModel::Adjust(std::span<const int> free,
-                                std::span<const int> fixed,
-                                const BundleOptions& options) {
+SceneAdjustment SceneModel::Adjust(std::span<const int> free,
+                                   std::span<const int> fixed,
+                                   const BundleOptions& options) {
   BundleProblem problem;
   problem.intrinsics = camera_;
   std::vector<int> camera_of_frame(clip_->frame_count(), -1);
   std::vector<int> point_of_track(clip_->track_count(), -1);
-  std::vector<int> tracks;
+  SceneAdjustment adjustment;
+  std::vector<int>& tracks = adjustment.tracks;
   const auto add_frames = [&](std::span<const int> frames, bool is_fixed) {
     for (const int frame : frames) {
       camera_of_frame[frame] = static_cast<int>(problem.cameras.size());
@@ -172,9 +176,10 @@ BundleResult SceneModel::Adjust(std::span<const int> free,
           {camera, point_of_track[track], observation.xy, observation.covariance_px2});
     }
   }
-  if (problem.observations.empty()) return {};
-  BundleResult result = AdjustBundle(std::move(problem), options);
-  if (result.termination == BundleTermination::kFailed) return result;
+  if (problem.observations.empty()) return adjustment;
+  adjustment.bundle = AdjustBundle(std::move(problem), options);
+  const BundleResult& result = adjustment.bundle;
+  if (result.termination == BundleTermination::kFailed) return adjustment;
   for (const int frame : free) {
     SetPose(frame, result.solution.cameras[camera_of_frame[frame]].cam_from_world);
   }
@@ -182,7 +187,7 @@ BundleResult SceneModel::Adjust(std::span<const int> free,
     SetPoint(track, result.solution.points_in_world[point_of_track[track]]);
   }
   if (options.RefinesIntrinsics()) SetCamera(result.solution.intrinsics);
-  return result;
+  return adjustment;
 }
 
 std::optional<Eigen::Vector2d> SceneModel::PixelError(int observation) const {
@@ -256,6 +261,22 @@ int SceneModel::Reclassify(std::span<const int> tracks, double max_error, double
   return changes;
 }
 
+void SceneModel::MeasureNoise(std::vector<double>& squared) {
+  constexpr double kMedianOfChiSquare2 = 1.3863;
+  double median = Median(squared);
+  noise_ = std::sqrt(median / kMedianOfChiSquare2);
+  // The shape of what is no gross outlier. Student's t in two dimensions with nu degrees of freedom
+  // and scale s has P(q > x) = (1 + x / (nu s^2))^(-nu / 2), so of its quartiles q2, q3
+  //   nu s^2 = q2^2 / (q3 - 2 q2),
+  // and its negative log likelihood is Cauchy's loss with the scale sqrt(nu) s.
+  std::erase_if(squared, [limit = 36.0 * median](double q) { return q > limit; });
+  std::sort(squared.begin(), squared.end());
+  median = squared[squared.size() / 2];
+  const double excess = squared[squared.size() * 3 / 4] - 2.0 * median;
+  const double turn = excess > 0.0 ? median / std::sqrt(excess) : kMaxLossTurn * noise_;
+  loss_turn_ = std::clamp(turn, kMinLossTurn * noise_, kMaxLossTurn * noise_);
+}
+
 int SceneModel::ReclassifyAll(double max_error) {
   std::vector<double> squared;
   squared.reserve(clip_->observations().size());
@@ -264,8 +285,7 @@ int SceneModel::ReclassifyAll(double max_error) {
     if (!HasPose(observation.frame) || !HasPoint(observation.track)) continue;
     if (const auto error = WhitenedError(o)) squared.push_back(*error * *error);
   }
-  constexpr double kMedianOfChiSquare2 = 1.3863;
-  if (!squared.empty()) noise_ = std::sqrt(Median(squared) / kMedianOfChiSquare2);
+  if (!squared.empty()) MeasureNoise(squared);
   std::vector<int> tracks(clip_->track_count());
   std::iota(tracks.begin(), tracks.end(), 0);
   return Reclassify(tracks, max_error);
@@ -284,6 +304,45 @@ double SceneModel::TruncatedCost(std::span<const int> frames, double bound) cons
     }
   }
   return cost;
+}
+
+double SceneModel::DepthDisagreement(const SceneModel& a, const SceneModel& b, int frame) {
+  if (!a.HasPose(frame) || !b.HasPose(frame)) return 0.0;
+  std::vector<double> ratios;
+  for (int t = 0; t < a.clip().track_count(); ++t) {
+    if (!a.HasPoint(t) || !b.HasPoint(t)) continue;
+    const double depth_a = (a.Pose(frame) * a.Point(t)).z();
+    const double depth_b = (b.Pose(frame) * b.Point(t)).z();
+    if (depth_a > kMinDepth && depth_b > kMinDepth) ratios.push_back(std::log(depth_a / depth_b));
+  }
+  if (ratios.empty()) return 0.0;
+  const double median = Median(ratios);
+  for (double& ratio : ratios) ratio = std::abs(ratio - median);
+  return Median(ratios);
+}
+
+double SceneModel::MedianDepthUncertainty() const {
+  const double sigma = noise_ / MeanFocal();
+  std::vector<double> values;
+  for (int t = 0; t < clip_->track_count(); ++t) {
+    if (!HasPoint(t)) continue;
+    // Each ray leaves the point free along itself only.
+    Eigen::Matrix3d information = Eigen::Matrix3d::Zero();
+    double nearest = std::numeric_limits<double>::infinity();
+    const auto [first, last] = clip_->TrackRange(t);
+    for (int o = first; o < last; ++o) {
+      if (!Active(o)) continue;
+      const Eigen::Vector3d ray = Point(t) - centers_[clip_->observations()[o].frame];
+      const double distance = ray.norm();
+      nearest = std::min(nearest, distance);
+      const Eigen::Vector3d u = ray / distance;
+      information += (Eigen::Matrix3d::Identity() - u * u.transpose()) / (distance * distance);
+    }
+    const double weakest =
+        Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(information).eigenvalues()[0];
+    values.push_back(sigma / std::sqrt(std::max(weakest, 1e-300)) / nearest);
+  }
+  return values.empty() ? std::numeric_limits<double>::infinity() : Median(values);
 }
 
 void SceneModel::Normalise() {

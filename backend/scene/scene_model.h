@@ -14,6 +14,11 @@ struct SceneOptions {
   double min_angle_deg = 1.0;        // largest angle between two rays of a point, at least
 };
 
+struct SceneAdjustment {
+  BundleResult bundle;      // its cameras: the free frames, then the fixed ones
+  std::vector<int> tracks;  // whose points they are, in the order of the bundle's
+};
+
 // A reconstruction in the making: which frames have a pose, which tracks a point, and which
 // observations of them are believed.
 class SceneModel {
@@ -44,6 +49,9 @@ class SceneModel {
 
   // Standard deviation of a whitened coordinate, robust; 1 until there is a model to say.
   double noise() const { return noise_; }
+  // Where Cauchy's loss has to turn to be the likelihood of the whitened residuals as they are
+  // distributed: near the noise where their tails are heavy, far from it where they are Gaussian.
+  double loss_turn() const { return loss_turn_; }
 
   // Observations of tracks with a point in this frame.
   int CountVisiblePoints(int frame) const;
@@ -56,9 +64,9 @@ class SceneModel {
   // Bundle adjustment of the registered frames `free` and the points they see, from observations in
   // them and in the registered frames `fixed`, which keep their poses. Refined intrinsics become
   // the model's.
-  BundleResult Adjust(std::span<const int> free,
-                      std::span<const int> fixed,
-                      const BundleOptions& options);
+  SceneAdjustment Adjust(std::span<const int> free,
+                         std::span<const int> fixed,
+                         const BundleOptions& options);
 
   // Believes again in what agrees with the model and no longer in what does not: observations
   // further than max_error (whitened) or max_reprojection_px off are inactive; points behind a
@@ -74,6 +82,12 @@ class SceneModel {
   // that the model has no point or pose for: so models of the same frames are comparable.
   double TruncatedCost(std::span<const int> frames, double bound) const;
 
+  // How differently two models see the same points: median absolute deviation of the logarithm of
+  // their depths' ratio in a frame. About 0 for models that differ by a similarity.
+  static double DepthDisagreement(const SceneModel& a, const SceneModel& b, int frame);
+  // Median over points of the standard deviation of depth, relative to the distance.
+  double MedianDepthUncertainty() const;
+
   // Moves the world so that the first registered frame is its origin and the median depth in it 1.
   void Normalise();
 
@@ -83,6 +97,7 @@ class SceneModel {
   std::optional<double> WhitenedError(int observation) const;
   bool EnoughAngle(int track) const;
   void DropPoint(int track);
+  void MeasureNoise(std::vector<double>& squared_errors);
 
   const Clip* clip_;
   Camera camera_;
@@ -95,6 +110,7 @@ class SceneModel {
   std::vector<char> active_;
   int registered_ = 0;
   double noise_ = 1.0;
+  double loss_turn_ = 2.0;
 };
 
 }  // namespace cohort
