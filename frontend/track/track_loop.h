@@ -33,6 +33,10 @@ class FeatureMover {
   virtual void Add(std::span<const Eigen::Vector2d> born, const Pyramid& current) = 0;
 };
 
+// The mover of `options.tracker`. For those who keep the books themselves; trackers are made by
+// MakeTracker.
+std::unique_ptr<FeatureMover> MakeMover(const TrackerOptions& options);
+
 // The bookkeeping that all trackers share, so that an experiment changes one thing at a time:
 // detection, re-detection when features die, ids, borders, mask, and how long a feature may go
 // unconfirmed.

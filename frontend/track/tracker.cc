@@ -1,24 +1,28 @@
 #include "frontend/track/tracker.h"
 
+#include "frontend/track/dense_flow_tracker.h"
 #include "frontend/track/klt_tracker.h"
+#include "frontend/track/rlof_tracker.h"
 #include "frontend/track/subspace_tracker.h"
 #include "frontend/track/track_loop.h"
 
 namespace cohort {
-namespace {
 
 std::unique_ptr<FeatureMover> MakeMover(const TrackerOptions& options) {
   switch (options.tracker) {
     case TrackerKind::kKlt:
       return MakeKltMover(options.klt);
+    case TrackerKind::kRlof:
+      return MakeRlofMover(options.rlof);
+    case TrackerKind::kDis:
+    case TrackerKind::kDeepFlow:
+      return MakeDenseFlowMover(options.tracker, options.dense_flow);
     case TrackerKind::kSubspace:
     case TrackerKind::kDescent:
       return MakeSubspaceMover(options);
   }
   ThrowUsageError("unknown tracker");
 }
-
-}  // namespace
 
 std::unique_ptr<Tracker> MakeTracker(const TrackerOptions& options, const cv::Mat& mask) {
   ValidateOptions(options);

@@ -5,10 +5,13 @@
 
 namespace cohort {
 
-enum class TrackerKind { kSubspace, kDescent, kKlt };
-inline constexpr ChoiceNames<TrackerKind, 3> kTrackerNames{{{"subspace", TrackerKind::kSubspace},
+enum class TrackerKind { kSubspace, kDescent, kKlt, kRlof, kDis, kDeepFlow };
+inline constexpr ChoiceNames<TrackerKind, 6> kTrackerNames{{{"subspace", TrackerKind::kSubspace},
                                                             {"descent", TrackerKind::kDescent},
-                                                            {"klt", TrackerKind::kKlt}}};
+                                                            {"klt", TrackerKind::kKlt},
+                                                            {"rlof", TrackerKind::kRlof},
+                                                            {"dis", TrackerKind::kDis},
+                                                            {"deepflow", TrackerKind::kDeepFlow}}};
 
 // Shi-Tomasi corners on a denoised image, spread over a grid; the same for every tracker.
 struct DetectorOptions {
@@ -72,6 +75,52 @@ struct KltOptions {
   }
 };
 
+// Baseline: robust local optical flow of OpenCV.
+struct RlofOptions {
+  int window_px = 21;
+  int max_level = 4;
+  bool robust = true;
+  bool illumination_model = false;
+  bool global_motion = true;
+  double forward_backward_px = 1.0;
+
+  template <typename Self, typename Visitor>
+  static void Visit(Self& o, Visitor& v) {
+    v.Number("window_px", o.window_px, 3, 101, "side of the tracked patch [px], odd");
+    v.Number("max_level", o.max_level, 0, 8, "pyramid levels above full resolution");
+    v.Flag("robust", o.robust, "Hampel's norm in place of least squares");
+    v.Flag("illumination_model", o.illumination_model, "estimate gain and offset of every patch");
+    v.Flag("global_motion", o.global_motion, "start at the motion of the whole picture");
+    v.Number("forward_backward_px",
+             o.forward_backward_px,
+             0.0,
+             100.0,
+             "a feature ends if tracking back misses its start by more [px]; 0: no check");
+  }
+};
+
+// Baselines: tracks chained from dense flow.
+struct DenseFlowOptions {
+  double denoise_sigma_px = 0.0;
+  double forward_backward_px = 0.7071;
+  double forward_backward_share = 0.01;
+
+  template <typename Self, typename Visitor>
+  static void Visit(Self& o, Visitor& v) {
+    v.Number("denoise_sigma_px", o.denoise_sigma_px, 0.0, 10.0, "Gaussian blur before [px]");
+    v.Number("forward_backward_px",
+             o.forward_backward_px,
+             0.0,
+             100.0,
+             "a feature ends if the flow back misses its start by more [px]; 0: no check");
+    v.Number("forward_backward_share",
+             o.forward_backward_share,
+             0.0,
+             1.0,
+             "of both flows' squared lengths, which is allowed in addition");
+  }
+};
+
 // How hard the penalty pulls, paper equation (7).
 enum class Constraint {
   kStrong,  // alpha = 1 / (m F n^2): the scene is rigid; no few features can overpower it
@@ -123,6 +172,17 @@ struct SubspaceOptions {
   }
 };
 
+// The tracker of the paper's section 4, to be run with the measurement off. What it does not print
+// is ours: m (its supplement has it), the template's side of its timing, the limits of iterations.
+inline SubspaceOptions PaperSubspaceOptions() {
+  SubspaceOptions options;
+  options.constraint = Constraint::kWeak;
+  options.template_px = 7;
+  options.penalty_weight = 1.0;
+  options.optimizer = OptimizerKind::kAlgorithm1;
+  return options;
+}
+
 // Guide, then measure: the guided position starts one unconstrained alignment of a larger patch
 // with the feature's anchor; what the image does not confirm stays predicted.
 struct MeasurementOptions {
@@ -173,6 +233,8 @@ struct TrackerOptions {
   int max_unconfirmed_frames = 20;
   DetectorOptions detector;
   KltOptions klt;
+  RlofOptions rlof;
+  DenseFlowOptions dense_flow;
   SubspaceOptions subspace;
   MeasurementOptions measurement;
 
@@ -193,6 +255,8 @@ struct TrackerOptions {
              "a feature that the image has not confirmed for more frames in a row ends");
     v.Group("detector", o.detector, "corner detection");
     v.Group("klt", o.klt, "tracker klt");
+    v.Group("rlof", o.rlof, "tracker rlof");
+    v.Group("dense_flow", o.dense_flow, "trackers dis and deepflow");
     v.Group("subspace", o.subspace, "tracker subspace");
     v.Group("measurement", o.measurement, "guide, then measure (tracker subspace)");
   }

@@ -421,6 +421,12 @@ TrackerOptions NamedTracker(const std::string& name, const TrackerOptions& base)
       return options;
     }
   }
+  if (name == "subspace-paper" || name == "descent-paper") {
+    options.tracker = name == "subspace-paper" ? TrackerKind::kSubspace : TrackerKind::kDescent;
+    options.subspace = PaperSubspaceOptions();
+    options.measurement.enabled = false;
+    return options;
+  }
   if (const auto window = name.starts_with("klt") ? ParseUnsigned(name.substr(3)) : std::nullopt) {
     options.tracker = TrackerKind::kKlt;
     options.klt.window_px = static_cast<int>(*window);
@@ -428,7 +434,9 @@ TrackerOptions NamedTracker(const std::string& name, const TrackerOptions& base)
     return options;
   }
   ThrowUsageError(
-      "tracker '{}' is unknown: give klt, kltN (window N px), descent, subspace or F.json", name);
+      "tracker '{}' is unknown: give a tracker of `cohort track`, kltN (window N px), "
+      "descent-paper, subspace-paper or F.json",
+      name);
 }
 
 ExperimentResults RunExperiment(const ExperimentOptions& options) {

@@ -36,8 +36,9 @@ struct ExperimentOptions {
     v.Text("out", o.out, "folder for results.csv, results.json and cells/");
     v.List("trackers",
            o.trackers,
-           "klt, descent, subspace; kltN is klt with a window of N px; F.json: the tracker options "
-           "of this file");
+           "those of `cohort track`; kltN: klt with a window of N px; subspace-paper, "
+           "descent-paper: joint and first-order tracker as the paper prints them, without "
+           "measurement; F.json: the tracker options of this file");
     v.List("backends", o.backends, "ceres, colmap");
     v.List("levels",
            o.levels,

@@ -1,0 +1,46 @@
+#include "frontend/track/rlof_tracker.h"
+
+#include <opencv2/optflow/rlofflow.hpp>
+
+#include "frontend/track/frame_to_frame.h"
+
+namespace cohort {
+namespace {
+
+class RlofMover final : public FrameToFrameMover {
+ public:
+  explicit RlofMover(const RlofOptions& options)
+      : FrameToFrameMover({.px = options.forward_backward_px}),
+        parameters_(cv::optflow::RLOFOpticalFlowParameter::create()) {
+    // The adaptive window (SR_CROSS) segments by colour; on noise it only shrinks the window.
+    parameters_->setSupportRegionType(cv::optflow::SR_FIXED);
+    parameters_->setLargeWinSize(options.window_px);
+    parameters_->setMaxLevel(options.max_level);
+    parameters_->setUseMEstimator(options.robust);
+    parameters_->setUseIlluminationModel(options.illumination_model);
+    parameters_->setUseGlobalMotionPrior(options.global_motion);
+  }
+
+ private:
+  std::vector<Step> Flow(const std::vector<cv::Mat>& from,
+                         const std::vector<cv::Mat>& to,
+                         const std::vector<cv::Point2f>& starts) const override {
+    std::vector<cv::Point2f> ends;
+    std::vector<std::uint8_t> found;
+    cv::optflow::calcOpticalFlowSparseRLOF(
+        from[0], to[0], starts, ends, found, cv::noArray(), parameters_);
+    std::vector<Step> steps;
+    for (std::size_t f = 0; f < starts.size(); ++f) steps.push_back({ends[f], found[f] != 0});
+    return steps;
+  }
+
+  cv::Ptr<cv::optflow::RLOFOpticalFlowParameter> parameters_;
+};
+
+}  // namespace
+
+std::unique_ptr<FeatureMover> MakeRlofMover(const RlofOptions& options) {
+  return std::make_unique<RlofMover>(options);
+}
+
+}  // namespace cohort
