@@ -113,14 +113,15 @@ Arguments MapperArguments(const TrackFile& file,
   };
   const double features = MedianFeatures(file.tracks);
   add("Mapper.multiple_models", 0);
-  // Global adjustments after every 40 % of growth instead of 10 %, and no more than two rounds: a
-  // third of the time and the same cameras, since neighbouring frames hold each other and the
+  // A third of the time and the same cameras, since neighbouring frames hold each other and the
   // final adjustment comes anyway.
-  arguments.push_back(
-      {{"Mapper.ba_global_images_ratio", "Mapper.ba_global_frames_ratio"}, "1.4", false});
-  add("Mapper.ba_global_points_ratio", 1.4);
-  add("Mapper.ba_global_max_refinements", 2);
-  add("Mapper.ba_global_function_tolerance", 1e-6);
+  if (options.fewer_adjustments) {
+    arguments.push_back(
+        {{"Mapper.ba_global_images_ratio", "Mapper.ba_global_frames_ratio"}, "1.4", false});
+    add("Mapper.ba_global_points_ratio", 1.4);
+    add("Mapper.ba_global_max_refinements", 2);
+    add("Mapper.ba_global_function_tolerance", 1e-6);
+  }
   add("Mapper.min_model_size", std::clamp(static_cast<int>(file.frames.size() / 2), 2, 10));
   add("Mapper.abs_pose_min_num_inliers", std::clamp(static_cast<int>(0.1 * features), 8, 30));
   if (pair == nullptr) {

@@ -15,6 +15,7 @@ struct ColmapOptions {
   int seed = 0;
   int threads = 1;  // more: faster, and not the same twice
   int max_attempts = 3;
+  bool fewer_adjustments = true;
   bool final_adjustment = true;
   ColmapDatabaseOptions database;
   InitialPairOptions initial_pair;
@@ -29,6 +30,10 @@ struct ColmapOptions {
              1,
              100,
              "initial pairs of ours to try until 80 % of the frames register; then COLMAP's");
+    v.Flag(
+        "fewer_adjustments",
+        o.fewer_adjustments,
+        "adjust the whole model after 40 % of growth; off: after 10 %, as COLMAP does by itself");
     v.Flag("final_adjustment",
            o.final_adjustment,
            "run COLMAP's bundle_adjuster on the mapper's model without double points");

@@ -108,12 +108,13 @@ class Mapper {
   }
 
   // Bundle adjustment of everything, then of what the result agrees with, until little changes.
+  // Later rounds start beside the optimum: half the iterations do.
   void Polish(SceneModel& model, int max_rounds, int iterations) const {
     constexpr double kSettled = 2e-3;  // share of the observations
     model.ReclassifyAll(kInfinity);
     for (int round = 0; round < max_rounds; ++round) {
       const SceneAdjustment adjustment =
-          model.Adjust(model.RegisteredFrames(), {}, Bundle(model, iterations, 1e-5));
+          model.Adjust(model.RegisteredFrames(), {}, Bundle(model, round == 0 ? iterations : std::max(2, iterations / 2), 1e-5));
       const int changes = model.ReclassifyAll(model.ErrorBound());
       const int found = model.TriangulateAll();
       spdlog::debug("{}; {} observations change sides, {} new points, noise {:.3f}",

@@ -1,30 +1,41 @@
-// The Ceres backend against COLMAP's mapper on the same generated tracks, alternating, one thread
-// each:   backend_benchmark [--frames 120] [--features 400] [--seeds 3] [--no-colmap]
-// Times are processor seconds (of this process, of COLMAP as a child); camera errors (ATE, after
-// the best similarity) are in thousandths of the scene's unit, the length of a path being about 2.
+// What the Ceres backend has to hold, measured:
+//   backend_benchmark rendered --work DIR   against COLMAP's mapper on tracks of rendered clips
+//   backend_benchmark synthetic             the same on generated tracks
+//   backend_benchmark scaling               time and memory from 250 to 1000 frames
+//   backend_benchmark hard                  what it says of input that is hard or impossible
+//   backend_benchmark real                  real tracks ($COHORT_DATA)
+// One thread each. Times are processor seconds (of this process; of COLMAP as a child). Camera
+// errors are ATE, after the best similarity, in mm (in thousandths of the scene's unit, the length
+// of a path being about 2, where tracks are generated).
 #include <fmt/format.h>
 #include <sys/resource.h>
+#include <sys/wait.h>
+#include <unistd.h>
 
 #include <CLI/CLI.hpp>
 #include <cmath>
+#include <filesystem>
+#include <opencv2/core.hpp>
+#include <string>
 #include <vector>
 
 #include "backend/colmap/colmap_mapper.h"
 #include "backend/scene/incremental_mapper.h"
+#include "datasets/sequence.h"
+#include "tests/support/program.h"
+#include "tests/support/shared_data.h"
+#include "tests/support/shared_tracks.h"
 #include "tests/support/synthetic_tracks.h"
 #include "tests/support/temp_dir.h"
 
 namespace cohort {
 namespace {
 
+namespace fs = std::filesystem;
 using test::CameraPath;
 using test::SyntheticTracks;
 using test::SyntheticTracksOptions;
-
-struct Case {
-  const char* name;
-  SyntheticTracksOptions options;
-};
+using Poses = std::map<FrameIndex, Rigid3>;
 
 struct Run {
   std::size_t registered = 0;
@@ -39,6 +50,172 @@ double CpuSeconds(int who) {
   return seconds(usage.ru_utime) + seconds(usage.ru_stime);
 }
 
+double Error(const Reconstruction& reconstruction, const Poses& truth) {
+  if (reconstruction.cam_from_world.size() < 3 || truth.empty()) return std::nan("");
+  return 1e3 * test::AbsoluteTrajectoryError(reconstruction.cam_from_world, truth);
+}
+
+Run RunCeres(const TrackFile& file, const Poses& truth, bool covariances) {
+  MapperOptions options;
+  options.use_covariances = covariances;
+  const double start = CpuSeconds(RUSAGE_SELF);
+  const MapperResult result = ReconstructWithCeres(file, options);
+  const double seconds = CpuSeconds(RUSAGE_SELF) - start;
+  return {result.summary.registered, Error(result.reconstruction, truth), seconds};
+}
+
+// COLMAP's mapper alone, at its own pace: the initial pair and bounds fit for the number of tracks
+// are ours, since with its own it often finds no start; one attempt, no adjustment after it.
+Run RunColmap(const TrackFile& file, const Poses& truth, bool fewer_adjustments) {
+  const test::TempDir folder;
+  ColmapOptions options;
+  options.max_attempts = 1;
+  options.fewer_adjustments = fewer_adjustments;
+  options.final_adjustment = false;
+  const double start = CpuSeconds(RUSAGE_CHILDREN);
+  const ColmapResult result = ReconstructWithColmap(file, options, folder.path());
+  const double seconds = CpuSeconds(RUSAGE_CHILDREN) - start;
+  return {result.summary.registered, Error(result.reconstruction, truth), seconds};
+}
+
+// A table of both backends on the same tracks, and its geometric means.
+class Race {
+ public:
+  explicit Race(bool covariances) : covariances_(covariances) {
+    fmt::print("{:<42}|{:^22}|{}{:^22}|{:^22}|\n",
+               "",
+               "Ceres",
+               covariances ? fmt::format("{:^22}|", "with covariances") : "",
+               "COLMAP mapper",
+               "fewer adjustments");
+    const std::string columns = fmt::format("{:>6}{:>9}{:>7}|", "frames", "ATE", "cpu s");
+    fmt::print("{:<42}|{}{}{}{}\n", "", columns, covariances ? columns : "", columns, columns);
+  }
+
+  void Add(const std::string& name, const TrackFile& file, const Poses& truth) {
+    fmt::print("{:<42}|", name);
+    const auto print = [](const Run& run) {
+      fmt::print("{:>6}{:>9.3f}{:>7.2f}|", run.registered, run.ate, run.seconds);
+      std::fflush(stdout);
+      return run;
+    };
+    const Run plain = print(RunCeres(file, truth, false));
+    Run weighed = plain;
+    if (covariances_) weighed = print(RunCeres(file, truth, true));
+    const Run colmap = print(RunColmap(file, truth, false));
+    const Run fast = print(RunColmap(file, truth, true));
+    fmt::print("\n");
+    const std::size_t most = std::max(colmap.registered, fast.registered);
+    if (plain.registered < most || weighed.registered < most) ++fewer_frames_;
+    // A model of a few frames has a small error: it is no success to compare with.
+    const std::size_t enough = (file.frames.size() * 8 + 9) / 10;
+    if (plain.registered >= enough && weighed.registered >= enough) ++ours_;
+    if (colmap.registered >= enough) ++colmaps_;
+    if (std::min({plain.registered, weighed.registered, colmap.registered}) < enough) return;
+    ate_.push_back(std::log(plain.ate / colmap.ate));
+    ate_weighed_.push_back(std::log(weighed.ate / colmap.ate));
+    speed_.push_back(std::log(colmap.seconds / weighed.seconds));
+    if (fast.registered >= enough) {
+      ate_fast_.push_back(std::log(weighed.ate / fast.ate));
+      speed_fast_.push_back(std::log(fast.seconds / weighed.seconds));
+    }
+  }
+
+  void Conclude() const {
+    const auto mean = [](const std::vector<double>& logs) {
+      double sum = 0.0;
+      for (const double l : logs) sum += l;
+      return std::exp(sum / static_cast<double>(logs.size()));
+    };
+    fmt::print(
+        "80 % of the frames registered: {} of ours, {} of COLMAP's; fewer frames than "
+        "COLMAP: {}\n",
+        ours_,
+        colmaps_,
+        fewer_frames_);
+    if (ate_.empty()) return;
+    fmt::print("geometric means of {}: ATE / COLMAP's {:.3f}", ate_.size(), mean(ate_));
+    if (covariances_) fmt::print(", with covariances {:.3f}", mean(ate_weighed_));
+    fmt::print("; COLMAP's time / ours {:.1f}\n", mean(speed_));
+    if (speed_fast_.empty()) return;
+    fmt::print("against COLMAP with fewer adjustments: ATE {:.3f}, time {:.1f}\n",
+               mean(ate_fast_),
+               mean(speed_fast_));
+  }
+
+ private:
+  bool covariances_;
+  int fewer_frames_ = 0;
+  int ours_ = 0;
+  int colmaps_ = 0;
+  std::vector<double> ate_;
+  std::vector<double> ate_weighed_;
+  std::vector<double> ate_fast_;
+  std::vector<double> speed_;
+  std::vector<double> speed_fast_;
+};
+
+struct RenderedOptions {
+  std::string work;
+  std::vector<std::string> clips{"room:lateral",
+                                 "corridor:forward",
+                                 "street:lateral",
+                                 "tabletop:orbit",
+                                 "facade:lateral",
+                                 "shelves:forward"};
+  std::vector<std::string> levels{"clean", "medium", "hard"};
+  std::string tracker = "subspace";
+  int frames = 120;
+  int features = 400;
+};
+
+void Cohort(const std::string& arguments) {
+  const test::ProgramEnd end = test::RunCohort(arguments + " --quiet");
+  if (end.exit_code != 0) ThrowError("cohort {}: {}", arguments, end.err);
+}
+
+// Clips and tracks are made once and kept in the work folder.
+void Rendered(const RenderedOptions& o) {
+  Race race(true);
+  fs::create_directories(o.work);
+  for (const std::string& clip : o.clips) {
+    const auto colon = clip.find(':');
+    const std::string base =
+        fmt::format("{}/{}_{}", o.work, clip.substr(0, colon), clip.substr(colon + 1));
+    if (!fs::exists(base)) {
+      Cohort(fmt::format("synth {} --scene {} --motion {} --frames {}",
+                         base,
+                         clip.substr(0, colon),
+                         clip.substr(colon + 1),
+                         o.frames));
+    }
+    for (const std::string& level : o.levels) {
+      const std::string seen = base + "_" + level;
+      const std::string tracks =
+          fmt::format("{}_{}_{}_{}.tracks", seen, o.tracker, o.features, o.frames);
+      if (!fs::exists(seen)) Cohort(fmt::format("degrade {} {} --level {}", base, seen, level));
+      if (!fs::exists(tracks)) {
+        Cohort(fmt::format("track {} --out {} --tracker {} --features {} --frames 0:{} --threads 1",
+                           seen,
+                           tracks,
+                           o.tracker,
+                           o.features,
+                           o.frames));
+      }
+      race.Add(fs::path(seen).filename().string(),
+               ReadTrackFile(tracks),
+               OpenSequence(seen)->TrueCamFromWorld());
+    }
+  }
+  race.Conclude();
+}
+
+struct SyntheticOptions {
+  int frames = 120;
+  int features = 400;
+  int seeds = 2;
+};
+
 // Tracks of which about `features` are in sight in each frame.
 SyntheticTracks MakeTracks(SyntheticTracksOptions options, int features) {
   options.points = 500;
@@ -48,119 +225,199 @@ SyntheticTracks MakeTracks(SyntheticTracksOptions options, int features) {
   return test::MakeSyntheticTracks(options);
 }
 
-double Error(const Reconstruction& reconstruction, const SyntheticTracks& tracks) {
-  if (reconstruction.cam_from_world.size() < 3) return std::nan("");
-  return test::AbsoluteTrajectoryError(reconstruction.cam_from_world, tracks.cam_from_world);
+SyntheticTracksOptions Clip(
+    CameraPath path, int frames, double noise_px, double outliers, double missing) {
+  SyntheticTracksOptions options;
+  options.path = path;
+  options.frames = frames;
+  options.noise_px = noise_px;
+  options.outlier_fraction = outliers;
+  options.missing_fraction = missing;
+  options.max_track_length = 40;
+  return options;
 }
 
-Run RunCeres(const SyntheticTracks& tracks) {
-  const double start = CpuSeconds(RUSAGE_SELF);
-  const MapperResult result = ReconstructWithCeres(tracks.file);
-  return {result.summary.registered,
-          Error(result.reconstruction, tracks),
-          CpuSeconds(RUSAGE_SELF) - start};
+SyntheticTracksOptions Shallow(SyntheticTracksOptions options, double relief) {
+  options.plane_relief = relief;
+  return options;
 }
 
-// COLMAP's mapper alone: one attempt, without our second bundle adjustment.
-Run RunColmap(const SyntheticTracks& tracks) {
-  const test::TempDir folder;
-  ColmapOptions options;
-  options.max_attempts = 1;
-  options.final_adjustment = false;
-  const double start = CpuSeconds(RUSAGE_CHILDREN);
-  const ColmapResult result = ReconstructWithColmap(tracks.file, options, folder.path());
-  return {result.summary.registered,
-          Error(result.reconstruction, tracks),
-          CpuSeconds(RUSAGE_CHILDREN) - start};
+struct Case {
+  const char* name;
+  SyntheticTracksOptions options;
+};
+
+void Synthetic(const SyntheticOptions& o) {
+  Race race(false);
+  for (auto& [name, options] : std::vector<Case>{
+           {"arc", Clip(CameraPath::kArc, o.frames, 0.5, 0.0, 0.0)},
+           {"lateral", Clip(CameraPath::kLateral, o.frames, 0.5, 0.0, 0.0)},
+           {"forward", Clip(CameraPath::kForward, o.frames, 0.5, 0.0, 0.0)},
+           {"nearly planar", Shallow(Clip(CameraPath::kLateral, o.frames, 0.5, 0.0, 0.0), 0.05)},
+           {"arc, wrong, missing, 1 px", Clip(CameraPath::kArc, o.frames, 1.0, 0.1, 0.3)},
+           {"forward, wrong, missing, 1 px", Clip(CameraPath::kForward, o.frames, 1.0, 0.1, 0.3)},
+       }) {
+    for (int seed = 1; seed <= o.seeds; ++seed) {
+      options.seed = static_cast<std::uint64_t>(seed);
+      const SyntheticTracks tracks = MakeTracks(options, o.features);
+      race.Add(fmt::format("{}, seed {}", name, seed), tracks.file, tracks.cam_from_world);
+    }
+  }
+  race.Conclude();
 }
 
-std::vector<Case> Cases(int frames) {
-  const auto make = [frames](CameraPath path, double noise_px, double outliers, double missing) {
-    SyntheticTracksOptions options;
-    options.path = path;
-    options.frames = frames;
-    options.noise_px = noise_px;
-    options.outlier_fraction = outliers;
-    options.missing_fraction = missing;
-    options.max_track_length = 40;
+// In a child process, so that its memory is its own.
+template <typename Body>
+void InChild(const Body& body) {
+  std::fflush(stdout);
+  const pid_t child = fork();
+  if (child == 0) {
+    body();
+    std::fflush(stdout);
+    _exit(0);
+  }
+  int status = 0;
+  waitpid(child, &status, 0);
+  if (status != 0) fmt::print("failed\n");
+}
+
+void Scaling() {
+  fmt::print("{:>7}{:>14}{:>11}{:>9}{:>13}{:>9}{:>9}\n",
+             "frames",
+             "observations",
+             "registered",
+             "cpu s",
+             "ms / frame",
+             "MB",
+             "ATE");
+  for (const int frames : {250, 500, 1000}) {
+    InChild([frames] {
+      // A path as long as the clip: twice the frames see twice the scene.
+      SyntheticTracksOptions options = Clip(CameraPath::kLateral, frames, 0.5, 0.0, 0.0);
+      options.path_length = frames / 250.0;
+      const SyntheticTracks tracks = MakeTracks(options, 200);
+      const Run run = RunCeres(tracks.file, tracks.cam_from_world, false);
+      rusage usage{};
+      getrusage(RUSAGE_SELF, &usage);
+      fmt::print("{:>7}{:>14}{:>11}{:>9.2f}{:>13.2f}{:>9.0f}{:>9.3f}\n",
+                 frames,
+                 tracks.file.tracks.observations().size(),
+                 run.registered,
+                 run.seconds,
+                 1e3 * run.seconds / frames,
+                 usage.ru_maxrss / 1024.0,
+                 run.ate);
+    });
+  }
+}
+
+void Hard(int seeds) {
+  const auto untracked = [](SyntheticTracksOptions options) {
+    options.max_track_length = 0;
     return options;
   };
-  SyntheticTracksOptions shallow = make(CameraPath::kLateral, 0.5, 0.0, 0.0);
-  shallow.plane_relief = 0.05;
-  return {{"arc", make(CameraPath::kArc, 0.5, 0.0, 0.0)},
-          {"lateral", make(CameraPath::kLateral, 0.5, 0.0, 0.0)},
-          {"forward", make(CameraPath::kForward, 0.5, 0.0, 0.0)},
-          {"arc, 10 % wrong, 30 % missing, 1 px", make(CameraPath::kArc, 1.0, 0.1, 0.3)},
-          {"forward, 10 % wrong, 30 % missing, 1 px", make(CameraPath::kForward, 1.0, 0.1, 0.3)},
-          {"nearly planar", shallow}};
-}
-
-void Compare(int frames, int features, int seeds, bool with_colmap) {
-  fmt::print("{:<42} {:>4} | {:>9} {:>8} {:>7} | {:>9} {:>8} {:>7} | {:>9} {:>8}\n",
-             fmt::format("{} frames, {} features", frames, features),
-             "seed",
-             "ceres reg",
-             "ATE",
-             "cpu s",
-             "colmap",
-             "ATE",
-             "cpu s",
-             "ATE ratio",
-             "speed");
-  double log_ate = 0.0;
-  double log_speed = 0.0;
-  int compared = 0;
-  for (Case& c : Cases(frames)) {
+  const auto turning = [&](double noise) { return Clip(CameraPath::kRotation, 120, noise, 0, 0); };
+  const auto still = [&](double noise) { return Clip(CameraPath::kStatic, 120, noise, 0, 0); };
+  const auto lateral = [&](double noise) { return Clip(CameraPath::kLateral, 120, noise, 0, 0); };
+  for (auto& [name, options] : std::vector<Case>{
+           {"arc, 10 % wrong, 30 % missing, 1 px", Clip(CameraPath::kArc, 120, 1.0, 0.1, 0.3)},
+           {"lateral, the same", Clip(CameraPath::kLateral, 120, 1.0, 0.1, 0.3)},
+           {"forward, the same", Clip(CameraPath::kForward, 120, 1.0, 0.1, 0.3)},
+           {"forward", Clip(CameraPath::kForward, 120, 0.5, 0.0, 0.0)},
+           {"nearly planar, relief 5 %", Shallow(lateral(0.5), 0.05)},
+           {"nearly planar, relief 1 %", Shallow(lateral(0.5), 0.01)},
+           {"a plane", Shallow(lateral(0.5), 0.0)},
+           {"a plane on an arc", Shallow(Clip(CameraPath::kArc, 120, 0.5, 0.0, 0.0), 0.0)},
+           {"a plane, whole tracks, 24 frames",
+            Shallow(untracked(Clip(CameraPath::kArc, 24, 1.0, 0.0, 0.0)), 0.0)},
+           {"pure rotation", turning(0.5)},
+           {"pure rotation, 10 % wrong, 1 px", Clip(CameraPath::kRotation, 120, 1.0, 0.1, 0.3)},
+           {"static camera", still(0.5)},
+           {"static camera, 10 % wrong, 1 px", Clip(CameraPath::kStatic, 120, 1.0, 0.1, 0.3)}}) {
     for (int seed = 1; seed <= seeds; ++seed) {
-      c.options.seed = static_cast<std::uint64_t>(seed);
-      const SyntheticTracks tracks = MakeTracks(c.options, features);
-      const Run ceres = RunCeres(tracks);
-      fmt::print("{:<42} {:>4} | {:>9} {:>8.3f} {:>7.2f} |",
-                 c.name,
+      options.seed = static_cast<std::uint64_t>(seed);
+      const SyntheticTracks tracks = MakeTracks(options, 300);
+      const MapperResult result = ReconstructWithCeres(tracks.file);
+      fmt::print("{:<38} seed {}: {:>4} of {} frames, ATE {:>8.3f}, {}\n",
+                 name,
                  seed,
-                 ceres.registered,
-                 1e3 * ceres.ate,
-                 ceres.seconds);
-      if (with_colmap) {
-        const Run colmap = RunColmap(tracks);
-        fmt::print(" {:>9} {:>8.3f} {:>7.2f} | {:>9.3f} {:>8.1f}",
-                   colmap.registered,
-                   1e3 * colmap.ate,
-                   colmap.seconds,
-                   ceres.ate / colmap.ate,
-                   colmap.seconds / ceres.seconds);
-        if (std::isfinite(ceres.ate) && std::isfinite(colmap.ate)) {
-          log_ate += std::log(ceres.ate / colmap.ate);
-          log_speed += std::log(colmap.seconds / ceres.seconds);
-          ++compared;
-        }
-      }
-      fmt::print("\n");
+                 result.summary.registered,
+                 options.frames,
+                 Error(result.reconstruction, tracks.cam_from_world),
+                 result.summary.termination);
       std::fflush(stdout);
     }
   }
-  if (compared > 0) {
-    fmt::print("geometric mean of {}: camera error ratio {:.3f}, COLMAP's time / ours {:.1f}\n",
-               compared,
-               std::exp(log_ate / compared),
-               std::exp(log_speed / compared));
+}
+
+void Real() {
+  const auto run = [](const std::string& name, const TrackFile& file) {
+    const MapperResult result = ReconstructWithCeres(file);
+    fmt::print("{:<26} f {:.0f} px, noise {:.2f} px, {} tracks without a point; {}\n",
+               name,
+               result.reconstruction.camera.fx,
+               result.noise,
+               result.without_point.size(),
+               result.summary.Brief());
+  };
+  const fs::path lines = test::SharedData("opencv_sfm_tracks");
+  const fs::path tables = test::SharedData("cmu_hotel");
+  if (!fs::exists(lines) || !fs::exists(tables)) {
+    ThrowError("{} is missing: set COHORT_DATA to the data folder", lines.string());
   }
+  Camera desktop = Camera::Guess(1280, 720);
+  desktop.fx = desktop.fy = 1914;
+  desktop.cx = 640;
+  desktop.cy = 360;
+  desktop.known = true;
+  run("desktop", test::ReadTrackLines(lines / "desktop_tracks.txt", desktop));
+  run("desktop, unknown camera",
+      test::ReadTrackLines(lines / "desktop_tracks.txt", Camera::Guess(1280, 720)));
+  run("backyard, unknown camera",
+      test::ReadTrackLines(lines / "backyard_tracks.txt", Camera::Guess(800, 450)));
+  run("hotel, unknown camera", test::ReadTrackTables(tables, Camera::Guess(512, 480)));
 }
 
 }  // namespace
 }  // namespace cohort
 
 int main(int argc, char** argv) {
-  CLI::App app("The Ceres backend against COLMAP's mapper on the same tracks");
-  int frames = 120;
-  int features = 400;
-  int seeds = 3;
-  bool no_colmap = false;
-  app.add_option("--frames", frames, "frames of a clip")->check(CLI::Range(3, 10000));
-  app.add_option("--features", features, "tracks in sight in a frame")->check(CLI::Range(20, 5000));
-  app.add_option("--seeds", seeds, "seeds of each geometry")->check(CLI::Range(1, 100));
-  app.add_flag("--no-colmap", no_colmap, "our backend alone");
-  CLI11_PARSE(app, argc, argv);
-  cohort::Compare(frames, features, seeds, !no_colmap);
+  CLI::App app("The Ceres backend: accuracy and speed against COLMAP, scaling, hard input");
+  app.require_subcommand(1);
+  cohort::RenderedOptions rendered;
+  CLI::App* command = app.add_subcommand("rendered", "tracks of rendered clips");
+  command->add_option("--work", rendered.work, "folder for clips and tracks, kept")->required();
+  command->add_option("--clips", rendered.clips, "SCENE:MOTION ...");
+  command->add_option("--levels", rendered.levels, "of `cohort degrade`");
+  command->add_option("--tracker", rendered.tracker, "of `cohort track`");
+  command->add_option("--frames", rendered.frames, "of a clip");
+  command->add_option("--features", rendered.features, "in sight in a frame");
+  command->callback([&] { cohort::Rendered(rendered); });
+
+  cohort::SyntheticOptions synthetic;
+  command = app.add_subcommand("synthetic", "generated tracks");
+  command->add_option("--frames", synthetic.frames, "of a clip");
+  command->add_option("--features", synthetic.features, "in sight in a frame");
+  command->add_option("--seeds", synthetic.seeds, "of each geometry");
+  command->callback([&] { cohort::Synthetic(synthetic); });
+
+  app.add_subcommand("scaling", "250 to 1000 frames")->callback([] { cohort::Scaling(); });
+
+  int seeds = 2;
+  command = app.add_subcommand("hard", "hard and impossible input");
+  command->add_option("--seeds", seeds, "of each geometry");
+  command->callback([&] { cohort::Hard(seeds); });
+
+  app.add_subcommand("real", "real tracks")->callback([] { cohort::Real(); });
+
+  cv::setNumThreads(1);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& e) {
+    return app.exit(e);
+  } catch (const std::exception& e) {
+    fmt::print(stderr, "backend_benchmark: {}\n", e.what());
+    return 1;
+  }
   return 0;
 }

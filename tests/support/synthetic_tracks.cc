@@ -21,7 +21,7 @@ Rigid3 LookAt(const Vector3d& centre, const Vector3d& target) {
   return Rigid3{Eigen::Quaterniond(world_from_cam), centre}.Inverse();
 }
 
-// s runs from 0 to 1 over the clip. A little hand motion keeps the path off a line.
+// s runs from 0 to path_length over the clip. A little hand motion keeps the path off a line.
 Rigid3 PoseOnPath(CameraPath path, double s) {
   const Vector3d wobble(
       0.06 * std::sin(9.0 * s), 0.08 * std::sin(7.0 * s + 1.0), 0.05 * std::cos(5.0 * s));
@@ -45,7 +45,9 @@ Rigid3 PoseOnPath(CameraPath path, double s) {
   return {};
 }
 
-Vector3d RandomPoint(CameraPath path, double relief, RandomStream& random) {
+Vector3d RandomPoint(const SyntheticTracksOptions& options, RandomStream& random) {
+  const CameraPath path = options.path;
+  const double relief = options.plane_relief;
   const double x = random.Uniform(-1, 1);
   const double y = random.Uniform(-1, 1);
   const double depth = random.Uniform(-1, 1) * relief;
@@ -55,7 +57,7 @@ Vector3d RandomPoint(CameraPath path, double relief, RandomStream& random) {
     return {0.75 * x * z, 0.55 * y * z, z};
   }
   const double z = 6.5 + 2.5 * depth;
-  return {1.0 * x * z, 0.6 * y * z, z};
+  return {x * z, 0.6 * y * z, z};
 }
 
 }  // namespace
@@ -84,19 +86,23 @@ SyntheticTracks MakeSyntheticTracks(const SyntheticTracksOptions& options) {
     result.file.frames.push_back({frame,
                                   fmt::format("frame_{:06}.png", ToInt(frame)),
                                   std::int64_t{ToInt(frame)} * 33'333'333});
-    const double s = frames > 1 ? i / (frames - 1.0) : 0.5;
+    const double s = options.path_length * (frames > 1 ? i / (frames - 1.0) : 0.5);
     result.cam_from_world[frame] = PoseOnPath(options.path, s);
   }
   std::vector<Observation> observations;
   for (int p = 0; p < options.points; ++p) {
     const FeatureId feature{static_cast<std::uint32_t>(3 * p + 2)};
-    const Vector3d point = RandomPoint(options.path, options.plane_relief, scene);
+    Vector3d point = RandomPoint(options, scene);
     const auto length = static_cast<std::int64_t>(
         options.max_track_length > 0 ? options.max_track_length : options.frames);
     const std::int64_t first =  // so that as many tracks are alive in each frame
         options.max_track_length > 0
             ? static_cast<std::int64_t>(scene.Below(frames + options.max_track_length)) - length
             : 0;
+    if (options.path_length > 1.0) {  // beside the camera when it is seen
+      const double middle = static_cast<double>(first) + 0.5 * static_cast<double>(length);
+      point.x() += 2.0 * (options.path_length * middle / frames - 0.5);
+    }
     for (std::int64_t i = 0; i < frames; ++i) {
       if (i < first || i >= first + length) continue;
       const FrameIndex frame = result.file.frames[static_cast<std::size_t>(i)].index;

@@ -22,6 +22,7 @@ enum class CameraPath {
 struct SyntheticTracksOptions {
   CameraPath path = CameraPath::kArc;
   int frames = 24;
+  double path_length = 1.0;  // kLateral: a path, and a scene beside it, that much longer
   int points = 300;
   double noise_px = 0.3;          // a coordinate
   double outlier_fraction = 0.0;  // of the observations: somewhere else in the image
