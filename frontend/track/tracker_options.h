@@ -77,7 +77,7 @@ struct KltOptions {
 
 // Baseline: robust local optical flow of OpenCV.
 struct RlofOptions {
-  int window_px = 21;
+  int window_px = 31;
   int max_level = 4;
   bool robust = true;
   bool illumination_model = false;
@@ -101,7 +101,7 @@ struct RlofOptions {
 
 // Baselines: tracks chained from dense flow.
 struct DenseFlowOptions {
-  double denoise_sigma_px = 0.0;
+  double denoise_sigma_px = 0.8;
   double forward_backward_px = 0.7071;
   double forward_backward_share = 0.01;
 

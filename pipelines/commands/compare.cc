@@ -3,6 +3,7 @@
 #include <nlohmann/json.hpp>
 
 #include "pipelines/console/version.h"
+#include "pipelines/experiment/paper_tables.h"
 
 namespace cohort {
 
@@ -13,7 +14,8 @@ void RunCompare(const ExperimentOptions& options) {
   WriteResultsJson(out / "results.json",
                    results,
                    {{"program", fmt::format("cohort {}", kVersion)}, {"options", ToJson(options)}});
-  fmt::print("{}", ResultsTable(results));
+  fmt::print("{}",
+             options.protocol == Protocol::kPaper ? PaperTables(results) : ResultsTable(results));
   for (const Failure& failure : results.failures) {
     fmt::print("FAILED: {} {} {} {} seed {}: {}\n",
                failure.sequence,
@@ -26,13 +28,15 @@ void RunCompare(const ExperimentOptions& options) {
 }
 
 Command CompareCommand() {
-  return MakeCommand({.name = "compare",
-                      .usage = "INPUT... --out DIR [options]",
-                      .summary = "Compare trackers by the reconstructions made of their tracks",
-                      .positionals = {"inputs"},
-                      .required = {"inputs", "out"},
-                      .short_flags = {{"features", {"tracking.detector.max_features"}}}},
-                     RunCompare);
+  return MakeCommand(
+      {.name = "compare",
+       .usage = "INPUT... --out DIR [options]",
+       .summary =
+           "Compare trackers by the reconstructions made of their tracks, or as the paper did",
+       .positionals = {"inputs"},
+       .required = {"inputs", "out"},
+       .short_flags = {{"features", {"tracking.detector.max_features"}}}},
+      RunCompare);
 }
 
 }  // namespace cohort

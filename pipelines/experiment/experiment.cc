@@ -3,7 +3,9 @@
 #include <spdlog/spdlog.h>
 
 #include <charconv>
+#include <chrono>
 #include <nlohmann/json.hpp>
+#include <opencv2/core/utility.hpp>
 #include <optional>
 #include <set>
 
@@ -23,6 +25,8 @@ namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
 constexpr std::string_view kAsIs = "as-is";
+const std::string kL1Error = "l1_error_30_frames";
+const std::string kFramesBetween = "frames_between_reinitializations";
 
 std::optional<unsigned> ParseUnsigned(std::string_view text) {
   unsigned value = 0;
@@ -114,9 +118,19 @@ class Experiment {
     }
     PrepareFolder();
     ProbeClips();
+    for (const Clip& clip : clips_) {
+      if (options_.protocol == Protocol::kPaper && !clip.has_track_truth) {
+        ThrowError("{} has no truth of tracks: --protocol paper needs clips of `cohort synth`",
+                   clip.input);
+      }
+    }
     MakeGrid();
 
     RunTasks("degrade", DegradeTasks(shard), options_.jobs, options_.resume);
+    if (options_.protocol == Protocol::kPaper) {
+      RunTasks("follow", FollowTasks(shard), options_.jobs, options_.resume);
+      return Collect();
+    }
     RunTasks("track", TrackTasks(shard), options_.jobs, options_.resume);
     RunTasks("reconstruct", ReconstructTasks(shard), options_.jobs, options_.resume);
     return Collect();
@@ -246,6 +260,64 @@ class Experiment {
     return tasks;
   }
 
+  std::vector<Task> FollowTasks(const Shard& shard) const {
+    std::vector<Task> tasks;
+    for (std::size_t i = 0; i < cells_.size(); ++i) {
+      if (!shard.Takes(i)) continue;
+      const TrackCell& cell = cells_[i];
+      const InputOptions clip{
+          cell.condition.clip.input, options_.layout, options_.frames, options_.camera};
+      InputOptions frames = clip;
+      if (cell.condition.IsDegraded())
+        frames = {cell.condition.Frames().string(), Layout::kAuto, "", ""};
+      const TrackerOptions tracker = WithoutGivingUp(cell.options);
+      const Json depends_on{{"clip", ToJson(clip)},
+                            {"frames", ToJson(frames)},
+                            {"tracker", ToJson(tracker)},
+                            {"paper", ToJson(options_.paper)}};
+      const int threads = options_.jobs == 1 ? 0 : 1;
+      tasks.push_back({fmt::format("follow {} {}", LabelOf(cell.condition), cell.tracker),
+                       cell.Result(),
+                       depends_on.dump(),
+                       [this, clip, frames, tracker, threads] {
+                         cv::setNumThreads(threads == 0 ? -1 : threads);
+                         return RunPaperProtocol(clip, frames, tracker, options_.paper);
+                       }});
+    }
+    return tasks;
+  }
+
+  static Json RunPaperProtocol(const InputOptions& clip_input,
+                               const InputOptions& frames_input,
+                               const TrackerOptions& tracker,
+                               const PaperProtocolOptions& options) {
+    const auto clip = OpenInput(clip_input);
+    const auto truth = OpenTrackTruth(*clip, clip_input.input);
+    const auto points = ChoosePoints(*clip, *truth, tracker.detector, options);
+    const auto frames = OpenInput(frames_input);
+    const auto next = [&frames] { return frames->Next(); };
+    const auto start = std::chrono::steady_clock::now();
+    const TrajectoryRun trajectories = RunTrajectories(
+        *MakeMover(tracker), next, points, static_cast<std::size_t>(options.window_frames));
+    const std::chrono::duration<double, std::milli> ms = std::chrono::steady_clock::now() - start;
+    if (trajectories.features == 0) {
+      ThrowError("{}: no corner of its first frame stays visible for {} frames",
+                 clip_input.input,
+                 options.window_frames);
+    }
+    frames->Rewind();
+    const ReinitializationRun life =
+        RunReinitializations(*MakeMover(tracker), next, points, options.limit_px);
+    return {{"features", trajectories.features},
+            {"l1_error_px", trajectories.mean_l1_px},
+            {"lost_of_features", trajectories.lost},
+            {"ms_per_frame", ms.count() / options.window_frames},
+            {"feature_frames", life.frames},
+            {"reinitializations", life.reinitializations},
+            {"lost", life.lost},
+            {"frames_between_reinitializations", life.MeanFramesBetween()}};
+  }
+
   std::vector<Task> ReconstructTasks(const Shard& shard) const {
     std::vector<Task> tasks;
     for (std::size_t i = 0; i < cells_.size(); ++i) {
@@ -339,6 +411,10 @@ class Experiment {
       rows.Fail(result["error"]);
       return;
     }
+    if (result["figures"].contains("l1_error_px")) {
+      AddFollowRows(result["figures"], rows);
+      return;
+    }
     const Json& track = result["figures"]["track"];
     rows.Add("tracks", track["tracks"], "");
     rows.Add("observations", track["observations"], "");
@@ -356,10 +432,18 @@ class Experiment {
     rows.Add("outlier_share", errors["outlier_share"], "");
     rows.Add("predicted_precision", errors["predicted_precision"], "");
     rows.Add("predicted_recall", errors["predicted_recall"], "");
-    rows.Add("frames_between_reinitializations",
-             errors["mean_frames_between_reinitializations"],
-             "frames");
-    rows.Add("l1_error_30_frames", errors["l1_error_30_frames_px"], "px");
+    rows.Add(kFramesBetween, errors["mean_frames_between_reinitializations"], "frames");
+    rows.Add(kL1Error, errors["l1_error_30_frames_px"], "px");
+  }
+
+  static void AddFollowRows(const Json& figures, RowAdder& rows) {
+    rows.Add("features", figures["features"], "");
+    rows.Add(kL1Error, figures["l1_error_px"], "px");
+    rows.Add("feature_frames", figures["feature_frames"], "frames");
+    rows.Add("reinitializations", figures["reinitializations"], "");
+    rows.Add("lost", figures["lost"], "");
+    rows.Add(kFramesBetween, figures["frames_between_reinitializations"], "frames");
+    rows.Add("track_time", figures["ms_per_frame"], "ms/frame");
   }
 
   static void AddModelRows(const TrackCell& cell,

@@ -8,14 +8,24 @@
 #include "backend/scene/incremental_mapper.h"
 #include "datasets/sequence.h"
 #include "frontend/track/tracker_options.h"
+#include "pipelines/experiment/paper_protocol.h"
 #include "pipelines/experiment/results.h"
 
 namespace cohort {
+
+// What is measured of every cell.
+enum class Protocol {
+  kReconstruction,  // tracks, and the models made of them
+  kPaper,           // the tracking errors of the paper's section 4; paper_protocol.h
+};
+inline constexpr ChoiceNames<Protocol, 2> kProtocolNames{
+    {{"reconstruction", Protocol::kReconstruction}, {"paper", Protocol::kPaper}}};
 
 // A grid: every input x level x seed x tracker x backend is a cell.
 struct ExperimentOptions {
   std::vector<std::string> inputs;
   std::string out;
+  Protocol protocol = Protocol::kReconstruction;
   std::vector<std::string> trackers{"klt", "subspace"};
   std::vector<std::string> backends{"ceres", "colmap"};
   std::vector<std::string> levels{"as-is"};
@@ -29,17 +39,24 @@ struct ExperimentOptions {
   TrackerOptions tracking;
   MapperOptions ceres;
   ColmapOptions colmap;
+  PaperProtocolOptions paper;
 
   template <typename Self, typename Visitor>
   static void Visit(Self& o, Visitor& v) {
     v.List("inputs", o.inputs, "clips, as `cohort track` takes them");
     v.Text("out", o.out, "folder for results.csv, results.json and cells/");
+    v.Choice("protocol",
+             o.protocol,
+             kProtocolNames,
+             "reconstruction: models made of the tracks; paper: how far trackers stray from points "
+             "of known course, on clips with exact truth; the trackers' own checks by which "
+             "features end are off");
     v.List("trackers",
            o.trackers,
            "those of `cohort track`; kltN: klt with a window of N px; subspace-paper, "
            "descent-paper: joint and first-order tracker as the paper prints them, without "
            "measurement; F.json: the tracker options of this file");
-    v.List("backends", o.backends, "ceres, colmap");
+    v.List("backends", o.backends, "ceres, colmap; of protocol reconstruction");
     v.List("levels",
            o.levels,
            "as-is, or how dark `cohort degrade` makes the clips: clean, medium, hard, a number; "
@@ -54,6 +71,7 @@ struct ExperimentOptions {
     v.Group("tracking", o.tracking, "all trackers");
     v.Group("ceres", o.ceres, "backend ceres");
     v.Group("colmap", o.colmap, "backend colmap");
+    v.Group("paper", o.paper, "protocol paper");
   }
 };
 

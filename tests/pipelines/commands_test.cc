@@ -528,6 +528,33 @@ TEST_F(Commands, CompareMeasuresEveryCellAndResumes) {
             without_times(ReadBytes(Path("out/results.csv"))));
 }
 
+TEST_F(Commands, ComparesAsThePaperDid) {
+  ASSERT_EQ(RunCohort("synth " + Path("clip") +
+                      " --frames 8 --width-px 320 --height-px 240 --focal-px 260 --quiet")
+                .exit_code,
+            0);
+  const std::string compare = "compare " + Path("clip") +
+                              " --protocol paper --paper.window-frames 4 --levels medium "
+                              "--trackers klt7,dis,descent-paper,subspace-paper,subspace --out " +
+                              Path("out");
+  const ProgramEnd first = RunCohort(compare);
+  ASSERT_EQ(first.exit_code, 0) << first.err;
+  EXPECT_THAT(first.out,
+              AllOf(HasSubstr("mean L1 trajectory error"),
+                    HasSubstr("frames between re-initialisations, subspace / tracker"),
+                    Not(HasSubstr("FAILED"))));
+  const ProgramEnd second = RunCohort(compare + " --resume");
+  EXPECT_EQ(second.out, first.out);
+  EXPECT_THAT(second.err, HasSubstr("follow: 5 of 5 are done already"));
+
+  WriteImages(Path("images"), 3);
+  ExpectFailure(
+      RunCohort("compare " + Path("images") + " --protocol paper --quiet --out " + Path("out2")),
+      1,
+      HasSubstr("no truth of tracks"));
+  ExpectFailure(RunCohort(compare + " --paper.window-frames 0"), 2, HasSubstr("window-frames"));
+}
+
 TEST_F(Commands, CompareRecordsFailuresAsFailures) {
   // Nothing moves: no reconstruction.
   const fs::path still = Path("still");

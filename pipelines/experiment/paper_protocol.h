@@ -1,0 +1,98 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <algorithm>
+#include <functional>
+#include <optional>
+#include <vector>
+
+#include "datasets/sequence.h"
+#include "datasets/track_truth.h"
+#include "frontend/track/track_loop.h"
+
+namespace cohort {
+
+// The paper's section 4: trackers follow points whose true course is known, in degraded video. All
+// are given the same points at their true positions; no tracker detects anything.
+
+struct PaperProtocolOptions {
+  int features = 100;
+  int window_frames = 30;
+  double limit_px = 10.0;
+  double border_px = 16.0;
+  double edge_px = 10.0;
+
+  template <typename Self, typename Visitor>
+  static void Visit(Self& o, Visitor& v) {
+    v.Number(
+        "features", o.features, 1, 100000, "corners detected; those with a fit truth are used");
+    v.Number("window_frames",
+             o.window_frames,
+             1,
+             100000,
+             "a point is used if it stays visible for so many frames; length of the L1 error");
+    v.Number("limit_px", o.limit_px, 0.1, 1000.0, "a feature further off is initialised anew [px]");
+    v.Number("border_px",
+             o.border_px,
+             0.0,
+             1000.0,
+             "a point nearer to the image border is no longer followed [px]");
+    v.Number("edge_px", o.edge_px, 0.0, 100.0, "points are so far from jumps of depth [px]");
+  }
+};
+
+// A point of the scene, from the first frame in which it is followed (counted from the clip's
+// first) until it is hidden or near the border for the first time.
+struct FollowedPoint {
+  std::size_t birth = 0;
+  std::vector<Eigen::Vector2d> xy;  // true positions; xy[0] is in frame `birth`
+
+  std::size_t end() const { return birth + xy.size(); }
+};
+
+// The points of a clip before it is degraded, as the paper's are: corners of the common detector in
+// its frames 0, w, 2w, ... (w: window_frames), in the later ones as many as are missing to
+// `features`. Used are those that show a surface, with no jump of depth nearby, and stay visible
+// and off the border for w more frames.
+std::vector<FollowedPoint> ChoosePoints(Sequence& clip,
+                                        TrackTruth& truth,
+                                        DetectorOptions detector,
+                                        const PaperProtocolOptions& options);
+
+// The next frame of a clip; none at the end.
+using FrameSource = std::function<std::optional<Frame>()>;
+
+// First mode: a feature that the tracker loses, or that is more than limit_px off, starts again at
+// its true position. `frames` are those in which a feature was within the limit.
+struct ReinitializationRun {
+  std::size_t frames = 0;
+  std::size_t reinitializations = 0;
+  std::size_t lost = 0;  // of these: given up by the tracker
+  // The paper's figure; if there was no re-initialisation, this is what it is at least.
+  double MeanFramesBetween() const {
+    return static_cast<double>(frames) /
+           static_cast<double>(std::max<std::size_t>(reinitializations, 1));
+  }
+};
+ReinitializationRun RunReinitializations(FeatureMover& mover,
+                                         const FrameSource& next,
+                                         const std::vector<FollowedPoint>& points,
+                                         double limit_px);
+
+// Second mode: the points of frame 0, for `frames` frames, never started again. A feature that the
+// tracker gives up stays where it was last, so that giving up wins nothing.
+struct TrajectoryRun {
+  std::size_t features = 0;
+  std::size_t lost = 0;
+  double mean_l1_px = 0.0;  // over features: sum over the frames of |dx| + |dy|
+};
+TrajectoryRun RunTrajectories(FeatureMover& mover,
+                              const FrameSource& next,
+                              const std::vector<FollowedPoint>& points,
+                              std::size_t frames);
+
+// A tracker without the checks by which it gives up: both modes ask where a point is, in every
+// frame, and each check costs a tracker more than it gains.
+TrackerOptions WithoutGivingUp(TrackerOptions options);
+
+}  // namespace cohort

@@ -1,0 +1,172 @@
+#include "pipelines/experiment/paper_tables.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <map>
+#include <optional>
+#include <tuple>
+
+#include "pipelines/console/table.h"
+
+namespace cohort {
+namespace {
+
+constexpr const char* kOurs = "subspace";
+
+void AppendNew(std::vector<std::string>& names, const std::string& name) {
+  if (std::find(names.begin(), names.end(), name) == names.end()) names.push_back(name);
+}
+
+double Median(std::vector<double> values) {
+  std::sort(values.begin(), values.end());
+  return 0.5 * (values[(values.size() - 1) / 2] + values[values.size() / 2]);
+}
+
+// One metric of one level: [tracker][sequence] = {seed, value}.
+struct Grid {
+  std::vector<std::string> trackers;
+  std::vector<std::string> sequences;
+  std::map<std::pair<std::string, std::string>, std::map<unsigned, double>> cells;
+
+  const std::map<unsigned, double>* Cell(const std::string& tracker,
+                                         const std::string& sequence) const {
+    const auto it = cells.find({tracker, sequence});
+    return it == cells.end() ? nullptr : &it->second;
+  }
+};
+
+Grid GridOf(const ExperimentResults& results, const std::string& level, const std::string& metric) {
+  Grid grid;
+  for (const ResultRow& row : results.rows) {
+    if (row.level != level) continue;
+    AppendNew(grid.trackers, row.tracker);
+    AppendNew(grid.sequences, row.sequence);
+    if (row.metric == metric) grid.cells[{row.tracker, row.sequence}][row.seed] = row.value;
+  }
+  return grid;
+}
+
+std::optional<double> MedianOf(const std::map<unsigned, double>* cell) {
+  if (cell == nullptr) return std::nullopt;
+  std::vector<double> values;
+  for (const auto& [seed, value] : *cell) values.push_back(value);
+  return Median(std::move(values));
+}
+
+// Over all sequences; none if one is missing.
+std::optional<double> Average(const Grid& grid, const std::string& tracker) {
+  double sum = 0.0;
+  for (const std::string& sequence : grid.sequences) {
+    const auto median = MedianOf(grid.Cell(tracker, sequence));
+    if (!median) return std::nullopt;
+    sum += *median;
+  }
+  return sum / static_cast<double>(grid.sequences.size());
+}
+
+std::string Text(const std::optional<double>& value, int decimals) {
+  return value ? fmt::format("{:.{}f}", *value, decimals) : "FAILED";
+}
+
+std::vector<std::string> Header(const Grid& grid) {
+  std::vector<std::string> header{"tracker"};
+  header.insert(header.end(), grid.sequences.begin(), grid.sequences.end());
+  header.push_back("average");
+  return header;
+}
+
+std::string FigureTable(const Grid& grid, const Grid& reinitializations) {
+  std::vector<std::vector<std::string>> table{Header(grid)};
+  for (const std::string& tracker : grid.trackers) {
+    std::vector<std::string> line{tracker};
+    for (const std::string& sequence : grid.sequences) {
+      const auto* cell = grid.Cell(tracker, sequence);
+      std::string text = Text(MedianOf(cell), 1);
+      if (MedianOf(reinitializations.Cell(tracker, sequence)) == 0.0) text = ">" + text;
+      if (cell != nullptr && cell->size() > 1) {
+        const auto [low, high] = std::minmax_element(
+            cell->begin(), cell->end(), [](auto& a, auto& b) { return a.second < b.second; });
+        text += fmt::format(" ({:.0f}-{:.0f})", low->second, high->second);
+      }
+      line.push_back(text);
+    }
+    line.push_back(Text(Average(grid, tracker), 1));
+    table.push_back(line);
+  }
+  return AlignedTable(table);
+}
+
+// Adds the tracker "klt, best window": for each sequence the one of the best median.
+void AddBestKlt(Grid& grid, bool high_is_good) {
+  std::vector<std::string> windows;
+  for (const std::string& tracker : grid.trackers) {
+    if (tracker.starts_with("klt")) windows.push_back(tracker);
+  }
+  if (windows.size() < 2) return;
+  const std::string name = "klt, best window";
+  for (const std::string& sequence : grid.sequences) {
+    const std::map<unsigned, double>* best = nullptr;
+    for (const std::string& tracker : windows) {
+      const auto* cell = grid.Cell(tracker, sequence);
+      if (cell == nullptr) continue;
+      if (best == nullptr || (*MedianOf(cell) > *MedianOf(best)) == high_is_good) best = cell;
+    }
+    if (best != nullptr) grid.cells[{name, sequence}] = *best;
+  }
+  grid.trackers.push_back(name);
+}
+
+std::string RatioTable(Grid grid, bool high_is_good) {
+  AddBestKlt(grid, high_is_good);
+  std::vector<std::vector<std::string>> table{Header(grid)};
+  const auto ratio = [&](double ours, double other) {
+    return high_is_good ? ours / other : other / ours;
+  };
+  for (const std::string& tracker : grid.trackers) {
+    if (tracker == kOurs) continue;
+    std::vector<std::string> line{tracker};
+    for (const std::string& sequence : grid.sequences) {
+      const auto* other = grid.Cell(tracker, sequence);
+      const auto* ours = grid.Cell(kOurs, sequence);
+      std::vector<double> ratios;
+      for (const auto& [seed, value] : other == nullptr ? std::map<unsigned, double>() : *other) {
+        if (ours == nullptr || !ours->contains(seed)) continue;
+        ratios.push_back(ratio(ours->at(seed), value));
+      }
+      line.push_back(ratios.empty() ? "-" : fmt::format("{:.2f}", Median(std::move(ratios))));
+    }
+    const auto other = Average(grid, tracker);
+    const auto ours = Average(grid, kOurs);
+    line.push_back(other && ours ? fmt::format("{:.2f}", ratio(*ours, *other)) : "-");
+    table.push_back(line);
+  }
+  return AlignedTable(table);
+}
+
+}  // namespace
+
+std::string PaperTables(const ExperimentResults& results) {
+  std::vector<std::string> levels;
+  for (const ResultRow& row : results.rows) AppendNew(levels, row.level);
+  std::string text;
+  for (const std::string& level : levels) {
+    const Grid l1 = GridOf(results, level, "l1_error_30_frames");
+    const Grid life = GridOf(results, level, "frames_between_reinitializations");
+    const Grid reinitializations = GridOf(results, level, "reinitializations");
+    text += fmt::format("{}: mean L1 trajectory error after 30 frames [px], lower is better\n{}\n",
+                        level,
+                        FigureTable(l1, {}));
+    text += fmt::format("{}: mean frames between re-initialisations, higher is better\n{}\n",
+                        level,
+                        FigureTable(life, reinitializations));
+    if (std::find(l1.trackers.begin(), l1.trackers.end(), kOurs) == l1.trackers.end()) continue;
+    text += fmt::format("{}: L1 error, tracker / subspace\n{}\n", level, RatioTable(l1, false));
+    text += fmt::format("{}: frames between re-initialisations, subspace / tracker\n{}\n",
+                        level,
+                        RatioTable(life, true));
+  }
+  return text;
+}
+
+}  // namespace cohort
