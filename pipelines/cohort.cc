@@ -4,6 +4,7 @@
 #include "pipelines/commands/export.h"
 #include "pipelines/commands/import.h"
 #include "pipelines/commands/reconstruct.h"
+#include "pipelines/commands/refine.h"
 #include "pipelines/commands/synth.h"
 #include "pipelines/commands/track.h"
 
@@ -13,6 +14,7 @@ int main(int argc, char** argv) {
                              cohort::ImportCommand(),
                              cohort::ExportCommand(),
                              cohort::ReconstructCommand(),
+                             cohort::RefineCommand(),
                              cohort::EvaluateCommand(),
                              cohort::SynthCommand(),
                              cohort::DegradeCommand(),

@@ -29,8 +29,15 @@ using testing::MatchesRegex;
 using testing::Not;
 using testing::StartsWith;
 
-constexpr const char* kCommands[] = {
-    "track", "import", "export", "reconstruct", "evaluate", "synth", "degrade", "compare"};
+constexpr const char* kCommands[] = {"track",
+                                     "import",
+                                     "export",
+                                     "reconstruct",
+                                     "refine",
+                                     "evaluate",
+                                     "synth",
+                                     "degrade",
+                                     "compare"};
 
 // Frame i of a textured plane that moves 2 px to the left and 1 px up a frame.
 cv::Mat MovingFrame(int i, int depth = CV_8U, cv::Size size = {160, 120}) {
@@ -432,6 +439,36 @@ TEST_F(Commands, ReconstructsWithCeresAndJudgesTheModel) {
   EXPECT_EQ(figures["registered"], 16);
   EXPECT_EQ(figures["frames"], 16);
   EXPECT_LT(figures["ate_m"], 0.02);
+}
+
+TEST_F(Commands, RefineMeasuresTracksAgainWhereTheModelSaysTheyAre) {
+  const auto path = [this](const char* name) { return Path(name); };
+  const auto run = [](const std::string& arguments) {
+    const ProgramEnd end = RunCohort(arguments + " --quiet");
+    EXPECT_EQ(end.exit_code, 0) << arguments << "\n" << end.err;
+  };
+  run("synth " + path("clip") + " --width-px 320 --height-px 240 --focal-px 260 --frames 24");
+  run("degrade " + path("clip") + " " + path("dark") + " --level medium");
+  run("track " + path("dark") + " --features 150 --out " + path("a.tracks"));
+  run("reconstruct " + path("a.tracks") + " --out " + path("first"));
+  const std::string refine = "refine " + path("a.tracks") + " --out " + path("b.tracks");
+  run(refine + " --model " + path("first") + " --json " + path("r.json"));
+  run("reconstruct " + path("b.tracks") + " --out " + path("second"));
+
+  const auto figures = ReadJson(path("r.json"));
+  EXPECT_GT(figures["regained"], 0);
+  EXPECT_GT(figures["kept"].get<int>(), figures["observations_before"].get<int>() * 3 / 4);
+  const auto ate = [&](const char* model) {
+    run("evaluate " + path(model) + " --truth " + path("clip") + " --json " + path("e.json"));
+    return ReadJson(path("e.json"))["ate_m"].get<double>();
+  };
+  EXPECT_LT(ate("second"), ate("first"));
+
+  const std::string images = WriteImages(path("images"), 24);
+  ExpectFailure(RunCohort(refine + " --model " + path("first") + " --images " + images),
+                1,
+                HasSubstr("give the same clip by --images"));
+  ExpectFailure(RunCohort(refine + " --model " + path("nothing")), 1, HasSubstr("nothing"));
 }
 
 // The tracks of a run that was killed or interrupted and then resumed are those of a run in peace.

@@ -1,0 +1,152 @@
+#include "frontend/track/second_look.h"
+
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <opencv2/core.hpp>
+
+#include "frontend/image/pyramid.h"
+
+namespace cohort {
+namespace {
+
+// How much less a blurred window's pixels say than as many independent ones: rough, as only the
+// prior of the warp depends on it.
+constexpr double kNoiseFactor = 10.0;
+
+constexpr double kWarpNoisePerFrame = 0.003;  // as the tracker's
+
+double Median(std::vector<double> values) {
+  if (values.empty()) return 0.0;
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+Pyramid SmoothPyramidOf(const Frame& frame, double sigma_px) {
+  constexpr int kLevels = 2;
+  return SmoothPyramid(BuildPyramid(frame.gray, kLevels), sigma_px);
+}
+
+AnchorPatch Mean(const AnchorPatch& sum, int frames, int window_px) {
+  AnchorPatch mean;
+  mean.full = sum.full / frames;
+  if (!sum.half.empty()) mean.half = sum.half / frames;
+  const int margin = (mean.full.cols - window_px) / 2;
+  cv::Scalar average;
+  cv::Scalar deviation;
+  cv::meanStdDev(mean.full({margin, margin, window_px, window_px}), average, deviation);
+  mean.signal_variance = deviation[0] * deviation[0];
+  return mean;
+}
+
+}  // namespace
+
+SecondLook::SecondLook(const SecondLookOptions& options) : options_(options) {
+  ValidateOptions(options);
+}
+
+void SecondLook::Learn(const Frame& frame, std::span<const Guide> guides) {
+  if (guides.empty()) return;
+  const Pyramid pyramid = SmoothPyramidOf(frame, options_.denoise_sigma_px);
+  for (const Guide& guide : guides) {
+    const AnchorPatch patch = TakeAnchor(pyramid, guide.xy, options_.window_px);
+    Template& t = templates_[guide.feature];
+    if (t.frames == 0) {
+      t.sum = patch;
+    } else {
+      t.sum.full += patch.full;
+      if (!t.sum.half.empty()) t.sum.half += patch.half;
+    }
+    ++t.frames;
+  }
+}
+
+void SecondLook::Measure(const Frame& frame, std::span<const Guide> guides) {
+  const Pyramid pyramid = SmoothPyramidOf(frame, options_.denoise_sigma_px);
+  std::vector<std::pair<const Guide*, Measurement>> measured;
+  std::vector<double> signal_variances;
+  std::vector<double> variances;
+  for (const Guide& guide : guides) {
+    const auto it = templates_.find(guide.feature);
+    if (it == templates_.end()) continue;
+    AnchorPatch anchor = Mean(it->second.sum, it->second.frames, options_.window_px);
+    const auto [known, first] = deformations_.try_emplace(guide.feature);
+    Deformation& deformation = known->second;
+    const double noise = first ? options_.warp_noise : kWarpNoisePerFrame;
+    deformation.covariance.diagonal().array() += noise * noise;
+    anchor.warp = deformation.beyond_guide * guide.warp;
+    anchor.warp_covariance = deformation.covariance;
+    const Measurement m = MeasurePatch(pyramid, anchor, guide.xy, options_.window_px, kNoiseFactor);
+    if (!m.converged) continue;
+    if ((m.xy - guide.xy).norm() <= options_.max_distance_px &&
+        m.correlation >= options_.min_correlation) {
+      deformation.beyond_guide = m.warp * guide.warp.inverse();
+      deformation.covariance = m.warp_covariance;
+    }
+    measured.emplace_back(&guide, m);
+    signal_variances.push_back(anchor.signal_variance);
+    if (guide.observed) variances.push_back(m.residual_variance);
+  }
+  constexpr std::size_t kEnough = 8;
+  if (variances.size() >= kEnough || noise_variance_ == 0.0) {
+    noise_variance_ = Median(std::move(variances));
+  }
+  for (std::size_t i = 0; i < measured.size(); ++i) {
+    const auto& [guide, m] = measured[i];
+    const Eigen::Vector2d d = m.xy - guide->xy;
+    Sighting s;
+    s.frame = frame.index;
+    s.observed_before = guide->observed;
+    s.distance_px = d.norm();
+    s.mahalanobis2 = d.dot(m.shape.inverse() * d);
+    s.correlation = m.correlation;
+    // Noise, and what the small errors of warp and interpolation leave of the pattern.
+    s.residual_variance_ratio =
+        m.residual_variance / std::max(noise_variance_ + 0.04 * signal_variances[i], 1e-12);
+    s.residual = m.residual;
+    s.xy = m.xy;
+    s.shape = m.shape;
+    sightings_[guide->feature].push_back(s);
+  }
+}
+
+std::vector<Observation> SecondLook::Finish() const {
+  std::vector<double> squares;
+  for (const auto& [feature, sightings] : sightings_) {
+    for (const Sighting& s : sightings) {
+      if (s.observed_before && s.distance_px <= options_.max_distance_px) {
+        squares.push_back(s.mahalanobis2);
+      }
+    }
+  }
+  const double scale = std::max(Median(std::move(squares)) / (2.0 * std::log(2.0)), 1e-6);
+
+  std::vector<Observation> observations;
+  for (const auto& [feature, sightings] : sightings_) {
+    std::vector<double> correlations;
+    for (const Sighting& s : sightings) {
+      if (s.observed_before) correlations.push_back(s.correlation);
+    }
+    const double least =
+        std::max(options_.min_correlation,
+                 options_.min_relative_correlation * Median(std::move(correlations)));
+    for (const Sighting& s : sightings) {
+      if (s.distance_px > options_.max_distance_px || s.correlation < least ||
+          s.residual_variance_ratio > options_.max_residual_ratio) {
+        continue;
+      }
+      Observation& o = observations.emplace_back();
+      o.feature = feature;
+      o.frame = s.frame;
+      o.xy = s.xy;
+      o.residual = s.residual;
+      o.covariance = PixelCovariance{static_cast<float>(scale * s.shape(0, 0)),
+                                     static_cast<float>(scale * s.shape(0, 1)),
+                                     static_cast<float>(scale * s.shape(1, 1))};
+    }
+  }
+  return observations;
+}
+
+}  // namespace cohort

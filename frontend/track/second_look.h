@@ -1,0 +1,114 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <map>
+#include <span>
+#include <vector>
+
+#include "frontend/core/options.h"
+#include "frontend/image/frame.h"
+#include "frontend/track/measurement.h"
+#include "frontend/tracks/observation.h"
+
+namespace cohort {
+
+struct SecondLookOptions {
+  int window_px = 21;
+  double denoise_sigma_px = 0.8;
+  int template_frames = 5;
+  double max_distance_px = 3.0;
+  double min_correlation = 0.3;
+  double min_relative_correlation = 0.7;
+  double max_residual_ratio = 2.0;
+  double warp_noise = 0.05;
+
+  template <typename Self, typename Visitor>
+  static void Visit(Self& o, Visitor& v) {
+    v.Number("window_px", o.window_px, 5, 63, "side of the measured patch [px], odd");
+    v.Number(
+        "denoise_sigma_px", o.denoise_sigma_px, 0.0, 10.0, "Gaussian blur before measuring [px]");
+    v.Number("template_frames",
+             o.template_frames,
+             1,
+             99,
+             "frames whose mean is a feature's template, around the middle of its track");
+    v.Number(
+        "max_distance_px", o.max_distance_px, 0.1, 50.0, "from the guide [px]; further is not it");
+    v.Number("min_correlation", o.min_correlation, 0.0, 1.0, "with the template, at least");
+    v.Number("min_relative_correlation",
+             o.min_relative_correlation,
+             0.0,
+             1.0,
+             "with the template, as a share of what the feature has where the first pass saw it");
+    v.Number("max_residual_ratio",
+             o.max_residual_ratio,
+             1.0,
+             100.0,
+             "residual variance over what noise explains, at most");
+    v.Number("warp_noise",
+             o.warp_noise,
+             0.0,
+             1.0,
+             "how much a patch may deform beyond what the guide says, as a share");
+  }
+};
+
+// Where a feature should be in a frame, by a model of the scene.
+struct Guide {
+  FeatureId feature{};
+  Eigen::Vector2d xy = Eigen::Vector2d::Zero();
+  // From the feature's template to this frame, as AnchorPatch::warp.
+  Eigen::Matrix2d warp = Eigen::Matrix2d::Identity();
+  bool observed = false;  // the first pass saw it there
+};
+
+// Measures every feature anew where a reconstruction says that it is: without constraint, against
+// one template for all of its track. The template is the mean of some neighbouring frames, so it
+// has less noise than any. Goes through the clip twice:
+//
+//   SecondLook look(options);
+//   for each frame: look.Learn(frame, guides of the features whose template it is to enter);
+//   for each frame: look.Measure(frame, guides of all that should be in sight);
+//   std::vector<Observation> observations = look.Finish();
+//
+// What is found counts as observed if it lies near the guide and looks as much like its template as
+// it does where the first pass saw it; so an occluder is not taken for the feature. Covariances are
+// the inverse gradient energy, in all frames with one factor: such that the distances from the
+// guides are as expected.
+class SecondLook {
+ public:
+  explicit SecondLook(const SecondLookOptions& options);
+  void Learn(const Frame& frame, std::span<const Guide> guides);
+  void Measure(const Frame& frame, std::span<const Guide> guides);
+  std::vector<Observation> Finish() const;  // all observed; ascending features, frames
+
+ private:
+  struct Template {
+    AnchorPatch sum;
+    int frames = 0;
+  };
+  // What the guides miss of a feature's warp (a slanted surface), from frame to frame.
+  struct Deformation {
+    Eigen::Matrix2d beyond_guide = Eigen::Matrix2d::Identity();
+    Eigen::Matrix4d covariance = Eigen::Matrix4d::Zero();
+  };
+  struct Sighting {
+    FrameIndex frame{};
+    bool observed_before = false;
+    double distance_px = 0.0;  // from the guide
+    double mahalanobis2 = 0.0;
+    double correlation = 0.0;
+    double residual_variance_ratio = 0.0;  // to what noise explains
+    double residual = 0.0;
+    Eigen::Vector2d xy = Eigen::Vector2d::Zero();
+    Eigen::Matrix2d shape = Eigen::Matrix2d::Identity();
+  };
+
+  SecondLookOptions options_;
+  double noise_variance_ = 0.0;  // of a picture's difference to a template
+  std::map<FeatureId, Template> templates_;
+  std::map<FeatureId, Deformation> deformations_;
+  std::map<FeatureId, std::vector<Sighting>> sightings_;
+};
+
+}  // namespace cohort
