@@ -178,7 +178,7 @@ inline SubspaceOptions PaperSubspaceOptions() {
   SubspaceOptions options;
   options.constraint = Constraint::kWeak;
   options.template_px = 7;
-  options.penalty_weight = 1.0;
+  options.penalty_weight = 40.0;
   options.optimizer = OptimizerKind::kAlgorithm1;
   return options;
 }

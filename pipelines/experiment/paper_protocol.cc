@@ -152,6 +152,7 @@ TrajectoryRun RunTrajectories(FeatureMover& mover,
   }
   run.lost = features.size() - live.size();
   run.mean_l1_px = sum_px / static_cast<double>(features.size());
+  for (const Feature& feature : features) run.last_xy.push_back(feature.xy);
   return run;
 }
 

@@ -84,7 +84,8 @@ ReinitializationRun RunReinitializations(FeatureMover& mover,
 struct TrajectoryRun {
   std::size_t features = 0;
   std::size_t lost = 0;
-  double mean_l1_px = 0.0;  // over features: sum over the frames of |dx| + |dy|
+  double mean_l1_px = 0.0;               // over features: sum over the frames of |dx| + |dy|
+  std::vector<Eigen::Vector2d> last_xy;  // of the features, in the order of their points
 };
 TrajectoryRun RunTrajectories(FeatureMover& mover,
                               const FrameSource& next,

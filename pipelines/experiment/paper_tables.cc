@@ -13,6 +13,7 @@ namespace cohort {
 namespace {
 
 constexpr const char* kOurs = "subspace";
+constexpr const char* kL1Error = "l1_error_30_frames";
 
 void AppendNew(std::vector<std::string>& names, const std::string& name) {
   if (std::find(names.begin(), names.end(), name) == names.end()) names.push_back(name);
@@ -146,12 +147,41 @@ std::string RatioTable(Grid grid, bool high_is_good) {
 
 }  // namespace
 
+std::optional<double> RatioOfAverages(const ExperimentResults& results,
+                                      const std::string& level,
+                                      const std::string& metric,
+                                      const std::string& a,
+                                      const std::string& b) {
+  const Grid grid = GridOf(results, level, metric);
+  if (grid.sequences.empty()) return std::nullopt;
+  const auto average_a = Average(grid, a);
+  const auto average_b = Average(grid, b);
+  if (!average_a || !average_b) return std::nullopt;
+  return *average_a / *average_b;
+}
+
+int SequencesWon(const ExperimentResults& results,
+                 const std::string& level,
+                 const std::string& tracker,
+                 const std::vector<std::string>& others) {
+  const Grid grid = GridOf(results, level, kL1Error);
+  int won = 0;
+  for (const std::string& sequence : grid.sequences) {
+    const auto own = MedianOf(grid.Cell(tracker, sequence));
+    won += own && std::all_of(others.begin(), others.end(), [&](const std::string& other) {
+             const auto error = MedianOf(grid.Cell(other, sequence));
+             return !error || *own < *error;
+           });
+  }
+  return won;
+}
+
 std::string PaperTables(const ExperimentResults& results) {
   std::vector<std::string> levels;
   for (const ResultRow& row : results.rows) AppendNew(levels, row.level);
   std::string text;
   for (const std::string& level : levels) {
-    const Grid l1 = GridOf(results, level, "l1_error_30_frames");
+    const Grid l1 = GridOf(results, level, kL1Error);
     const Grid life = GridOf(results, level, "frames_between_reinitializations");
     const Grid reinitializations = GridOf(results, level, "reinitializations");
     text += fmt::format("{}: mean L1 trajectory error after 30 frames [px], lower is better\n{}\n",

@@ -1,6 +1,8 @@
 #pragma once
 
+#include <optional>
 #include <string>
+#include <vector>
 
 #include "pipelines/experiment/results.h"
 
@@ -13,5 +15,18 @@ namespace cohort {
 // the median over the seeds, and for the average the ratio of averages; a line "klt, best window"
 // is the best for each sequence among several of klt.
 std::string PaperTables(const ExperimentResults& results);
+
+// Of the averages in these tables, a's over b's; none where either is missing.
+std::optional<double> RatioOfAverages(const ExperimentResults& results,
+                                      const std::string& level,
+                                      const std::string& metric,
+                                      const std::string& a,
+                                      const std::string& b);
+
+// On how many sequences `tracker` has a smaller L1 error than every one of `others`.
+int SequencesWon(const ExperimentResults& results,
+                 const std::string& level,
+                 const std::string& tracker,
+                 const std::vector<std::string>& others);
 
 }  // namespace cohort

@@ -102,6 +102,7 @@ TEST(Trajectories, SumTheErrorOverTheFrames) {
   EXPECT_EQ(run.features, 2u);
   EXPECT_EQ(run.lost, 0u);
   EXPECT_DOUBLE_EQ(run.mean_l1_px, 3.0 + 6.0 + 9.0);
+  EXPECT_THAT(run.last_xy, ElementsAre(Eigen::Vector2d(106, 14), Eigen::Vector2d(56, 14)));
 }
 
 TEST(Trajectories, AFeatureThatIsGivenUpStaysWhereItWas) {
@@ -239,6 +240,21 @@ TEST(PaperTables, HaveThePapersLayoutAndSayHowManyTimesBetter) {
             "klt21             37.50   4.00    17.40\n"
             "klt, best window  37.50   3.00    14.50\n"
             "\n");
+}
+
+TEST(PaperTables, RatiosOfAveragesAndWinsAreThoseOfTheTables) {
+  ExperimentResults results;
+  const auto add = [&](const char* sequence, const char* tracker, double l1) {
+    results.rows.push_back({sequence, "hard", tracker, "", 1, "l1_error_30_frames", l1, "px"});
+  };
+  add("room", "klt7", 300);
+  add("room", "subspace", 20);
+  add("cloth", "klt7", 20);
+  add("cloth", "subspace", 60);
+  EXPECT_EQ(RatioOfAverages(results, "hard", "l1_error_30_frames", "klt7", "subspace"), 4.0);
+  EXPECT_EQ(RatioOfAverages(results, "medium", "l1_error_30_frames", "klt7", "subspace"),
+            std::nullopt);
+  EXPECT_EQ(SequencesWon(results, "hard", "subspace", {"klt7"}), 1);
 }
 
 TEST(PaperTables, ACellWithoutAFigureIsAFailureAndNoAverage) {
