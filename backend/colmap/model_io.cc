@@ -595,6 +595,9 @@ const std::vector<std::string>& ModelFolderNames() {
                                               "trajectory.tum",
                                               "points.ply",
                                               "summary.json",
+                                              "tracks_without_point.csv",
+                                              "camera_covariances.csv",
+                                              "point_covariances.csv",
                                               "colmap"};
   return names;
 }

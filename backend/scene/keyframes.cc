@@ -20,9 +20,11 @@ std::vector<int> SelectOnce(const Clip& clip, const Camera& camera, double paral
   constexpr double kMinKept = 0.7;
   constexpr std::size_t kMinTracks = 4;
   std::vector<int> keyframes;
+  int last_usable = -1;
   for (int f = 0; f < clip.frame_count(); ++f) {
     const std::size_t tracks = clip.InFrame(f).size();
     if (tracks < kMinTracks) continue;
+    last_usable = f;
     if (keyframes.empty()) {
       keyframes.push_back(f);
       continue;
@@ -41,6 +43,8 @@ std::vector<int> SelectOnce(const Clip& clip, const Camera& camera, double paral
     }
     keyframes.push_back(f);
   }
+  // Where nothing moves, a pair of frames that shows it.
+  if (keyframes.size() == 1 && last_usable > keyframes.front()) keyframes.push_back(last_usable);
   return keyframes;
 }
 

@@ -1,5 +1,7 @@
 #include "pipelines/commands/export.h"
 
+#include "backend/colmap/model_io.h"
+#include "backend/scene/bal.h"
 #include "frontend/tracks/track_csv.h"
 #include "pipelines/commands/video_frames.h"
 
@@ -22,8 +24,13 @@ void ExportColmapDatabase(const TrackFile& file, const ExportCommandOptions& opt
 }  // namespace
 
 void RunExport(const ExportCommandOptions& options) {
-  if (options.colmap_database.empty() && options.csv.empty() && options.opensfm.empty()) {
-    ThrowUsageError("nothing to export: give --colmap-database, --csv or --opensfm and a file");
+  if (options.colmap_database.empty() && options.csv.empty() && options.opensfm.empty() &&
+      options.bal.empty()) {
+    ThrowUsageError(
+        "nothing to export: give --colmap-database, --csv, --opensfm or --bal and a file");
+  }
+  if (!options.bal.empty() && options.model.empty()) {
+    ThrowUsageError("--bal is a problem of cameras and points: give their folder by --model");
   }
   const TrackFile file = ReadTrackFile(options.tracks);
   if (!options.colmap_database.empty()) ExportColmapDatabase(file, options);
@@ -35,17 +42,25 @@ void RunExport(const ExportCommandOptions& options) {
     WriteOpenSfmTracks(options.opensfm, file, options.database.include_predicted);
     fmt::print("{}: {} tracks\n", options.opensfm, file.tracks.features().size());
   }
+  if (!options.bal.empty()) {
+    const Reconstruction model = ReadReconstruction(options.model);
+    WriteBal(options.bal, model);
+    fmt::print("{}: {} cameras, {} points\n",
+               options.bal,
+               model.cam_from_world.size(),
+               model.points.size());
+  }
 }
 
 Command ExportCommand() {
-  return MakeCommand(
-      {.name = "export",
-       .usage = "F.tracks [--colmap-database F.db] [--csv F.csv] [--opensfm F.csv] [options]",
-       .summary = "Write tracks as other programs read them",
-       .positionals = {"tracks"},
-       .required = {"tracks"},
-       .short_flags = {{"include-predicted", {"database.include_predicted"}}}},
-      RunExport);
+  return MakeCommand({.name = "export",
+                      .usage = "F.tracks [--colmap-database F.db] [--csv F.csv] [--opensfm F.csv] "
+                               "[--model DIR --bal F.txt] [options]",
+                      .summary = "Write tracks as other programs read them",
+                      .positionals = {"tracks"},
+                      .required = {"tracks"},
+                      .short_flags = {{"include-predicted", {"database.include_predicted"}}}},
+                     RunExport);
 }
 
 }  // namespace cohort

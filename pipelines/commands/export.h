@@ -10,6 +10,8 @@ struct ExportCommandOptions {
   std::string colmap_database;
   std::string csv;
   std::string opensfm;
+  std::string bal;
+  std::string model;
   bool write_frames = true;
   ColmapDatabaseOptions database;
 
@@ -19,6 +21,8 @@ struct ExportCommandOptions {
     v.Text("colmap_database", o.colmap_database, "COLMAP database to write (3.8 schema)");
     v.Text("csv", o.csv, "CSV file to write: track_id,frame,x,y,observed,residual");
     v.Text("opensfm", o.opensfm, "tracks.csv of OpenSfM to write");
+    v.Text("bal", o.bal, "bundle adjustment problem of a model to write (BAL); needs --model");
+    v.Text("model", o.model, "model folder that `cohort reconstruct` made of the tracks");
     v.Flag("write_frames",
            o.write_frames,
            "beside the database of a video, write its frames as pictures into F.db's F_images/");

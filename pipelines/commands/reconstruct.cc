@@ -49,17 +49,83 @@ void PrintSummary(const ReconstructionSummary& summary, const std::string& out) 
                            {"mean track length", fmt::format("{:.1f}", summary.mean_track_length)},
                            {"mean reprojection error [px]",
                             fmt::format("{:.3f}", summary.mean_reprojection_px)},
-                           {"seconds", fmt::format("{:.1f}", summary.seconds)}}));
+                           {"seconds", fmt::format("{:.1f}", summary.seconds)},
+                           {"ended with", summary.termination}}));
 }
 
 struct Outcome {
   Reconstruction reconstruction;  // empty: there is none
   ReconstructionSummary summary;
+  nlohmann::ordered_json more = {};  // for summary.json, of this backend alone
 };
 
-Outcome ReconstructByCeres(const TrackFile& file, const ReconstructCommandOptions& options) {
+nlohmann::ordered_json ToJson(const Camera& c) {
+  return {{"fx", c.fx},
+          {"fy", c.fy},
+          {"cx", c.cx},
+          {"cy", c.cy},
+          {"k1", c.k1},
+          {"k2", c.k2},
+          {"p1", c.p1},
+          {"p2", c.p2}};
+}
+
+// Upper triangle, row by row.
+template <typename Matrix>
+std::string CovarianceRow(std::uint32_t id, const Matrix& covariance) {
+  std::string row = fmt::format("{}", id);
+  for (int i = 0; i < covariance.rows(); ++i) {
+    for (int j = i; j < covariance.cols(); ++j) row += fmt::format(",{:.6g}", covariance(i, j));
+  }
+  return row + "\n";
+}
+
+std::string CovarianceHeader(const std::string& id, const std::vector<std::string>& names) {
+  std::string header = id;
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    for (std::size_t j = i; j < names.size(); ++j) header += "," + names[i] + "_" + names[j];
+  }
+  return header + "\n";
+}
+
+void WriteCovariances(const MapperResult& result, const fs::path& folder) {
+  std::string cameras = CovarianceHeader("frame", {"wx", "wy", "wz", "cx", "cy", "cz"});
+  for (const auto& [frame, covariance] : result.camera_covariances) {
+    cameras += CovarianceRow(ToInt(frame), covariance);
+  }
+  std::string points = CovarianceHeader("track_id", {"x", "y", "z"});
+  for (const auto& [feature, covariance] : result.point_covariances) {
+    points += CovarianceRow(ToInt(feature), covariance);
+  }
+  WriteBytes(folder / "camera_covariances.csv", cameras);
+  WriteBytes(folder / "point_covariances.csv", points);
+}
+
+Outcome ReconstructByCeres(const TrackFile& file,
+                           const ReconstructCommandOptions& options,
+                           const fs::path& folder) {
   MapperResult result = ReconstructWithCeres(file, options.ceres);
-  return {std::move(result.reconstruction), std::move(result.summary)};
+  std::string without_point = "track_id,observations\n";
+  for (const FeatureId feature : result.without_point) {
+    without_point += fmt::format("{},{}\n", ToInt(feature), file.tracks.Track(feature).size());
+  }
+  WriteBytes(folder / "tracks_without_point.csv", without_point);
+  if (!result.camera_covariances.empty()) WriteCovariances(result, folder);
+
+  Outcome outcome;
+  outcome.more["tracks_without_point"] = result.without_point.size();
+  outcome.more["noise"] = result.noise;
+  outcome.more["camera"] = ToJson(result.reconstruction.camera);
+  if (result.better_camera) outcome.more["better_camera"] = ToJson(*result.better_camera);
+  for (const OtherComponent& part : result.other_components) {
+    outcome.more["other_parts"].push_back({{"first_frame", ToInt(part.first)},
+                                           {"last_frame", ToInt(part.last)},
+                                           {"registered", part.registered},
+                                           {"points", part.points}});
+  }
+  outcome.reconstruction = std::move(result.reconstruction);
+  outcome.summary = std::move(result.summary);
+  return outcome;
 }
 
 Outcome ReconstructByColmap(TrackFile file,
@@ -79,7 +145,7 @@ Outcome Reconstruct(const TrackFile& file,
                     const fs::path& folder) {
   switch (options.backend) {
     case BackendKind::kCeres:
-      return ReconstructByCeres(file, options);
+      return ReconstructByCeres(file, options, folder);
     case BackendKind::kColmap:
       return ReconstructByColmap(file, options, folder / "colmap");
   }
@@ -99,12 +165,13 @@ ReconstructionSummary ReconstructTracks(const ReconstructCommandOptions& options
                NameOf(kBackendNames, options.backend),
                file.frames.size(),
                file.tracks.features().size());
-  const auto [reconstruction, summary] = Reconstruct(file, options, out.partial());
+  const auto [reconstruction, summary, more] = Reconstruct(file, options, out.partial());
 
   if (!reconstruction.cam_from_world.empty()) {
     WriteReconstructionFiles(out.partial(), reconstruction);
   }
-  const nlohmann::ordered_json json = SummaryToJson(summary, file, options);
+  nlohmann::ordered_json json = SummaryToJson(summary, file, options);
+  json.update(more);
   WriteJsonFile(out.partial() / "summary.json", json);
   out.Commit();
   if (!options.json.empty()) WriteJsonFile(options.json, json);

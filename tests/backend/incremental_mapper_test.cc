@@ -3,6 +3,12 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <Eigen/Eigenvalues>
+
+#include "frontend/core/error.h"
+#include "frontend/core/random_stream.h"
+#include "tests/support/shared_data.h"
+#include "tests/support/shared_tracks.h"
 #include "tests/support/synthetic_tracks.h"
 
 namespace cohort {
@@ -13,22 +19,312 @@ using test::CameraPath;
 using test::MakeSyntheticTracks;
 using test::SyntheticTracks;
 using test::SyntheticTracksOptions;
+using testing::HasSubstr;
 
 double Ate(const MapperResult& result, const SyntheticTracks& scene) {
   return AbsoluteTrajectoryError(result.reconstruction.cam_from_world, scene.cam_from_world);
 }
 
+SyntheticTracksOptions Scene(CameraPath path, double noise_px = 0.5) {
+  SyntheticTracksOptions options;
+  options.path = path;
+  options.noise_px = noise_px;
+  return options;
+}
+
+// Observations with the given change made to them.
+template <typename Change>
+TrackFile Changed(TrackFile file, const Change& change) {
+  std::vector<Observation> observations;
+  for (Observation o : file.tracks.observations()) {
+    if (change(o)) observations.push_back(o);
+  }
+  file.tracks = TrackSet::Build(std::move(observations));
+  return file;
+}
+
 TEST(IncrementalMapper, RecoversANoiseFreeScene) {
   for (const CameraPath path : {CameraPath::kArc, CameraPath::kLateral, CameraPath::kForward}) {
-    SyntheticTracksOptions options;
-    options.path = path;
-    options.noise_px = 0.0;
-    const SyntheticTracks scene = MakeSyntheticTracks(options);
+    const SyntheticTracks scene = MakeSyntheticTracks(Scene(path, 0.0));
     const MapperResult result = ReconstructWithCeres(scene.file);
     ASSERT_EQ(result.termination, MapperTermination::kSuccess) << result.summary.Brief();
     EXPECT_EQ(result.summary.registered, 24u);
     EXPECT_LT(Ate(result, scene), 1e-6);
   }
+}
+
+TEST(IncrementalMapper, SameTracksGiveTheSameModelForAnyNumberOfThreads) {
+  const SyntheticTracks scene = MakeSyntheticTracks(Scene(CameraPath::kArc));
+  MapperOptions options;
+  const MapperResult one = ReconstructWithCeres(scene.file, options);
+  const MapperResult again = ReconstructWithCeres(scene.file, options);
+  for (const auto& [frame, pose] : one.reconstruction.cam_from_world) {
+    EXPECT_EQ(pose.translation, again.reconstruction.cam_from_world.at(frame).translation);
+  }
+  options.threads = 2;
+  EXPECT_NEAR(Ate(ReconstructWithCeres(scene.file, options), scene), Ate(one, scene), 1e-4);
+}
+
+TEST(IncrementalMapper, CopesWithWrongAndMissingObservations) {
+  for (const CameraPath path : {CameraPath::kArc, CameraPath::kLateral, CameraPath::kForward}) {
+    SyntheticTracksOptions options = Scene(path, 1.0);
+    options.frames = 40;
+    options.outlier_fraction = 0.1;
+    options.missing_fraction = 0.3;
+    const SyntheticTracks scene = MakeSyntheticTracks(options);
+    const MapperResult result = ReconstructWithCeres(scene.file);
+    ASSERT_EQ(result.termination, MapperTermination::kSuccess) << result.summary.Brief();
+    EXPECT_EQ(result.summary.registered, 40u);
+    EXPECT_LT(Ate(result, scene), 0.015);
+    // What is wrong by chance alone may be within the bound; not a tenth of it is.
+    std::size_t kept = 0;
+    for (const auto& [feature, point] : result.reconstruction.points) {
+      for (const PointView& view : point.views) kept += scene.outliers.count({feature, view.frame});
+    }
+    EXPECT_LT(kept, scene.outliers.size() / 50);
+    EXPECT_NEAR(result.noise, 1.0, 0.15);
+  }
+}
+
+TEST(IncrementalMapper, ReconstructsANearlyPlanarScene) {
+  SyntheticTracksOptions options = Scene(CameraPath::kLateral);
+  options.plane_relief = 0.03;
+  const SyntheticTracks scene = MakeSyntheticTracks(options);
+  const MapperResult result = ReconstructWithCeres(scene.file);
+  if (result.termination == MapperTermination::kSuccess) {
+    EXPECT_LT(Ate(result, scene), 0.02);
+  } else {
+    EXPECT_TRUE(result.reconstruction.cam_from_world.empty());
+  }
+}
+
+TEST(IncrementalMapper, NamesACameraThatDoesNotMoveOrOnlyTurns) {
+  for (const double outliers : {0.0, 0.1}) {
+    SyntheticTracksOptions options = Scene(CameraPath::kStatic);
+    options.outlier_fraction = outliers;
+    const MapperResult still = ReconstructWithCeres(MakeSyntheticTracks(options).file);
+    EXPECT_EQ(still.termination, MapperTermination::kStaticCamera) << still.summary.termination;
+    EXPECT_TRUE(still.reconstruction.cam_from_world.empty());
+    EXPECT_THAT(still.summary.termination, HasSubstr("static camera: the tracks move by no more"));
+
+    options.path = CameraPath::kRotation;
+    SyntheticTracks turning = MakeSyntheticTracks(options);
+    for (const bool known : {true, false}) {
+      turning.file.camera->known = known;
+      const MapperResult result = ReconstructWithCeres(turning.file);
+      EXPECT_EQ(result.termination, MapperTermination::kPureRotation) << result.summary.termination;
+      EXPECT_TRUE(result.reconstruction.cam_from_world.empty());
+    }
+  }
+}
+
+TEST(IncrementalMapper, WeighsObservationsByTheirCovariance) {
+  // Half of the features are measured five times worse than the others, and say so.
+  double plain = 0.0;
+  double weighed = 0.0;
+  for (std::uint64_t seed = 1; seed <= 2; ++seed) {
+    SyntheticTracksOptions options = Scene(CameraPath::kArc, 0.3);
+    options.seed = seed;
+    const SyntheticTracks scene = MakeSyntheticTracks(options);
+    RandomStream noise(seed, "incremental_mapper_test");
+    const TrackFile file = Changed(scene.file, [&](Observation& o) {
+      const bool bad = (ToInt(o.feature) / 3) % 2 == 1;
+      if (bad) o.xy += 1.5 * Eigen::Vector2d(noise.Gaussian(), noise.Gaussian());
+      const float variance = bad ? 2.34F : 0.09F;
+      o.covariance = PixelCovariance{variance, 0.0F, variance};
+      return true;
+    });
+    MapperOptions mapper;
+    mapper.covariance_floor_px = 0.0;
+    const MapperResult with = ReconstructWithCeres(file, mapper);
+    EXPECT_NEAR(with.noise, 1.0, 0.1);
+    weighed += Ate(with, scene);
+    mapper.use_covariances = false;
+    plain += Ate(ReconstructWithCeres(file, mapper), scene);
+  }
+  EXPECT_LT(weighed, 0.9 * plain);
+}
+
+TEST(IncrementalMapper, PredictedPositionsAreOutUnlessAskedForAndThenCountLess) {
+  const SyntheticTracks scene = MakeSyntheticTracks(Scene(CameraPath::kArc, 0.3));
+  std::size_t predicted = 0;
+  const TrackFile file = Changed(scene.file, [&](Observation& o) {
+    if (ToInt(o.frame) % 3 == 1) {  // 2 px off, all to the right
+      o.state = ObservationState::kPredicted;
+      o.xy.x() += 2.0;
+      ++predicted;
+    }
+    return true;
+  });
+  const auto used = [](const MapperResult& result) {
+    std::size_t views = 0;
+    for (const auto& [feature, point] : result.reconstruction.points) {
+      for (const PointView& view : point.views) views += ToInt(view.frame) % 3 == 1 ? 1 : 0;
+    }
+    return views;
+  };
+  const MapperResult without = ReconstructWithCeres(file);
+  EXPECT_EQ(used(without), 0u);
+  EXPECT_EQ(without.summary.registered, 16u);  // the other frames have no observation
+  MapperOptions options;
+  options.include_predicted = true;
+  options.predicted_growth_px = 2.0;
+  const MapperResult with = ReconstructWithCeres(file, options);
+  EXPECT_GT(used(with), predicted / 2);
+  EXPECT_EQ(with.summary.registered, 24u);
+}
+
+TEST(IncrementalMapper, RefinesAGuessedFocalLengthAndDistortion) {
+  for (const double wrong : {0.7, 1.3}) {
+    SyntheticTracksOptions options = Scene(CameraPath::kArc);
+    options.frames = 40;
+    SyntheticTracks scene = MakeSyntheticTracks(options);
+    scene.file.camera->known = false;
+    scene.file.camera->fx *= wrong;
+    scene.file.camera->fy *= wrong;
+    const MapperResult result = ReconstructWithCeres(scene.file);
+    ASSERT_EQ(result.termination, MapperTermination::kSuccess) << result.summary.Brief();
+    EXPECT_NEAR(result.reconstruction.camera.fx, 500.0, 15.0) << "guessed as " << 500.0 * wrong;
+    EXPECT_LT(Ate(result, scene), 0.03);
+  }
+}
+
+TEST(IncrementalMapper, SaysWhenTheTracksContradictAKnownCamera) {
+  // A focal length that is wrong by 30 %.
+  SyntheticTracks scene = MakeSyntheticTracks(Scene(CameraPath::kArc));
+  EXPECT_FALSE(ReconstructWithCeres(scene.file).better_camera);
+  scene.file.camera->fx = scene.file.camera->fy = 650.0;
+  const MapperResult focal = ReconstructWithCeres(scene.file);
+  if (!focal.reconstruction.cam_from_world.empty()) {
+    ASSERT_TRUE(focal.better_camera);
+    EXPECT_NEAR(focal.better_camera->fx, 500.0, 60.0);
+    EXPECT_THAT(focal.summary.termination, HasSubstr("the tracks contradict the camera given"));
+  }
+  // A distorted camera without its coefficients.
+  SyntheticTracksOptions options = Scene(CameraPath::kArc, 0.3);
+  options.camera.k1 = -0.25;
+  scene = MakeSyntheticTracks(options);
+  scene.file.camera->k1 = 0.0;
+  const MapperResult distorted = ReconstructWithCeres(scene.file);
+  if (!distorted.reconstruction.cam_from_world.empty()) {
+    ASSERT_TRUE(distorted.better_camera);
+    EXPECT_NEAR(distorted.better_camera->k1, -0.25, 0.1);
+  }
+}
+
+TEST(IncrementalMapper, AClipThatBreaksHasTwoParts) {
+  SyntheticTracksOptions options = Scene(CameraPath::kArc);
+  options.frames = 40;
+  const SyntheticTracks scene = MakeSyntheticTracks(options);
+  // After frame 25 nothing is the feature that it was.
+  const TrackFile file = Changed(scene.file, [](Observation& o) {
+    if (ToInt(o.frame) > 25) o.feature = FeatureId{ToInt(o.feature) + 100'000};
+    return true;
+  });
+  const MapperResult result = ReconstructWithCeres(file);
+  EXPECT_EQ(result.termination, MapperTermination::kPartial);
+  EXPECT_EQ(result.summary.registered, 26u);
+  EXPECT_LT(Ate(result, scene), 0.02);
+  ASSERT_EQ(result.other_components.size(), 1u);
+  EXPECT_EQ(result.other_components[0].first, FrameIndex{26});
+  EXPECT_EQ(result.other_components[0].last, FrameIndex{39});
+  EXPECT_EQ(result.other_components[0].registered, 14u);
+  EXPECT_THAT(result.summary.termination, HasSubstr("breaks into 2 parts"));
+}
+
+TEST(IncrementalMapper, TracksThatNeverTriangulateAreNamed) {
+  const SyntheticTracks scene = MakeSyntheticTracks(Scene(CameraPath::kArc));
+  RandomStream random(1, "incremental_mapper_test");
+  // Feature 5 jumps about; of feature 8 one position is left.
+  const TrackFile file = Changed(scene.file, [&](Observation& o) {
+    if (o.feature == FeatureId{5}) o.xy = {random.Uniform(0, 639), random.Uniform(0, 479)};
+    return o.feature != FeatureId{8} || ToInt(o.frame) == 3;
+  });
+  const MapperResult result = ReconstructWithCeres(file);
+  EXPECT_THAT(result.without_point, testing::IsSupersetOf({FeatureId{5}, FeatureId{8}}));
+  EXPECT_EQ(result.without_point.size() + result.summary.points, file.tracks.features().size());
+}
+
+TEST(IncrementalMapper, CovariancesOfCamerasAndPointsFitTheErrors) {
+  const SyntheticTracks scene = MakeSyntheticTracks(Scene(CameraPath::kLateral));
+  MapperOptions options;
+  options.covariances = true;
+  const MapperResult result = ReconstructWithCeres(scene.file, options);
+  ASSERT_EQ(result.camera_covariances.size(), 24u);
+  ASSERT_EQ(result.point_covariances.size(), result.summary.points);
+  std::vector<double> ratios;
+  for (const auto& [feature, covariance] : result.point_covariances) {
+    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(covariance);
+    EXPECT_GT(eigen.eigenvalues()[0], 0.0);
+    // Depth is the least certain direction: along the ray, nearly.
+    const Eigen::Vector3d ray = result.reconstruction.points.at(feature).in_world.normalized();
+    ratios.push_back(std::abs(ray.dot(eigen.eigenvectors().col(2))));
+  }
+  std::nth_element(ratios.begin(), ratios.begin() + ratios.size() / 2, ratios.end());
+  EXPECT_GT(ratios[ratios.size() / 2], 0.95);
+}
+
+TEST(IncrementalMapper, SaysWhatIsMissing) {
+  const SyntheticTracks scene = MakeSyntheticTracks(Scene(CameraPath::kArc));
+  const auto expect = [](const TrackFile& file, const std::string& text) {
+    const MapperResult result = ReconstructWithCeres(file);
+    EXPECT_EQ(result.termination, MapperTermination::kTooFewTracks);
+    EXPECT_TRUE(result.reconstruction.cam_from_world.empty());
+    EXPECT_THAT(result.summary.termination, HasSubstr(text));
+    EXPECT_EQ(result.summary.termination.find('\n'), std::string::npos);
+  };
+  expect(Changed(scene.file, [](Observation&) { return false; }), "none of 0 tracks");
+  expect(Changed(scene.file,  // every track has one position
+                 [](Observation& o) { return ToInt(o.frame) == (ToInt(o.feature) / 3) % 24; }),
+         "tracks is observed in 3 frames");
+  TrackFile one_frame = Changed(scene.file, [](Observation& o) { return ToInt(o.frame) == 0; });
+  one_frame.frames.resize(1);
+  expect(one_frame, "the clip has 1 frame, at least 2 are needed");
+  expect(Changed(scene.file, [](Observation& o) { return ToInt(o.feature) < 30; }),
+         "no two frames share 12 tracks");
+
+  TrackFile broken = scene.file;
+  broken.camera->fx = 0.0;
+  EXPECT_THAT([&] { ReconstructWithCeres(broken); }, testing::Throws<Error>());
+  broken = scene.file;
+  broken.camera->cx = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_THAT([&] { ReconstructWithCeres(broken); }, testing::Throws<Error>());
+}
+
+// Two frames have no third to check a point, but a model.
+TEST(IncrementalMapper, ReconstructsTwoFrames) {
+  SyntheticTracksOptions options = Scene(CameraPath::kLateral, 0.2);
+  options.frames = 2;
+  const SyntheticTracks scene = MakeSyntheticTracks(options);
+  MapperOptions mapper;
+  mapper.min_track_length = 2;
+  const MapperResult result = ReconstructWithCeres(scene.file, mapper);
+  EXPECT_EQ(result.summary.registered, 2u) << result.summary.Brief();
+  EXPECT_GT(result.summary.points, 100u);
+}
+
+TEST(RealTracks, HandHeldTracksReconstruct) {
+  const auto folder = test::SharedData("opencv_sfm_tracks");
+  COHORT_SKIP_WITHOUT(folder);
+  for (const auto& [name, frames, camera] :
+       {std::tuple("desktop_tracks.txt", 250u, Camera::Guess(1280, 720)),
+        std::tuple("backyard_tracks.txt", 100u, Camera::Guess(800, 450))}) {
+    const MapperResult result = ReconstructWithCeres(test::ReadTrackLines(folder / name, camera));
+    EXPECT_EQ(result.termination, MapperTermination::kSuccess) << result.summary.Brief();
+    EXPECT_EQ(result.summary.registered, frames);
+    EXPECT_LT(result.summary.mean_reprojection_px, 1.0);
+  }
+}
+
+TEST(RealTracks, TheHotelReconstructs) {
+  const auto folder = test::SharedData("cmu_hotel");
+  COHORT_SKIP_WITHOUT(folder);
+  const MapperResult result =
+      ReconstructWithCeres(test::ReadTrackTables(folder, Camera::Guess(512, 480)));
+  EXPECT_EQ(result.termination, MapperTermination::kSuccess) << result.summary.Brief();
+  EXPECT_EQ(result.summary.registered, 51u);
+  EXPECT_GT(result.summary.points, 450u);
+  EXPECT_LT(result.summary.mean_reprojection_px, 1.0);
 }
 
 }  // namespace

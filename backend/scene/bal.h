@@ -1,0 +1,19 @@
+#pragma once
+
+#include <filesystem>
+
+#include "backend/scene/reconstruction.h"
+
+namespace cohort {
+
+// A problem of "Bundle Adjustment in the Large", the text that Ceres' bundle_adjuster and most
+// other solvers read: `cameras points observations`, then a line `camera point x y` an observation,
+// then the nine numbers of every camera (Rodrigues vector, t, f, k1, k2) and the three of every
+// point, one a line. Cameras and points are in the order of frames and features. The camera looks
+// along -z, x is to the right and y up, the origin is the principal point:
+//   P = R X + t,  p = -(Px, Py) / Pz,  (x, y) = f (1 + k1 |p|^2 + k2 |p|^4) p.
+// BAL has one focal length and radial distortion only: where the camera has more, the observations
+// are written undistorted, and f = fx. Whole or not at all.
+void WriteBal(const std::filesystem::path& path, const Reconstruction& reconstruction);
+
+}  // namespace cohort
