@@ -439,6 +439,55 @@ TEST_F(Commands, ReconstructsWithCeresAndJudgesTheModel) {
   EXPECT_EQ(figures["registered"], 16);
   EXPECT_EQ(figures["frames"], 16);
   EXPECT_LT(figures["ate_m"], 0.02);
+
+  const auto summary = ReadJson(dir_ / "m" / "summary.json");
+  const std::string lost = ReadBytes(dir_ / "m" / "tracks_without_point.csv");
+  EXPECT_THAT(lost, StartsWith("track_id,observations\n"));
+  EXPECT_EQ(std::count(lost.begin(), lost.end(), '\n') - 1, summary["tracks_without_point"]);
+
+  const std::string bal = "export " + Path("a.tracks") + " --bal " + Path("problem.txt");
+  ASSERT_EQ(RunCohort(bal + " --model " + Path("m")).exit_code, 0);
+  EXPECT_THAT(ReadBytes(Path("problem.txt")),
+              StartsWith(fmt::format(
+                  "16 {} {}\n", summary["points"].get<int>(), summary["observations"].get<int>())));
+  ExpectFailure(RunCohort(bal), 2, HasSubstr("--model"));
+
+  // A killed run leaves the old model, and nothing that is in the way of the next.
+  const std::string before = ReadBytes(dir_ / "m" / "images.bin");
+  const std::string again = "reconstruct " + Path("a.tracks") + " --quiet --out " + Path("m");
+  const ProgramEnd killed = RunShell(fmt::format(
+      "{} {} & pid=$!; while [ ! -d {}.partial ]; do sleep 0.005; done; kill -9 $pid; wait $pid",
+      COHORT_PROGRAM,
+      again,
+      Path("m")));
+  EXPECT_NE(killed.exit_code, 0);
+  EXPECT_EQ(ReadBytes(dir_ / "m" / "images.bin"), before);
+  EXPECT_EQ(RunCohort(again).exit_code, 0);
+  EXPECT_EQ(ReadBytes(dir_ / "m" / "images.bin"), before);
+}
+
+TEST_F(Commands, ReconstructSaysInOneLineWhatTheTracksLack) {
+  const std::string images = WriteImages(Path("images"), 5);
+  const auto reconstruct = [&](const std::string& rows, const std::string& more = "") {
+    WriteText(Path("t.csv"), "track_id,frame,x,y\n" + rows);
+    EXPECT_EQ(RunCohort("import " + Path("t.csv") + " --images " + images + more +
+                        " --quiet --out " + Path("t.tracks"))
+                  .exit_code,
+              0);
+    return RunCohort("reconstruct " + Path("t.tracks") + " --quiet --out " + Path("m"));
+  };
+  ExpectFailure(reconstruct("0,0,50,50\n1,1,60,50\n2,4,70,50\n"),
+                1,
+                HasSubstr("none of 3 tracks is observed in 3 frames"));
+  ExpectFailure(reconstruct("0,0,50,50\n", " --frames 0:1"), 1, HasSubstr("the clip has 1 frame"));
+  std::string still;
+  for (int track = 0; track < 20; ++track) {
+    for (int frame = 0; frame < 5; ++frame) {
+      still += fmt::format("{},{},{},{}\n", track, frame, 10 + 7 * track, 20 + 31 * track % 80);
+    }
+  }
+  ExpectFailure(reconstruct(still), 1, HasSubstr("static camera"));
+  EXPECT_EQ(ReadJson(dir_ / "m" / "summary.json")["registered"], 0);
 }
 
 TEST_F(Commands, RefineMeasuresTracksAgainWhereTheModelSaysTheyAre) {
