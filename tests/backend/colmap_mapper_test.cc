@@ -12,6 +12,7 @@
 
 #include "backend/colmap/model_io.h"
 #include "backend/colmap/program.h"
+#include "backend/scene/incremental_mapper.h"
 #include "frontend/core/output.h"
 #include "tests/support/synthetic_tracks.h"
 #include "tests/support/temp_dir.h"
@@ -286,6 +287,48 @@ TEST(ModelFolder, IsReadByColmap) {
   EXPECT_LT(AbsoluteTrajectoryError(adjusted.cam_from_world, result.reconstruction.cam_from_world),
             1e-3);
   EXPECT_EQ(adjusted.points.size(), result.reconstruction.points.size());
+}
+
+// What the Ceres backend writes goes on in COLMAP: both formats, adjusted and triangulated anew.
+TEST(ModelFolder, OfTheCeresBackendIsAdjustedAndTriangulatedByColmap) {
+  const TempDir dir;
+  const SyntheticTracks scene = ClipWithOutliers(CameraPath::kArc);
+  const MapperResult result = ReconstructWithCeres(scene.file);
+  ASSERT_EQ(result.summary.registered, 30u) << result.summary.Brief();
+  const auto ate = [&](const Reconstruction& model) {
+    return AbsoluteTrajectoryError(model.cam_from_world, scene.cam_from_world);
+  };
+  WriteColmapDatabase(dir / "database.db", scene.file);
+  std::filesystem::create_directory(dir / "images");
+  ColmapProgram program;
+  for (const ColmapModelFormat format : {ColmapModelFormat::kText, ColmapModelFormat::kBinary}) {
+    const std::string name = format == ColmapModelFormat::kText ? "text" : "binary";
+    const std::string model = dir / name;
+    std::filesystem::create_directory(model);
+    WriteColmapModel(model, ToColmapModel(result.reconstruction), format);
+    const auto run = [&](const std::string& command, std::vector<ColmapArgument> arguments) {
+      const auto log = dir / (name + command + ".log");
+      arguments.push_back({{"input_path"}, model, true});
+      const std::string output = dir / (name + command);
+      std::filesystem::create_directory(output);
+      arguments.push_back({{"output_path"}, output, true});
+      EXPECT_EQ(program.Run(command, arguments, log).exit_code, 0) << ReadBytes(log);
+      return FromColmapModel(ReadColmapModel(output));
+    };
+    const Reconstruction adjusted = run("bundle_adjuster",
+                                        {{{"BundleAdjustment.refine_focal_length"}, "0"},
+                                         {{"BundleAdjustment.refine_extra_params"}, "0"}});
+    EXPECT_EQ(adjusted.points.size(), result.summary.points);
+    EXPECT_NEAR(ate(adjusted), ate(result.reconstruction), 0.3 * ate(result.reconstruction));
+
+    const Reconstruction triangulated =
+        run("point_triangulator",
+            {{{"database_path"}, (dir / "database.db").string(), true},
+             {{"image_path"}, (dir / "images").string(), true},
+             {{"clear_points"}, "1", true}});
+    EXPECT_EQ(triangulated.cam_from_world.size(), 30u);
+    EXPECT_GT(triangulated.points.size(), result.summary.points * 8 / 10);
+  }
 }
 
 // What COLMAP says of databases that lack something; our wrapper's reading of it rests on this.

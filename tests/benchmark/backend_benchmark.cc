@@ -1,6 +1,7 @@
 // What the Ceres backend has to hold, measured:
 //   backend_benchmark rendered --work DIR   against COLMAP's mapper on tracks of rendered clips
 //   backend_benchmark synthetic             the same on generated tracks
+//   backend_benchmark refined --work DIR    what a second, guided pass gains on the rendered clips
 //   backend_benchmark scaling               time and memory from 250 to 1000 frames
 //   backend_benchmark hard                  what it says of input that is hard or impossible
 //   backend_benchmark real                  real tracks ($COHORT_DATA)
@@ -13,13 +14,16 @@
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
+#include <array>
 #include <cmath>
 #include <filesystem>
 #include <opencv2/core.hpp>
 #include <string>
+#include <tuple>
 #include <vector>
 
 #include "backend/colmap/colmap_mapper.h"
+#include "backend/colmap/model_io.h"
 #include "backend/scene/incremental_mapper.h"
 #include "datasets/sequence.h"
 #include "tests/support/program.h"
@@ -78,6 +82,13 @@ Run RunColmap(const TrackFile& file, const Poses& truth, bool fewer_adjustments)
   return {result.summary.registered, Error(result.reconstruction, truth), seconds};
 }
 
+// Geometric, of numbers whose logarithms these are.
+double Mean(const std::vector<double>& logs) {
+  double sum = 0.0;
+  for (const double l : logs) sum += l;
+  return std::exp(sum / static_cast<double>(logs.size()));
+}
+
 // A table of both backends on the same tracks, and its geometric means.
 class Race {
  public:
@@ -122,11 +133,6 @@ class Race {
   }
 
   void Conclude() const {
-    const auto mean = [](const std::vector<double>& logs) {
-      double sum = 0.0;
-      for (const double l : logs) sum += l;
-      return std::exp(sum / static_cast<double>(logs.size()));
-    };
     fmt::print(
         "80 % of the frames registered: {} of ours, {} of COLMAP's; fewer frames than "
         "COLMAP: {}\n",
@@ -134,13 +140,13 @@ class Race {
         colmaps_,
         fewer_frames_);
     if (ate_.empty()) return;
-    fmt::print("geometric means of {}: ATE / COLMAP's {:.3f}", ate_.size(), mean(ate_));
-    if (covariances_) fmt::print(", with covariances {:.3f}", mean(ate_weighed_));
-    fmt::print("; COLMAP's time / ours {:.1f}\n", mean(speed_));
+    fmt::print("geometric means of {}: ATE / COLMAP's {:.3f}", ate_.size(), Mean(ate_));
+    if (covariances_) fmt::print(", with covariances {:.3f}", Mean(ate_weighed_));
+    fmt::print("; COLMAP's time / ours {:.1f}\n", Mean(speed_));
     if (speed_fast_.empty()) return;
     fmt::print("against COLMAP with fewer adjustments: ATE {:.3f}, time {:.1f}\n",
-               mean(ate_fast_),
-               mean(speed_fast_));
+               Mean(ate_fast_),
+               Mean(speed_fast_));
   }
 
  private:
@@ -174,9 +180,16 @@ void Cohort(const std::string& arguments) {
   if (end.exit_code != 0) ThrowError("cohort {}: {}", arguments, end.err);
 }
 
+// A clip's tracks and truth.
+struct Tracked {
+  std::string name;
+  fs::path tracks;
+  Poses truth;
+};
+
 // Clips and tracks are made once and kept in the work folder.
-void Rendered(const RenderedOptions& o) {
-  Race race(true);
+template <typename Use>
+void ForEachClip(const RenderedOptions& o, const Use& use) {
   fs::create_directories(o.work);
   for (const std::string& clip : o.clips) {
     const auto colon = clip.find(':');
@@ -202,12 +215,52 @@ void Rendered(const RenderedOptions& o) {
                            o.features,
                            o.frames));
       }
-      race.Add(fs::path(seen).filename().string(),
-               ReadTrackFile(tracks),
-               OpenSequence(seen)->TrueCamFromWorld());
+      use(Tracked{
+          fs::path(seen).filename().string(), tracks, OpenSequence(seen)->TrueCamFromWorld()});
     }
   }
+}
+
+void Rendered(const RenderedOptions& o) {
+  Race race(true);
+  ForEachClip(
+      o, [&](const Tracked& clip) { race.Add(clip.name, ReadTrackFile(clip.tracks), clip.truth); });
   race.Conclude();
+}
+
+void Refined(const RenderedOptions& o) {
+  fmt::print("{:<28}|{:^23}|{:^23}|{:^23}|\n", "", "first pass", "second pass", "third pass");
+  const std::string columns = fmt::format("{:>7}{:>8}{:>8}|", "frames", "length", "ATE");
+  fmt::print("{:<28}|{}{}{}\n", "", columns, columns, columns);
+  std::array<std::vector<double>, 2> gains;
+  ForEachClip(o, [&](const Tracked& clip) {
+    fmt::print("{:<28}|", clip.name);
+    const test::TempDir dir;
+    std::string tracks = clip.tracks.string();
+    double first = 0.0;
+    for (int pass = 0; pass < 3; ++pass) {
+      const std::string model = dir / fmt::format("model{}", pass);
+      const MapperResult result = ReconstructWithCeres(ReadTrackFile(tracks));
+      const double ate = Error(result.reconstruction, clip.truth);
+      fmt::print("{:>7}{:>8.1f}{:>8.3f}|",
+                 result.summary.registered,
+                 result.summary.mean_track_length,
+                 ate);
+      std::fflush(stdout);
+      if (pass == 0) first = ate;
+      if (pass > 0) gains[pass - 1].push_back(std::log(ate / first));
+      if (pass == 2 || result.reconstruction.points.empty()) break;
+      WriteReconstruction(model, result.reconstruction);
+      const std::string refined = dir / fmt::format("{}.tracks", pass);
+      Cohort(fmt::format("refine {} --model {} --out {}", tracks, model, refined));
+      tracks = refined;
+    }
+    fmt::print("\n");
+  });
+  fmt::print("geometric means of {}: ATE / the first pass's {:.3f}, {:.3f}\n",
+             gains[0].size(),
+             Mean(gains[0]),
+             Mean(gains[1]));
 }
 
 struct SyntheticOptions {
@@ -385,14 +438,19 @@ int main(int argc, char** argv) {
   CLI::App app("The Ceres backend: accuracy and speed against COLMAP, scaling, hard input");
   app.require_subcommand(1);
   cohort::RenderedOptions rendered;
-  CLI::App* command = app.add_subcommand("rendered", "tracks of rendered clips");
-  command->add_option("--work", rendered.work, "folder for clips and tracks, kept")->required();
-  command->add_option("--clips", rendered.clips, "SCENE:MOTION ...");
-  command->add_option("--levels", rendered.levels, "of `cohort degrade`");
-  command->add_option("--tracker", rendered.tracker, "of `cohort track`");
-  command->add_option("--frames", rendered.frames, "of a clip");
-  command->add_option("--features", rendered.features, "in sight in a frame");
-  command->callback([&] { cohort::Rendered(rendered); });
+  CLI::App* command = nullptr;
+  for (const auto& [name, help, run] :
+       {std::tuple("rendered", "tracks of rendered clips", &cohort::Rendered),
+        std::tuple("refined", "a second pass on the same tracks", &cohort::Refined)}) {
+    command = app.add_subcommand(name, help);
+    command->add_option("--work", rendered.work, "folder for clips and tracks, kept")->required();
+    command->add_option("--clips", rendered.clips, "SCENE:MOTION ...");
+    command->add_option("--levels", rendered.levels, "of `cohort degrade`");
+    command->add_option("--tracker", rendered.tracker, "of `cohort track`");
+    command->add_option("--frames", rendered.frames, "of a clip");
+    command->add_option("--features", rendered.features, "in sight in a frame");
+    command->callback([&rendered, run] { run(rendered); });
+  }
 
   cohort::SyntheticOptions synthetic;
   command = app.add_subcommand("synthetic", "generated tracks");
