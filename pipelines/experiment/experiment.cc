@@ -101,6 +101,29 @@ std::string LabelOf(const Condition& condition) {
   return fmt::format("{} {} {}", condition.clip.name, condition.level, condition.seed);
 }
 
+// What a tracker depends on: not on the options of the others.
+Json OwnOptions(const TrackerOptions& options) {
+  const auto own = [&]() -> std::vector<std::string> {
+    switch (options.tracker) {
+      case TrackerKind::kSubspace:
+      case TrackerKind::kDescent:
+        return {"subspace", "measurement"};
+      case TrackerKind::kKlt:
+        return {"klt"};
+      case TrackerKind::kRlof:
+        return {"rlof"};
+      case TrackerKind::kDis:
+      case TrackerKind::kDeepFlow:
+        return {"dense_flow"};
+    }
+    return {};
+  }();
+  Json all = ToJson(options);
+  Json kept{{"tracker", all["tracker"]}, {"detector", all["detector"]}};
+  for (const std::string& group : own) kept[group] = all[group];
+  return kept;
+}
+
 class Experiment {
  public:
   explicit Experiment(const ExperimentOptions& options)
@@ -273,7 +296,7 @@ class Experiment {
       const TrackerOptions tracker = WithoutGivingUp(cell.options);
       const Json depends_on{{"clip", ToJson(clip)},
                             {"frames", ToJson(frames)},
-                            {"tracker", ToJson(tracker)},
+                            {"tracker", OwnOptions(tracker)},
                             {"paper", ToJson(options_.paper)}};
       const int threads = options_.jobs == 1 ? 0 : 1;
       tasks.push_back({fmt::format("follow {} {}", LabelOf(cell.condition), cell.tracker),

@@ -175,28 +175,31 @@ std::string Svg(const std::vector<Curves>& all) {
       return y0 + kHeight * (kMaxRatio - std::min(ratio, kMaxRatio)) / (kMaxRatio - 1.0);
     };
     svg += fmt::format(
-        "<text x='{}' y='{}' font-weight='bold'>{}</text>\n<rect x='{}' y='{}' width='{}' "
+        "<text x='{:.1f}' y='{:.1f}' font-weight='bold'>{}: m = {:.2g}</text>\n<rect x='{}' y='{}' "
+        "width='{}' "
         "height='{}' fill='none' stroke='#888'/>\n",
         x0,
         y0 - 6,
         kCases[k].Name(),
+        curves.weights[curves.Choice()],
         x0,
         y0,
         kWidth,
         kHeight);
     for (const double ratio : {1.0, 1.5, 2.0}) {
       svg += fmt::format(
-          "<text x='{}' y='{}' text-anchor='end'>{}</text>\n", x0 - 4, y(ratio) + 4, ratio);
+          "<text x='{:.1f}' y='{:.1f}' text-anchor='end'>{}</text>\n", x0 - 4, y(ratio) + 4, ratio);
     }
     for (double decade = std::ceil(low - 1e-9); decade <= high + 1e-9; decade += 1.0) {
-      svg += fmt::format("<text x='{}' y='{}' text-anchor='middle'>{:.0g}</text>\n",
+      svg += fmt::format("<text x='{:.1f}' y='{:.1f}' text-anchor='middle'>{:g}</text>\n",
                          x(std::pow(10.0, decade)),
                          y0 + kHeight + 14,
                          std::pow(10.0, decade));
     }
     const auto dashed = [&](double x1, double y1, double x2, double y2) {
       svg += fmt::format(
-          "<line x1='{}' y1='{}' x2='{}' y2='{}' stroke='#888' stroke-dasharray='4 3'/>\n",
+          "<line x1='{:.1f}' y1='{:.1f}' x2='{:.1f}' y2='{:.1f}' stroke='#888' stroke-dasharray='4 "
+          "3'/>\n",
           x1,
           y1,
           x2,
@@ -215,8 +218,9 @@ std::string Svg(const std::vector<Curves>& all) {
                          points,
                          colors.at(level));
     }
-    svg += fmt::format(
-        "<text x='{}' y='{}' text-anchor='middle'>m</text>\n", x0 + kWidth / 2, y0 + kHeight + 28);
+    svg += fmt::format("<text x='{:.1f}' y='{:.1f}' text-anchor='middle'>m</text>\n",
+                       x0 + kWidth / 2,
+                       y0 + kHeight + 28);
   }
   return svg + "</svg>\n";
 }
