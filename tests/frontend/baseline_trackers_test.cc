@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <cctype>
+#include <opencv2/core/utility.hpp>
 #include <string>
 #include <vector>
 
@@ -102,6 +103,24 @@ TEST_P(BaselineTracker, KeepsTheOthersWhereTheyAreWhenSomeEndAndNewOnesCome) {
   ASSERT_EQ(moves.size(), 2u);
   EXPECT_LT((moves[0].xy - born[40] - Eigen::Vector2d(2.6, -1.8)).norm(), 0.3);
   EXPECT_LT((moves[1].xy - late[0] - Eigen::Vector2d(1.3, -0.9)).norm(), 0.3);
+}
+
+TEST_P(BaselineTracker, SaysTheSameWithAnyNumberOfThreads) {
+  const auto born = Grid();
+  const auto moves_with = [&](int threads) {
+    cv::setNumThreads(threads);
+    const auto mover = Mover();
+    mover->Add(born, BuildPyramid(Picture(0, 0)));
+    const auto moves = mover->MoveFeatures(BuildPyramid(BarBefore(Picture(1.3, -0.9), 60)));
+    cv::setNumThreads(-1);
+    return moves;
+  };
+  const std::vector<Move> one = moves_with(1);
+  const std::vector<Move> two = moves_with(2);
+  for (std::size_t f = 0; f < born.size(); ++f) {
+    EXPECT_EQ(one[f].xy, two[f].xy);
+    EXPECT_EQ(one[f].loss, two[f].loss);
+  }
 }
 
 INSTANTIATE_TEST_SUITE_P(All,
