@@ -44,6 +44,12 @@ Camera CameraOf(const TrackFile& file) {
   return c;
 }
 
+double Median(std::vector<double>& values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
 // A model of a part of the clip, or why there is none.
 struct Mapped {
   MapperTermination termination = MapperTermination::kNoStart;
@@ -114,7 +120,9 @@ class Mapper {
     model.ReclassifyAll(kInfinity);
     for (int round = 0; round < max_rounds; ++round) {
       const SceneAdjustment adjustment =
-          model.Adjust(model.RegisteredFrames(), {}, Bundle(model, round == 0 ? iterations : std::max(2, iterations / 2), 1e-5));
+          model.Adjust(model.RegisteredFrames(),
+                       {},
+                       Bundle(model, round == 0 ? iterations : std::max(2, iterations / 2), 1e-5));
       const int changes = model.ReclassifyAll(model.ErrorBound());
       const int found = model.TriangulateAll();
       spdlog::debug("{}; {} observations change sides, {} new points, noise {:.3f}",
@@ -137,6 +145,35 @@ class Mapper {
     bundle.refine_radial = !camera_.known && options_.refine_radial;
     bundle.refine_principal_point = !camera_.known && options_.refine_principal_point;
     return bundle;
+  }
+
+  // How much of the parallax the model leaves unexplained: over the pairs of keyframes with most of
+  // it, the median distance of the observations from the model's points, relative to that from the
+  // best rotation. Small for a rigid scene; for what only looks like parallax, such as tracks that
+  // drift each on its own, no depths and no path bring it far below 1.
+  double UnexplainedParallax(const SceneModel& model, const std::vector<int>& keyframes) const {
+    std::vector<int> frames;
+    for (const int f : keyframes) {
+      if (model.HasPose(f)) frames.push_back(f);
+    }
+    std::vector<FramePairMotion> pairs = RankPairs(clip_, model.camera(), frames, kMinCommonTracks);
+    std::stable_sort(pairs.begin(), pairs.end(), [](const auto& a, const auto& b) {
+      return a.parallax_px > b.parallax_px;
+    });
+    constexpr std::size_t kPairs = 12;
+    pairs.resize(std::min(pairs.size(), kPairs));
+    std::vector<double> ratios;
+    for (const FramePairMotion& pair : pairs) {
+      std::vector<double> errors;
+      for (const auto& [a, b] : clip_.Common(pair.frame_a, pair.frame_b)) {
+        const auto error_a = model.PixelError(a);
+        const auto error_b = model.PixelError(b);
+        errors.push_back(error_a && error_b ? std::hypot(error_a->norm(), error_b->norm())
+                                            : kInfinity);
+      }
+      ratios.push_back(Median(errors) / pair.parallax_px);
+    }
+    return ratios.empty() ? kInfinity : Median(ratios);
   }
 
   // What the tracks say of a camera that is kept: refined on the keyframes alone. None where they
@@ -447,11 +484,21 @@ MapperResult ReconstructWithCeres(const TrackFile& file, const MapperOptions& op
   result.noise = model.noise();
 
   const double uncertainty = model.MedianDepthUncertainty();
+  const double unexplained = mapper.UnexplainedParallax(model, keyframes);
+  spdlog::debug("depth uncertainty {:.3f}, unexplained parallax {:.3f}", uncertainty, unexplained);
   constexpr double kMaxDepthUncertainty = 0.3;
   if (uncertainty > kMaxDepthUncertainty) {
     return end(MapperTermination::kWeakDepth,
                fmt::format("depths are known to {:.0f} % only: too little parallax for the noise",
                            100.0 * uncertainty));
+  }
+  // Where the truth was known: up to 0.65 for models of worth, from 0.76 on for drifting tracks of
+  // a camera that stood still or turned.
+  constexpr double kMaxUnexplained = 0.7;
+  if (unexplained > kMaxUnexplained) {
+    return end(MapperTermination::kNotRigid,
+               "no rigid scene explains how the tracks move beyond a rotation of the camera: they "
+               "drift, or most of them are on things that move");
   }
   std::string detail;
   const auto say = [&detail](const std::string& text) {

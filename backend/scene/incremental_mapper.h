@@ -79,8 +79,9 @@ enum class MapperTermination : std::uint8_t {
   kNoStart,       // there is parallax, but no pair of frames gave a consistent model
   kAmbiguous,     // two different models explain the tracks equally well (a plane, a mirror image)
   kWeakDepth,     // a model came out, but its depths are within their own uncertainty
+  kNotRigid,      // a model came out, but it does not explain the parallax
 };
-inline constexpr ChoiceNames<MapperTermination, 8> kMapperTerminationNames{
+inline constexpr ChoiceNames<MapperTermination, 9> kMapperTerminationNames{
     {{"success", MapperTermination::kSuccess},
      {"partial", MapperTermination::kPartial},
      {"too few tracks", MapperTermination::kTooFewTracks},
@@ -88,7 +89,8 @@ inline constexpr ChoiceNames<MapperTermination, 8> kMapperTerminationNames{
      {"pure rotation", MapperTermination::kPureRotation},
      {"no start", MapperTermination::kNoStart},
      {"ambiguous", MapperTermination::kAmbiguous},
-     {"weak depth", MapperTermination::kWeakDepth}}};
+     {"weak depth", MapperTermination::kWeakDepth},
+     {"not rigid", MapperTermination::kNotRigid}}};
 
 // A part of the clip that could not be tied to the model returned.
 struct OtherComponent {

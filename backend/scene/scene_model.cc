@@ -192,6 +192,7 @@ SceneAdjustment SceneModel::Adjust(std::span<const int> free,
 
 std::optional<Eigen::Vector2d> SceneModel::PixelError(int observation) const {
   const ClipObservation& o = clip_->observations()[observation];
+  if (!HasPose(o.frame) || !HasPoint(o.track)) return std::nullopt;
   const Eigen::Vector3d x = rotations_[o.frame] * (*points_[o.track] - centers_[o.frame]);
   if (x.z() < kMinDepth) return std::nullopt;
   return *camera_.Project(x) - o.xy;

@@ -82,6 +82,9 @@ class SceneModel {
   // that the model has no point or pose for: so models of the same frames are comparable.
   double TruncatedCost(std::span<const int> frames, double bound) const;
 
+  // Projection less observation [px]; none behind the camera, or without a pose or a point.
+  std::optional<Eigen::Vector2d> PixelError(int observation) const;
+
   // How differently two models see the same points: median absolute deviation of the logarithm of
   // their depths' ratio in a frame. About 0 for models that differ by a similarity.
   static double DepthDisagreement(const SceneModel& a, const SceneModel& b, int frame);
@@ -92,8 +95,6 @@ class SceneModel {
   void Normalise();
 
  private:
-  // None behind the camera.
-  std::optional<Eigen::Vector2d> PixelError(int observation) const;
   std::optional<double> WhitenedError(int observation) const;
   bool EnoughAngle(int track) const;
   void DropPoint(int track);

@@ -118,6 +118,27 @@ TEST(IncrementalMapper, NamesACameraThatDoesNotMoveOrOnlyTurns) {
   }
 }
 
+// What looks like parallax is each track's own drift: no confident model of it.
+TEST(IncrementalMapper, TracksThatDriftAreNoSceneWhereTheCameraHasNoParallax) {
+  for (const CameraPath path : {CameraPath::kStatic, CameraPath::kRotation}) {
+    for (const double drift_px : {0.2, 0.5}) {
+      SyntheticTracksOptions options = Scene(path, 0.3);
+      options.frames = 60;
+      options.drift_px = drift_px;
+      const MapperResult result = ReconstructWithCeres(MakeSyntheticTracks(options).file);
+      EXPECT_TRUE(result.reconstruction.cam_from_world.empty()) << result.summary.Brief();
+      EXPECT_NE(result.termination, MapperTermination::kSuccess);
+    }
+  }
+  SyntheticTracksOptions options = Scene(CameraPath::kLateral, 0.3);
+  options.frames = 60;
+  options.drift_px = 0.3;
+  const SyntheticTracks scene = MakeSyntheticTracks(options);
+  const MapperResult result = ReconstructWithCeres(scene.file);
+  ASSERT_EQ(result.termination, MapperTermination::kSuccess) << result.summary.Brief();
+  EXPECT_LT(Ate(result, scene), 0.05);
+}
+
 TEST(IncrementalMapper, WeighsObservationsByTheirCovariance) {
   // Half of the features are measured five times worse than the others, and say so.
   double plain = 0.0;

@@ -295,6 +295,11 @@ SyntheticTracksOptions Shallow(SyntheticTracksOptions options, double relief) {
   return options;
 }
 
+SyntheticTracksOptions Drifting(SyntheticTracksOptions options, double drift_px) {
+  options.drift_px = drift_px;
+  return options;
+}
+
 struct Case {
   const char* name;
   SyntheticTracksOptions options;
@@ -385,7 +390,10 @@ void Hard(int seeds) {
             Shallow(untracked(Clip(CameraPath::kArc, 24, 1.0, 0.0, 0.0)), 0.0)},
            {"pure rotation", turning(0.5)},
            {"pure rotation, 10 % wrong, 1 px", Clip(CameraPath::kRotation, 120, 1.0, 0.1, 0.3)},
+           {"pure rotation, tracks drift", Drifting(turning(0.3), 0.3)},
            {"static camera", still(0.5)},
+           {"static camera, tracks drift", Drifting(still(0.3), 0.3)},
+           {"lateral, tracks drift", Drifting(lateral(0.3), 0.3)},
            {"static camera, 10 % wrong, 1 px", Clip(CameraPath::kStatic, 120, 1.0, 0.1, 0.3)}}) {
     for (int seed = 1; seed <= seeds; ++seed) {
       options.seed = static_cast<std::uint64_t>(seed);

@@ -103,14 +103,18 @@ SyntheticTracks MakeSyntheticTracks(const SyntheticTracksOptions& options) {
       const double middle = static_cast<double>(first) + 0.5 * static_cast<double>(length);
       point.x() += 2.0 * (options.path_length * middle / frames - 0.5);
     }
+    Eigen::Vector2d drift = Eigen::Vector2d::Zero();
     for (std::int64_t i = 0; i < frames; ++i) {
       if (i < first || i >= first + length) continue;
       const FrameIndex frame = result.file.frames[static_cast<std::size_t>(i)].index;
       auto xy = options.camera.Project(result.cam_from_world.at(frame) * point);
       if (!xy || !options.camera.Contains(*xy)) continue;
       if (noise.Uniform() < options.missing_fraction) continue;
-      xy->x() += options.noise_px * noise.Gaussian();
-      xy->y() += options.noise_px * noise.Gaussian();
+      if (options.drift_px > 0.0) {
+        drift += options.drift_px * Eigen::Vector2d(noise.Gaussian(), noise.Gaussian());
+      }
+      xy->x() += drift.x() + options.noise_px * noise.Gaussian();
+      xy->y() += drift.y() + options.noise_px * noise.Gaussian();
       if (noise.Uniform() < options.outlier_fraction) {
         *xy = {noise.Uniform(0, options.camera.width_px - 1),
                noise.Uniform(0, options.camera.height_px - 1)};

@@ -25,6 +25,7 @@ struct SyntheticTracksOptions {
   double path_length = 1.0;  // kLateral: a path, and a scene beside it, that much longer
   int points = 300;
   double noise_px = 0.3;          // a coordinate
+  double drift_px = 0.0;          // of a coordinate from frame to frame, a random walk
   double outlier_fraction = 0.0;  // of the observations: somewhere else in the image
   double missing_fraction = 0.0;  // of the observations: left out
   int max_track_length = 0;       // 0: as long as it is in the image
