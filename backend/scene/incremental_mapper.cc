@@ -171,7 +171,13 @@ class Mapper {
         errors.push_back(error_a && error_b ? std::hypot(error_a->norm(), error_b->norm())
                                             : kInfinity);
       }
-      ratios.push_back(Median(errors) / pair.parallax_px);
+      // A focal length that is off makes parallax of a rotation.
+      double parallax_px = pair.parallax_px;
+      for (const Camera& camera : CamerasToTry(model.camera())) {
+        const FramePairMotion motion = MeasureMotion(clip_, camera, pair.frame_a, pair.frame_b);
+        parallax_px = std::min(parallax_px, motion.parallax_px);
+      }
+      ratios.push_back(Median(errors) / parallax_px);
     }
     return ratios.empty() ? kInfinity : Median(ratios);
   }
@@ -494,7 +500,7 @@ MapperResult ReconstructWithCeres(const TrackFile& file, const MapperOptions& op
   }
   // Where the truth was known: up to 0.65 for models of worth, from 0.76 on for drifting tracks of
   // a camera that stood still or turned.
-  constexpr double kMaxUnexplained = 0.7;
+  constexpr double kMaxUnexplained = 0.6;
   if (unexplained > kMaxUnexplained) {
     return end(MapperTermination::kNotRigid,
                "no rigid scene explains how the tracks move beyond a rotation of the camera: they "

@@ -1,7 +1,6 @@
 #include "backend/scene/keyframes.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 
 #include "backend/geometry/best_rotation.h"
@@ -132,6 +131,17 @@ double EstimateNoise(const Clip& clip) {
   return 1.4826 * Median(deviations) / std::sqrt(6.0);
 }
 
+std::vector<Camera> CamerasToTry(const Camera& camera) {
+  if (camera.known) return {camera};
+  std::vector<Camera> cameras;
+  for (const double factor : {1.0, 0.84, 1.19, 0.7, 1.41, 0.6, 1.68, 0.5, 2.0}) {
+    Camera& candidate = cameras.emplace_back(camera);
+    candidate.fx *= factor;
+    candidate.fy *= factor;
+  }
+  return cameras;
+}
+
 ClipMotion ClassifyMotion(const Clip& clip,
                           const Camera& camera,
                           const std::vector<FramePairMotion>& pairs,
@@ -154,13 +164,8 @@ ClipMotion ClassifyMotion(const Clip& clip,
     }
     return *std::max_element(parallaxes.begin(), parallaxes.end());
   };
-  constexpr std::array kFocalFactors{1.0, 0.84, 1.19, 0.7, 1.41, 0.6, 1.68, 0.5, 2.0};
-  for (const double factor : kFocalFactors) {
-    Camera candidate = camera;
-    candidate.fx *= factor;
-    candidate.fy *= factor;
+  for (const Camera& candidate : CamerasToTry(camera)) {
     if (largest_parallax(candidate) < threshold) return ClipMotion::kRotation;
-    if (camera.known) break;
   }
   return ClipMotion::kParallax;
 }

@@ -38,6 +38,9 @@ std::vector<FramePairMotion> RankPairs(const Clip& clip,
 // over three frames less the median of all in the frame: an upper bound where the camera shakes.
 double EstimateNoise(const Clip& clip);
 
+// The camera itself if it is known, else with focal lengths from half to twice its guess.
+std::vector<Camera> CamerasToTry(const Camera& camera);
+
 enum class ClipMotion { kParallax, kRotation, kStatic };
 // Whether any of these pairs shows parallax beyond the noise. Where the camera is a guess, its
 // focal length is varied from half to twice, so that no wrong guess passes a turning camera off as
