@@ -56,7 +56,8 @@ void PrintSummary(const ReconstructionSummary& summary, const std::string& out) 
 struct Outcome {
   Reconstruction reconstruction;  // empty: there is none
   ReconstructionSummary summary;
-  nlohmann::ordered_json more = {};  // for summary.json, of this backend alone
+  nlohmann::ordered_json more =
+      nlohmann::ordered_json::object();  // for summary.json, of this backend alone
 };
 
 nlohmann::ordered_json ToJson(const Camera& c) {
