@@ -281,6 +281,10 @@ class Mapper {
     const std::vector<int> near = Nearest(model, frame, kLocalFree + kLocalFixed);
     const std::size_t free = std::min<std::size_t>(kLocalFree, near.size());
     BundleOptions bundle = Bundle(model, 6, 1e-3);
+    // A new pose is not settled: what the settled part calls noise would leave its observations
+    // without a say.
+    bundle.loss_scale =
+        std::max(bundle.loss_scale, 2.0 * options_.loss_scale * model.MedianError(frame));
     bundle.refine_focal = bundle.refine_radial = bundle.refine_principal_point = false;
     model.Adjust(std::span(near).first(free), std::span(near).subspan(free), bundle);
   }
@@ -304,7 +308,18 @@ class Mapper {
     AdjustAll(model);
     double adjusted_at = model.registered();
     std::set<int> refused;
-    while (const std::optional<int> frame = NextFrame(model, keyframes, refused)) {
+    int stuck_at = -1;  // frames registered
+    for (;;) {
+      const std::optional<int> frame = NextFrame(model, keyframes, refused);
+      if (!frame) {
+        // Stuck: once more with what there is adjusted, and content with less.
+        if (MissesNone(model, keyframes) || model.registered() == stuck_at) break;
+        stuck_at = model.registered();
+        refused.clear();
+        model.Relax(true);
+        AdjustAll(model);
+        continue;
+      }
       if (!Register(model, *frame)) {
         refused.insert(*frame);
         continue;
@@ -320,8 +335,14 @@ class Mapper {
         adjusted_at = model.registered();
       }
     }
+    model.Relax(false);
     AdjustAll(model);
     Polish(model, 4, 5);
+  }
+
+  static bool MissesNone(const SceneModel& model, const std::vector<int>& keyframes) {
+    return std::all_of(
+        keyframes.begin(), keyframes.end(), [&](int frame) { return model.HasPose(frame); });
   }
 
   // None: there is none left to try.

@@ -18,6 +18,8 @@ constexpr double kDegree = std::numbers::pi / 180.0;
 constexpr double kMinDepth = 1e-6;
 constexpr int kMinPoseInliers = 8;
 constexpr double kMinPoseInlierRatio = 0.3;
+constexpr int kMinPoseInliersRelaxed = 15;
+constexpr double kMinPoseInlierRatioRelaxed = 0.2;
 constexpr std::size_t kMaxTriangulationRays = 12;
 constexpr double kMinLossTurn = 0.7;  // in units of the noise
 constexpr double kMaxLossTurn = 6.0;
@@ -92,11 +94,12 @@ bool SceneModel::RegisterFrame(int frame, const std::optional<Rigid3>& start) {
   }
   if (static_cast<int>(points.size()) < kMinPoseInliers) return false;
   // Twice the final bound: poses and points of a growing model are not yet settled.
-  const double max_error = 2.0 * options_.max_reprojection_px / MeanFocal();
+  const double max_error = (relaxed_ ? 3.0 : 2.0) * options_.max_reprojection_px / MeanFocal();
   const auto pose = EstimateAbsolutePose(points, start, max_error);
-  if (!pose || static_cast<int>(pose->inliers) < kMinPoseInliers ||
-      static_cast<double>(pose->inliers) <
-          kMinPoseInlierRatio * static_cast<double>(points.size())) {
+  const int min_inliers = relaxed_ ? kMinPoseInliersRelaxed : kMinPoseInliers;
+  const double min_ratio = relaxed_ ? kMinPoseInlierRatioRelaxed : kMinPoseInlierRatio;
+  if (!pose || static_cast<int>(pose->inliers) < min_inliers ||
+      static_cast<double>(pose->inliers) < min_ratio * static_cast<double>(points.size())) {
     return false;
   }
   SetPose(frame, pose->cam_from_world);
@@ -105,7 +108,7 @@ bool SceneModel::RegisterFrame(int frame, const std::optional<Rigid3>& start) {
 
 int SceneModel::TriangulateTracks(std::span<const int> tracks) {
   const double max_error = options_.max_reprojection_px / MeanFocal();
-  const std::size_t min_rays = registered_ >= 3 ? 3 : 2;
+  const std::size_t min_rays = MinViews();
   int found = 0;
   std::vector<Ray> rays;
   std::vector<Ray> some;
@@ -236,7 +239,7 @@ void SceneModel::DropPoint(int track) {
 }
 
 int SceneModel::Reclassify(std::span<const int> tracks, double max_error, double widen) {
-  const int min_views = registered_ >= 3 ? 3 : 2;
+  const int min_views = MinViews();
   int changes = 0;
   for (const int track : tracks) {
     if (!HasPoint(track)) continue;
@@ -305,6 +308,15 @@ double SceneModel::TruncatedCost(std::span<const int> frames, double bound) cons
     }
   }
   return cost;
+}
+
+double SceneModel::MedianError(int frame) const {
+  std::vector<double> errors;
+  for (const int o : clip_->InFrame(frame)) {
+    if (!Active(o)) continue;
+    if (const auto error = WhitenedError(o)) errors.push_back(*error);
+  }
+  return errors.empty() ? 0.0 : Median(errors);
 }
 
 double SceneModel::DepthDisagreement(const SceneModel& a, const SceneModel& b, int frame) {

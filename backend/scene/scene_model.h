@@ -53,6 +53,10 @@ class SceneModel {
   // distributed: near the noise where their tails are heavy, far from it where they are Gaussian.
   double loss_turn() const { return loss_turn_; }
 
+  // Where nothing else ties the parts of a clip: points of two views count, and poses that a
+  // smaller share of the points agrees with, at wider bounds.
+  void Relax(bool relaxed) { relaxed_ = relaxed; }
+
   // Observations of tracks with a point in this frame.
   int CountVisiblePoints(int frame) const;
   // Finds the pose of a frame from the points it sees. False where too few of them agree.
@@ -85,6 +89,9 @@ class SceneModel {
   // Projection less observation [px]; none behind the camera, or without a pose or a point.
   std::optional<Eigen::Vector2d> PixelError(int observation) const;
 
+  // Median of the believed observations' whitened errors in a frame; 0 without any.
+  double MedianError(int frame) const;
+
   // How differently two models see the same points: median absolute deviation of the logarithm of
   // their depths' ratio in a frame. About 0 for models that differ by a similarity.
   static double DepthDisagreement(const SceneModel& a, const SceneModel& b, int frame);
@@ -97,6 +104,7 @@ class SceneModel {
  private:
   std::optional<double> WhitenedError(int observation) const;
   bool EnoughAngle(int track) const;
+  int MinViews() const { return registered_ >= 3 && !relaxed_ ? 3 : 2; }
   void DropPoint(int track);
   void MeasureNoise(std::vector<double>& squared_errors);
 
@@ -110,6 +118,7 @@ class SceneModel {
   std::vector<std::optional<Eigen::Vector3d>> points_;
   std::vector<char> active_;
   int registered_ = 0;
+  bool relaxed_ = false;
   double noise_ = 1.0;
   double loss_turn_ = 2.0;
 };
