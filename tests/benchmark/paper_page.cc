@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <opencv2/imgcodecs.hpp>
@@ -196,6 +197,13 @@ void WritePicture(const PageOptions& options, const fs::path& clip, const fs::pa
 }
 
 std::string Page(const ExperimentResults& results, const PageOptions& options) {
+  double fewest = 1e9;
+  double most = 0.0;
+  for (const ResultRow& row : results.rows) {
+    if (row.metric != "features") continue;
+    fewest = std::min(fewest, row.value);
+    most = std::max(most, row.value);
+  }
   return fmt::format(
       R"(# The paper's experiments, repeated
 
@@ -203,11 +211,11 @@ Poling, Lerman, Szlam: Better Feature Tracking Through Subspace Constraints, CVP
 are written by
 
 ```console
-$ penalty_weight_benchmark WORK/clips/room WORK/clips/corridor WORK/clips/street --work WORK/weights --svg docs/penalty_weight.svg
 $ paper_page --work WORK --docs docs
+$ penalty_weight_benchmark WORK/clips/room WORK/clips/corridor WORK/clips/street --work WORK/weights --svg docs/penalty_weight.svg
 ```
 
-which are built in `build/tests/benchmark`; the second renders the clips, so it comes first in an empty WORK. The comparison alone is
+which are built in `build/tests/benchmark`; the first also renders the clips. The comparison alone is
 `cohort compare CLIP... --protocol paper --levels medium,hard --seeds 1,2,3 --trackers klt7,klt21,subspace --out DIR`.
 
 ![The same dark frame, KLT left, subspace right](paper_tracks.jpg)
@@ -225,19 +233,21 @@ blur of 2 px; hard: 20 %, .06 and .03 (of the full range). Seeds are of the nois
 - **Points.** As in the paper they are chosen in the clip before it is degraded, so that there are strong and weak ones: up to 100
   corners of the common detector in frame 0, and what is missing to 100 in frames 30 and 60. Used are those that show a surface,
   have no jump of depth within 10 px (a near edge crossing a far one is no point of the scene), and stay visible and 16 px off
-  the border for 30 more frames: 40 to 81 at a time. They are followed until they are hidden or near the border for the first time. All trackers
+  the border for 30 more frames: {} to {} from frame 0 on. They are followed until they are hidden or near the border for the first time. All trackers
   get the same points, at their true positions.
 - **Mean L1 trajectory error after 30 frames.** The points of frame 0: sum over 30 frames of |dx| + |dy|, mean over features.
 - **Mean frames between re-initialisations.** A feature more than 10 px off is started again at its true position; feature-frames
   within 10 px over the number of re-initialisations. ">": there was none, so at least that many.
 - **Lost features are failures, not omissions.** What a tracker gives up stays where it was last (first figure) or counts as
-  re-initialised (second). The trackers' own checks by which features end (tracking back) are off, as they only cost here.
+  re-initialised (second). The trackers' own checks by which features end (tracking back) are off: neither figure rewards
+  giving up.
 - A cell is the median over the seeds and (lowest-highest); the average is that of the medians.
 
 `klt7`, `klt21`, `klt31`: OpenCV's pyramidal Lucas-Kanade at three windows. `rlof`: its robust local optical flow. `dis`, `deepflow`:
 tracks chained from dense flow, in the place of the paper's LDOF; deepflow at medium with one seed, as it takes seconds a frame. `descent-paper`,
-`subspace-paper`: the paper's first-order tracker and its joint tracker (empirical dimension, centred, weak, L = 10, Algorithm 1), templates 7 x 7, as it
-prints them. `descent`, `subspace`: the same with everything that was added here.
+`subspace-paper`: the paper's first-order tracker and its joint tracker (empirical dimension, centred, weak, L = 10, Algorithm 1), templates 7 x 7, without
+measurement; m, which it does not print, is relative to the contrast and chosen as below. `descent`, `subspace`: the same with
+everything that was added here.
 
 ## In short
 
@@ -254,9 +264,12 @@ Ratios of the averages over the eight clips.
 ![L1 error against m, for three penalties, weak and strong](penalty_weight.svg)
 
 m of eq. (7) against the error of the guide alone (no measurement), on room, corridor and street, at three levels of darkness.
+One m serves all of them: above each picture, where its worst level loses least against that level's own best m.
 )",
       kFrames,
       fmt::join(options.seeds, ", "),
+      fewest,
+      most,
       RatioTable(results),
       PaperTables(results));
 }
