@@ -106,8 +106,13 @@ void SampleWindow(const cv::Mat& picture, const Eigen::Vector2d& x, int n, Windo
 // Gauss-Newton for the translation on one level with the mean gradient of anchor and picture
 // (efficient second-order minimisation); `x` in px of the level. None where the window has no
 // texture.
-std::optional<Eigen::Vector2d> Align(
-    const cv::Mat& picture, const Window& window, int n, int max_iterations, Eigen::Vector2d x) {
+std::optional<Eigen::Vector2d> Align(const cv::Mat& picture,
+                                     const Window& window,
+                                     int n,
+                                     int max_iterations,
+                                     double prior_weight,
+                                     Eigen::Vector2d x) {
+  const Eigen::Vector2d guide = x;
   const int area = n * n;
   Window seen;
   for (int i = 0; i < max_iterations; ++i) {
@@ -124,9 +129,9 @@ std::optional<Eigen::Vector2d> Align(
       hyy += gy * gy;
     }
     Eigen::Matrix2d H;
-    H << hxx, hxy, hxy, hyy;
+    H << hxx + prior_weight, hxy, hxy, hyy + prior_weight;
     if (!(H.determinant() > 1e-12)) return std::nullopt;
-    Eigen::Vector2d step = -H.inverse() * Eigen::Vector2d(bx, by);
+    Eigen::Vector2d step = -H.inverse() * (Eigen::Vector2d(bx, by) + prior_weight * (x - guide));
     const double length = step.norm();
     if (!std::isfinite(length)) return std::nullopt;
     if (length > 2.0) step *= 2.0 / length;
@@ -142,6 +147,8 @@ void Conclude(const cv::Mat& picture,
               int n,
               double noise_factor,
               const AnchorPatch& anchor,
+              const Eigen::Vector2d& guide,
+              double prior_information,
               Measurement& m) {
   const int area = n * n;
   Window seen;
@@ -191,6 +198,8 @@ void Conclude(const cv::Mat& picture,
   Eigen::Matrix<double, 7, 1> b = rhs.cast<double>() / variance;
   information.block<4, 4>(2, 2) +=
       (anchor.warp_covariance + 1e-10 * Eigen::Matrix4d::Identity()).inverse();
+  information.diagonal().head<2>().array() += prior_information;
+  b.head<2>() += prior_information * (guide - m.xy);
   const Eigen::Matrix<double, 7, 7> covariance =
       information.ldlt().solve(Eigen::Matrix<double, 7, 7>::Identity());
   const Eigen::Matrix<double, 7, 1> step = covariance * b;
@@ -222,6 +231,14 @@ AnchorPatch TakeAnchor(const Pyramid& pyramid, const Eigen::Vector2d& xy, int wi
     square += static_cast<double>(window[k]) * window[k];
   }
   anchor.signal_variance = std::max(0.0, square / area - sum * sum / area / area);
+  Window with_gradient;
+  AnchorWindow(anchor.full, anchor.warp, window_px, with_gradient);
+  double gradient = 0.0;
+  for (int k = 0; k < area; ++k) {
+    gradient +=
+        with_gradient.dx[k] * with_gradient.dx[k] + with_gradient.dy[k] * with_gradient.dy[k];
+  }
+  anchor.mean_square_gradient = gradient / (2.0 * area);
   return anchor;
 }
 
@@ -229,24 +246,49 @@ Measurement MeasurePatch(const Pyramid& current,
                          const AnchorPatch& anchor,
                          const Eigen::Vector2d& guide,
                          int window_px,
-                         double noise_factor) {
+                         double noise_factor,
+                         double noise_variance,
+                         double prior_sigma_px) {
   Check(window_px <= kMaxPatchSide, "the window fits the patch buffers");
+  const bool with_prior = prior_sigma_px > 0.0;
+  const double information = with_prior ? 1.0 / (prior_sigma_px * prior_sigma_px) : 0.0;
   Measurement m;
   m.xy = guide;
   Window window;
-  if (!anchor.half.empty()) {
+  if (!with_prior && !anchor.half.empty()) {
     AnchorWindow(anchor.half, anchor.warp, window_px, window);
-    const auto half = Align(current.levels[1], window, window_px, 10, guide / 2);
+    const auto half = Align(current.levels[1], window, window_px, 10, 0.0, guide / 2);
     // Where the half resolution leads astray, the full one starts from the guide.
     if (half && (2 * *half - guide).norm() < 6.0) m.xy = 2 * *half;
   }
   AnchorWindow(anchor.full, anchor.warp, window_px, window);
-  const auto full = Align(current.levels[0], window, window_px, 15, m.xy);
+  const double weight = noise_variance * noise_factor * information;
+  const auto full = Align(current.levels[0], window, window_px, 15, weight, m.xy);
   if (!full) return m;
   m.xy = *full;
   m.converged = true;
-  Conclude(current.levels[0], window, window_px, noise_factor, anchor, m);
+  Conclude(current.levels[0], window, window_px, noise_factor, anchor, guide, information, m);
   return m;
+}
+
+CenterDifference CompareCenter(const Pyramid& current,
+                               const AnchorPatch& anchor,
+                               const Eigen::Vector2d& xy) {
+  constexpr int kSide = 9;
+  constexpr int kArea = kSide * kSide;
+  float then[kArea];
+  float now[kArea];
+  WarpAnchor(anchor.full, anchor.warp, kSide, then);
+  SamplePatch(current.levels[0], xy.x(), xy.y(), kSide, now);
+  double sum = 0.0;
+  double square = 0.0;
+  for (int k = 0; k < kArea; ++k) {
+    const double difference = now[k] - then[k];
+    sum += difference;
+    square += difference * difference;
+  }
+  const double mean = sum / kArea;
+  return {mean, std::max(0.0, square / kArea - mean * mean)};
 }
 
 }  // namespace cohort

@@ -16,7 +16,8 @@ struct AnchorPatch {
   cv::Mat
       full;  // window and a margin around it, of the full resolution and of the half (may be empty)
   cv::Mat half;
-  double signal_variance = 0.0;  // of the window
+  double signal_variance = 0.0;       // of the window
+  double mean_square_gradient = 0.0;  // [1/px^2], of the window, a coordinate
   // Anchor to picture: the pixel at offset v from the feature then is at offset warp v now.
   Eigen::Matrix2d warp = Eigen::Matrix2d::Identity();
   // Of the error of warp's entries (11, 12, 21, 22), relative: (I + d) warp.
@@ -42,10 +43,24 @@ struct Measurement {
 // its covariance as prior: a bright patch measures its deformation, a dark one keeps what it was
 // told. `noise_factor` is how much less the window's pixels say than as many independent ones
 // would.
+// With a `prior_sigma_px` the guide itself counts as a measurement with this deviation (a maximum a
+// posteriori position); then only the full resolution is used.
 Measurement MeasurePatch(const Pyramid& current,
                          const AnchorPatch& anchor,
                          const Eigen::Vector2d& guide,
                          int window_px,
-                         double noise_factor);
+                         double noise_factor,
+                         double noise_variance = 0.0,
+                         double prior_sigma_px = 0.0);
+
+// Picture - anchor over the innermost pixels of the window, with the feature at `xy`: tells whether
+// something stands before the feature itself, when the rim of its window may show other surfaces.
+struct CenterDifference {
+  double mean = 0.0;  // brightness
+  double variance = 0.0;
+};
+CenterDifference CompareCenter(const Pyramid& current,
+                               const AnchorPatch& anchor,
+                               const Eigen::Vector2d& xy);
 
 }  // namespace cohort

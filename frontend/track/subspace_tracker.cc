@@ -14,6 +14,7 @@
 #include "frontend/image/sampling.h"
 #include "frontend/track/measurement.h"
 #include "frontend/track/optimizer.h"
+#include "frontend/track/prediction.h"
 
 namespace cohort {
 namespace {
@@ -25,10 +26,28 @@ double Median(std::vector<double> values) {
   return *middle;
 }
 
+// How many frames a feature may be hidden and still be predicted from its own course before that.
+constexpr int kMemoryFrames = 30;
+// Not confirmed for so many frames in a row, and hidden by nothing: it is not what it was taken
+// for.
+constexpr int kMaxUnexplainedFrames = 4;
+// What is hidden changes at once. What has changed slowly, by this factor over what noise explains,
+// is a corner where two surfaces overlap, no point of either: it does not come back.
+constexpr double kSlowChange = 1.25;
+// The prior of a small patch is wide, so that it guides and does not decide: this many deviations
+// of the prediction, and no less than some of a pixel.
+constexpr double kPriorFactor = 3.0;
+constexpr double kLeastPriorPx = 0.3;
+// A guide so far from the prediction was led astray: the large patch is measured again.
+constexpr double kAstrayPx = 2.0;
+constexpr double kLeastSmallCorrelation = 0.1;
+
 // Templates of one feature, taken from one frame.
 struct Appearance {
   std::vector<std::vector<float>> levels;  // n x n on each pyramid level, for the energy
   AnchorPatch anchor;                      // for the measurement
+  double light = 0.0;                      // change of its brightness since; running mean
+  double change = 1.0;  // of the anchor's innermost pixels, over what noise explains; running mean
 };
 
 class SubspaceMover final : public FeatureMover {
@@ -55,20 +74,21 @@ class SubspaceMover final : public FeatureMover {
   Eigen::Matrix2Xd Guide(const Pyramid& current) const;
   double Contrast(const Pyramid& current, const Eigen::Matrix2Xd& x) const;
   void DeformAnchors(const Eigen::Matrix2Xd& x);
+  class Differences;
   std::vector<Move> Measure(const Pyramid& current, const Eigen::Matrix2Xd& guide);
-  struct Prediction {
-    Eigen::Matrix2Xd x;       // 2 x F; no columns: unknown
-    double spread_px = 0.0;   // typical distance of the trusted features from it, a coordinate
-    double noise_gain = 0.0;  // variance that it takes over from the history, a coordinate
-    // How far a feature's history lies outside the trusted ones', as its leverage in the
-    // regression: about 3 / C for one of C trusted features, large for one that would be
-    // extrapolated.
-    Eigen::VectorXd leverage;
-    bool known() const { return x.cols() > 0; }
-  };
-  Prediction Predict(const Eigen::Matrix2Xd& x, const std::vector<std::uint8_t>& trusted) const;
-  void LeadByTheOthers(std::vector<Move>& moves);
-  void CalibrateCovariances(std::vector<Move>& moves, const Prediction& prediction);
+  double MaxDisagreement(double sigma_px) const;
+  void Observe(std::size_t f, const Measurement& m, const Differences& differences, Move& move);
+  void Doubt(std::size_t f,
+             const Pyramid& current,
+             const Eigen::Vector2d& guide,
+             const Measurement& large,
+             bool looks_right,
+             const Eigen::Matrix2Xd& x,
+             const std::vector<std::uint8_t>& teachers,
+             bool strong,
+             const Differences& differences,
+             Move& move);
+  void CalibrateCovariances(std::vector<Move>& moves, const CohortPrediction& prediction);
   void FillHistory(Eigen::Index first_new);
   void Remember(const Pyramid& current, Pyramid smooth);
 
@@ -78,19 +98,22 @@ class SubspaceMover final : public FeatureMover {
   Penalty penalty_;
 
   std::vector<Appearance> appearance_;
-  std::vector<std::uint8_t> confirmed_;     // in the last frame
-  std::deque<Eigen::Matrix2Xd> positions_;  // newest first, at most L, each 2 x F
-  Pyramid previous_;                        // of the newest of these frames
-  std::deque<Pyramid> smooth_;              // of all of them, for measuring
-  double covariance_scale_ = 10.0;          // until the cohort tells
+  std::vector<std::uint8_t> confirmed_;  // in the last frame
+  std::vector<int> unexplained_;         // frames in a row: not confirmed, and hidden by nothing
+  CohortHistory history_;
+  Pyramid previous_;                // of the newest of these frames
+  std::deque<Pyramid> smooth_;      // of all of them, for measuring
+  double covariance_scale_ = 10.0;  // until the cohort tells
   bool calibrated_ = false;
   double contrast_ = 0.0;  // energy that a displaced template gains [1/px]
 };
 
 Eigen::MatrixXd SubspaceMover::History() const {
-  Eigen::MatrixXd history(2 * static_cast<Eigen::Index>(positions_.size()), features());
-  for (std::size_t l = 0; l < positions_.size(); ++l) {
-    history.middleRows(2 * static_cast<Eigen::Index>(l), 2) = positions_[l];
+  const std::size_t L =
+      std::min(static_cast<std::size_t>(options_.history_length), history_.frames());
+  Eigen::MatrixXd history(2 * static_cast<Eigen::Index>(L), features());
+  for (std::size_t l = 0; l < L; ++l) {
+    history.middleRows(2 * static_cast<Eigen::Index>(l), 2) = history_.positions[l];
   }
   return history;
 }
@@ -136,7 +159,7 @@ double SubspaceMover::Contrast(const Pyramid& current, const Eigen::Matrix2Xd& x
 
 Eigen::Matrix2Xd SubspaceMover::Guide(const Pyramid& current) const {
   const Eigen::Vector2d offset = RegisterFrames(previous_, current);
-  Eigen::Matrix2Xd x = positions_.front().colwise() + offset;
+  Eigen::Matrix2Xd x = history_.positions.front().colwise() + offset;
   const Eigen::MatrixXd history = History();
 
   const bool penalized = joint_ && options_.penalty_weight > 0.0 && contrast_ > 0.0;
@@ -180,7 +203,7 @@ Eigen::Matrix2Xd SubspaceMover::Guide(const Pyramid& current) const {
 // The cohort's similarity (scale and rotation) from the last frame to this one carries every
 // anchor's warp along; what it misses is left to the measurement.
 void SubspaceMover::DeformAnchors(const Eigen::Matrix2Xd& x) {
-  const Eigen::Matrix2Xd& before = positions_.front();
+  const Eigen::Matrix2Xd& before = history_.positions.front();
   Eigen::VectorXd weights = Eigen::VectorXd::Zero(features());
   for (Eigen::Index f = 0; f < features(); ++f) {
     weights[f] = confirmed_[static_cast<std::size_t>(f)] ? 1.0 : 0.0;
@@ -220,105 +243,219 @@ void SubspaceMover::DeformAnchors(const Eigen::Matrix2Xd& x) {
   }
 }
 
+// How a picture differs from the anchors, beyond noise.
+class SubspaceMover::Differences {
+ public:
+  // The noise is the cohort's own: the median over the `typical` features.
+  Differences(const Pyramid& current,
+              const std::vector<Appearance>& appearance,
+              const std::vector<Measurement>& measured,
+              const std::vector<std::uint8_t>& typical)
+      : current_(current), appearance_(appearance) {
+    std::vector<double> variances;
+    std::vector<double> centers;
+    for (std::size_t f = 0; f < measured.size(); ++f) {
+      if (!typical[f] || !measured[f].converged) continue;
+      variances.push_back(measured[f].residual_variance);
+      centers.push_back(CenterSquare(f, measured[f].xy));
+    }
+    noise_variance_ = Median(std::move(variances));
+    center_noise_ = Median(std::move(centers));
+  }
+
+  double noise_variance() const { return noise_variance_; }  // of a picture minus an anchor
+
+  double Brighter(std::size_t f, const Eigen::Vector2d& xy) const {
+    return CompareCenter(current_, appearance_[f].anchor, xy).mean;
+  }
+
+  // Is it the anchor that was measured?
+  bool LooksRight(std::size_t f, const Measurement& m, const MeasurementOptions& options) const {
+    const double expected = noise_variance_ + kPatternShare * appearance_[f].anchor.signal_variance;
+    return m.converged && m.correlation >= options.min_correlation &&
+           m.residual_variance <= options.max_residual_ratio * expected &&
+           OfCenter(f, m.xy, 0.0) <= options.max_center_ratio;
+  }
+  // The variance of the innermost pixels, as a multiple of what is expected at a position known to
+  // sigma_px.
+  double OfCenter(std::size_t f, const Eigen::Vector2d& xy, double sigma_px) const {
+    const AnchorPatch& anchor = appearance_[f].anchor;
+    return CenterSquare(f, xy) / (center_noise_ + kPatternShare * anchor.signal_variance +
+                                  anchor.mean_square_gradient * sigma_px * sigma_px);
+  }
+
+ private:
+  double CenterSquare(std::size_t f, const Eigen::Vector2d& xy) const {
+    const CenterDifference d = CompareCenter(current_, appearance_[f].anchor, xy);
+    const double darker = d.mean - appearance_[f].light;
+    return d.variance + darker * darker;
+  }
+
+  // Small errors of warp and interpolation leave so much of the pattern.
+  static constexpr double kPatternShare = 0.04;
+
+  const Pyramid& current_;
+  const std::vector<Appearance>& appearance_;
+  double noise_variance_ = 0.0;
+  double center_noise_ = 0.0;
+};
+
+// Guide, then measure. A position is observed if the image confirms it: the large patch aligns with
+// the anchor near the guide, looks like it, and arrives where the other features say that this one
+// is. If not, a small patch is measured there, with the prediction as prior: the rim of the large
+// one may lie on another surface or behind an occluder. What neither confirms is predicted.
 std::vector<Move> SubspaceMover::Measure(const Pyramid& current, const Eigen::Matrix2Xd& guide) {
   const auto F = static_cast<std::size_t>(features());
-  std::vector<Move> moves(F);
-  std::vector<Measurement> measured(F);
-  std::vector<double> variances;
+  std::vector<Measurement> measured;
   for (std::size_t f = 0; f < F; ++f) {
-    measured[f] = MeasurePatch(current,
-                               appearance_[f].anchor,
-                               guide.col(static_cast<Eigen::Index>(f)),
-                               measure_.window_px,
-                               covariance_scale_);
-    if (measured[f].converged) variances.push_back(measured[f].residual_variance);
+    measured.push_back(MeasurePatch(current,
+                                    appearance_[f].anchor,
+                                    guide.col(static_cast<Eigen::Index>(f)),
+                                    measure_.window_px,
+                                    covariance_scale_));
   }
-  const double noise_variance = Median(std::move(variances));  // of a difference: twice a picture's
+  const Differences differences(current, appearance_, measured, confirmed_);
+
+  Eigen::Matrix2Xd x = guide;
+  std::vector<std::uint8_t> trusted(F, 0);
   for (std::size_t f = 0; f < F; ++f) {
+    const auto i = static_cast<Eigen::Index>(f);
     const Measurement& m = measured[f];
-    const Eigen::Vector2d start = guide.col(static_cast<Eigen::Index>(f));
-    // Noise, and what the small errors of warp and interpolation leave of the pattern.
-    const double expected = noise_variance + 0.04 * appearance_[f].anchor.signal_variance;
-    const bool seen = m.converged && (m.xy - start).norm() <= measure_.max_distance_px &&
-                      m.correlation >= measure_.min_correlation &&
-                      m.residual_variance <= measure_.max_residual_ratio * expected;
-    moves[f].residual = m.residual;
-    if (seen) {
-      moves[f].xy = m.xy;
-      moves[f].covariance = PixelCovariance{static_cast<float>(m.shape(0, 0)),
-                                            static_cast<float>(m.shape(0, 1)),
-                                            static_cast<float>(m.shape(1, 1))};
-      appearance_[f].anchor.warp = m.warp;
-      appearance_[f].anchor.warp_covariance = m.warp_covariance;
-    } else {
-      moves[f].xy = start;
-      moves[f].state = ObservationState::kPredicted;
-    }
+    trusted[f] = (m.xy - guide.col(i)).norm() <= measure_.max_distance_px &&
+                 differences.LooksRight(f, m, measure_);
+    if (trusted[f]) x.col(i) = m.xy;
   }
+  const auto cohort =
+      PredictCohort(history_, static_cast<std::size_t>(options_.history_length), x, trusted);
+  const bool strong = options_.constraint == Constraint::kStrong && cohort &&
+                      static_cast<int>(history_.frames()) >= std::min(4, options_.history_length);
+  std::vector<std::size_t> doubtful;
+  for (std::size_t f = 0; f < F; ++f) {
+    const auto i = static_cast<Eigen::Index>(f);
+    if (trusted[f] && strong && confirmed_[f]) {
+      const double sigma = cohort->spread_px * std::sqrt(1.0 + cohort->leverage[i]);
+      trusted[f] = (x.col(i) - cohort->x.col(i)).norm() <= MaxDisagreement(sigma);
+    }
+    // One that comes back must prove it against its own course: the cohort's window holds its
+    // predictions.
+    if (!trusted[f] || (strong && !confirmed_[f])) doubtful.push_back(f);
+  }
+
+  std::vector<Move> moves(F);
+  for (std::size_t f = 0; f < F; ++f) {
+    moves[f].residual = measured[f].residual;
+    if (trusted[f]) Observe(f, measured[f], differences, moves[f]);
+  }
+  const std::vector<std::uint8_t> teachers = trusted;
+  for (const std::size_t f : doubtful) {
+    Doubt(f,
+          current,
+          guide.col(static_cast<Eigen::Index>(f)),
+          measured[f],
+          teachers[f] != 0,
+          x,
+          teachers,
+          strong,
+          differences,
+          moves[f]);
+  }
+  if (cohort) CalibrateCovariances(moves, *cohort);
   return moves;
 }
 
-// Where the other features say that each one is: the current position as an affine function of the
-// history, x_f = A h_f + c, fitted to the trusted features by ridge regression with Tukey's
-// weights. The ridge is the history's noise, so that directions which noise alone spans do not
-// count; how many dimensions are left follows from the motion. Empty where too few are trusted.
-SubspaceMover::Prediction SubspaceMover::Predict(const Eigen::Matrix2Xd& x,
-                                                 const std::vector<std::uint8_t>& trusted) const {
-  constexpr Eigen::Index kLeastTrusted = 8;
-  std::vector<Eigen::Index> chosen;
-  for (Eigen::Index f = 0; f < features(); ++f) {
-    if (trusted[static_cast<std::size_t>(f)]) chosen.push_back(f);
-  }
-  const auto C = static_cast<Eigen::Index>(chosen.size());
-  Prediction prediction;
-  if (C < kLeastTrusted) return prediction;
-  const Eigen::MatrixXd history = History();
-  const Eigen::MatrixXd B = history(Eigen::all, chosen);
-  const Eigen::Matrix2Xd X = x(Eigen::all, chosen);
+double SubspaceMover::MaxDisagreement(double sigma_px) const {
+  return std::max(measure_.max_disagreement_px, measure_.max_disagreement_sigmas * sigma_px);
+}
 
-  Eigen::VectorXd weights = Eigen::VectorXd::Ones(C);
-  for (int pass = 0; pass < 4; ++pass) {
-    const double total = weights.sum();
-    const Eigen::VectorXd mean_h = B * weights / total;
-    const Eigen::Vector2d mean_x = X * weights / total;
-    const Eigen::MatrixXd B0 = B.colwise() - mean_h;
-    const Eigen::MatrixXd BW = B0 * weights.asDiagonal();
-    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(BW * B0.transpose());
-    const Eigen::VectorXd& lambda = eigen.eigenvalues();
-    // The lower half of the spectrum is noise (at least 0.02 px, where it is too short to tell).
-    const double ridge = std::max(lambda[lambda.size() / 2 - 1], total * 4e-4);
-    const Eigen::VectorXd inverse = (lambda.array() + ridge).inverse();
-    const Eigen::MatrixXd XB = (X.colwise() - mean_x) * BW.transpose();
-    const Eigen::MatrixXd& U = eigen.eigenvectors();
-    const Eigen::MatrixXd A = XB * U * inverse.asDiagonal() * U.transpose();
-    prediction.noise_gain = 0.5 * A.squaredNorm();
-    prediction.x = (A * (history.colwise() - mean_h)).colwise() + mean_x;
+void SubspaceMover::Observe(std::size_t f,
+                            const Measurement& m,
+                            const Differences& differences,
+                            Move& move) {
+  constexpr double kChangeRate = 0.1;
+  constexpr double kLightRate = 0.3;
+  move.state = ObservationState::kObserved;
+  move.xy = m.xy;
+  move.covariance = PixelCovariance{static_cast<float>(m.shape(0, 0)),
+                                    static_cast<float>(m.shape(0, 1)),
+                                    static_cast<float>(m.shape(1, 1))};
+  Appearance& appearance = appearance_[f];
+  appearance.anchor.warp = m.warp;
+  appearance.anchor.warp_covariance = m.warp_covariance;
+  appearance.change += kChangeRate * (differences.OfCenter(f, m.xy, 0.0) - appearance.change);
+  appearance.light += kLightRate * (differences.Brighter(f, m.xy) - appearance.light);
+  unexplained_[f] = 0;
+}
 
-    const Eigen::MatrixXd projected =
-        inverse.cwiseSqrt().asDiagonal() * U.transpose() * (history.colwise() - mean_h);
-    prediction.leverage = projected.colwise().squaredNorm();
-
-    std::vector<double> errors;
-    for (Eigen::Index i = 0; i < C; ++i) {
-      errors.push_back((prediction.x.col(chosen[static_cast<std::size_t>(i)]) - X.col(i)).norm());
+// What the large patch did not confirm, or what was not seen in the last frame.
+void SubspaceMover::Doubt(std::size_t f,
+                          const Pyramid& current,
+                          const Eigen::Vector2d& guide,
+                          const Measurement& large,
+                          bool looks_right,
+                          const Eigen::Matrix2Xd& x,
+                          const std::vector<std::uint8_t>& teachers,
+                          bool strong,
+                          const Differences& differences,
+                          Move& move) {
+  // An occluder that arrives at the rim has moved the last position already.
+  if (confirmed_[f] && history_.frames() > 4) history_.seen.front()[f] = 0;
+  const auto own = PredictFeature(history_,
+                                  2 * static_cast<std::size_t>(options_.history_length),
+                                  x,
+                                  teachers,
+                                  static_cast<Eigen::Index>(f));
+  int unexplained = unexplained_[f] + 1;
+  move.state = ObservationState::kPredicted;
+  move.covariance.reset();
+  if (own) {
+    const double gate = strong ? MaxDisagreement(own->sigma_px) : measure_.max_distance_px;
+    if (looks_right && (large.xy - own->xy).norm() <= gate) {
+      Observe(f, large, differences, move);
+      return;
     }
-    prediction.spread_px = std::max(0.85 * Median(errors), 0.02);  // of one coordinate, if Gaussian
-    for (Eigen::Index i = 0; i < C; ++i) {
-      const double u = errors[static_cast<std::size_t>(i)] / (6.0 * prediction.spread_px);
-      weights[i] = u < 1.0 ? (1.0 - u * u) * (1.0 - u * u) : 0.0;
+    if ((guide - own->xy).norm() > kAstrayPx) {
+      const Measurement again = MeasurePatch(
+          current, appearance_[f].anchor, own->xy, measure_.window_px, covariance_scale_);
+      if ((again.xy - own->xy).norm() <= gate && differences.LooksRight(f, again, measure_)) {
+        Observe(f, again, differences, move);
+        return;
+      }
     }
-    if (weights.sum() < kLeastTrusted / 2.0) break;
+    const Measurement small = MeasurePatch(current,
+                                           appearance_[f].anchor,
+                                           own->xy,
+                                           measure_.small_window_px,
+                                           covariance_scale_,
+                                           differences.noise_variance(),
+                                           std::max(kPriorFactor * own->sigma_px, kLeastPriorPx));
+    if (small.converged && (small.xy - own->xy).norm() <= gate &&
+        small.correlation >= kLeastSmallCorrelation &&
+        differences.OfCenter(f, small.xy, 0.0) <= measure_.max_center_ratio) {
+      Observe(f, small, differences, move);
+    } else {
+      move.xy = own->xy;
+      const bool hidden =
+          differences.OfCenter(f, own->xy, own->sigma_px) > measure_.max_center_ratio;
+      if (hidden) unexplained = 0;
+      if (own->sigma_px > measure_.max_distance_px) move.loss = LossReason::kContradicted;
+    }
+  } else {
+    move.xy = guide;
   }
-  return prediction;
+  unexplained_[f] = unexplained;
+  if (unexplained > kMaxUnexplainedFrames || appearance_[f].change > kSlowChange) {
+    move.loss = LossReason::kContradicted;
+  }
 }
 
 // The inverse gradient energy gives a covariance its shape; its size depends on how the noise is
 // correlated, which the blur of the lens or of the codec decides. So it is taken from the cohort:
 // the distance of a measured position from its prediction has the measurement's own variance plus
 // what the prediction takes over from the history.
-void SubspaceMover::CalibrateCovariances(std::vector<Move>& moves, const Prediction& prediction) {
+void SubspaceMover::CalibrateCovariances(std::vector<Move>& moves,
+                                         const CohortPrediction& prediction) {
   constexpr std::size_t kLeastHistory = 5;
-  if (positions_.size() >= kLeastHistory) {
+  if (history_.frames() >= kLeastHistory) {
     std::vector<double> squares;
     for (std::size_t f = 0; f < moves.size(); ++f) {
       if (!moves[f].covariance) continue;
@@ -347,51 +484,19 @@ void SubspaceMover::CalibrateCovariances(std::vector<Move>& moves, const Predict
   }
 }
 
-// What the image shows, but not where the cohort goes, is something else that looks alike or an
-// occluder that carries the feature away: it is predicted like what the image does not show.
-void SubspaceMover::LeadByTheOthers(std::vector<Move>& moves) {
-  Eigen::Matrix2Xd x(2, features());
-  std::vector<std::uint8_t> trusted(moves.size());
-  for (std::size_t f = 0; f < moves.size(); ++f) {
-    x.col(static_cast<Eigen::Index>(f)) = moves[f].xy;
-    trusted[f] = moves[f].state == ObservationState::kObserved;
-  }
-  const Prediction prediction = Predict(x, trusted);
-  if (!prediction.known()) return;
-  CalibrateCovariances(moves, prediction);
-  const bool strong = options_.constraint == Constraint::kStrong &&
-                      static_cast<int>(positions_.size()) >= std::min(4, options_.history_length);
-  const double limit = std::max(measure_.max_disagreement_px, 6.0 * prediction.spread_px);
-  for (std::size_t f = 0; f < moves.size(); ++f) {
-    const Eigen::Vector2d predicted = prediction.x.col(static_cast<Eigen::Index>(f));
-    if (strong && trusted[f] && (moves[f].xy - predicted).norm() > limit) {
-      moves[f].state = ObservationState::kPredicted;
-      moves[f].covariance.reset();
-    }
-    if (moves[f].state == ObservationState::kObserved) continue;
-    moves[f].xy = predicted;
-    // A course that no other feature shares cannot be predicted: its expected error says so.
-    const double leverage = prediction.leverage[static_cast<Eigen::Index>(f)];
-    if (prediction.spread_px * std::sqrt(leverage) > measure_.max_distance_px) {
-      moves[f].loss = LossReason::kContradicted;
-    }
-  }
-}
-
 std::vector<Move> SubspaceMover::MoveFeatures(const Pyramid& current) {
   Pyramid smooth = SmoothPyramid(current, measure_.denoise_sigma_px);
   Eigen::Matrix2Xd guide = Guide(current);
   std::vector<Move> moves;
-  if (measure_.enabled) {
-    if (joint_) {
-      const Prediction prediction = Predict(guide, confirmed_);
-      for (Eigen::Index f = 0; f < features() && prediction.known(); ++f) {
-        if (!confirmed_[static_cast<std::size_t>(f)]) guide.col(f) = prediction.x.col(f);
-      }
+  if (joint_ && measure_.enabled) {
+    for (Eigen::Index f = 0; f < features(); ++f) {
+      if (confirmed_[static_cast<std::size_t>(f)]) continue;
+      const auto own = PredictFeature(
+          history_, 2 * static_cast<std::size_t>(options_.history_length), guide, confirmed_, f);
+      if (own) guide.col(f) = own->xy;
     }
     DeformAnchors(guide);
     moves = Measure(smooth, guide);
-    if (joint_) LeadByTheOthers(moves);
   } else {
     for (Eigen::Index f = 0; f < features(); ++f) {
       Move move;
@@ -414,7 +519,8 @@ std::vector<Move> SubspaceMover::MoveFeatures(const Pyramid& current) {
   }
   const double contrast = Contrast(current, x);
   if (contrast > 0.0) contrast_ = 0.8 * contrast_ + 0.2 * contrast;
-  positions_.push_front(std::move(x));
+  history_.positions.push_front(std::move(x));
+  history_.seen.push_front(confirmed_);
   Remember(current, std::move(smooth));
   return moves;
 }
@@ -423,7 +529,10 @@ void SubspaceMover::Remember(const Pyramid& current, Pyramid smooth) {
   previous_ = current;
   smooth_.push_front(std::move(smooth));
   const auto length = static_cast<std::size_t>(options_.history_length);
-  if (positions_.size() > length) positions_.pop_back();
+  if (history_.frames() > length + static_cast<std::size_t>(kMemoryFrames)) {
+    history_.positions.pop_back();
+    history_.seen.pop_back();
+  }
   if (smooth_.size() > length) smooth_.pop_back();
 }
 
@@ -434,7 +543,9 @@ void SubspaceMover::Keep(std::span<const std::uint8_t> keep) {
     if (kept != f) {
       appearance_[kept] = std::move(appearance_[f]);
       confirmed_[kept] = confirmed_[f];
-      for (auto& x : positions_) {
+      unexplained_[kept] = unexplained_[f];
+      for (auto& seen : history_.seen) seen[kept] = seen[f];
+      for (auto& x : history_.positions) {
         x.col(static_cast<Eigen::Index>(kept)) = x.col(static_cast<Eigen::Index>(f));
       }
     }
@@ -442,39 +553,47 @@ void SubspaceMover::Keep(std::span<const std::uint8_t> keep) {
   }
   appearance_.resize(kept);
   confirmed_.resize(kept);
-  for (auto& x : positions_) x.conservativeResize(2, static_cast<Eigen::Index>(kept));
+  unexplained_.resize(kept);
+  for (auto& seen : history_.seen) seen.resize(kept);
+  for (auto& x : history_.positions) x.conservativeResize(2, static_cast<Eigen::Index>(kept));
 }
 
 void SubspaceMover::Add(std::span<const Eigen::Vector2d> born, const Pyramid& current) {
   if (appearance_.empty()) {
     // The first features, or none survived: the window starts here.
-    positions_.clear();
+    history_ = {};
     smooth_.clear();
-    positions_.emplace_front(2, 0);
+    history_.positions.emplace_front(2, 0);
+    history_.seen.emplace_front();
     Remember(current, SmoothPyramid(current, measure_.denoise_sigma_px));
   }
   const Eigen::Index first_new = features();
-  for (auto& x : positions_) {
+  for (auto& seen : history_.seen) seen.resize(seen.size() + born.size(), 0);
+  for (auto& x : history_.positions) {
     x.conservativeResize(2, first_new + static_cast<Eigen::Index>(born.size()));
   }
   for (std::size_t i = 0; i < born.size(); ++i) {
     appearance_.push_back(TakeAppearance(current, smooth_.front(), born[i]));
     confirmed_.push_back(1);
-    positions_.front().col(first_new + static_cast<Eigen::Index>(i)) = born[i];
+    unexplained_.push_back(0);
+    history_.positions.front().col(first_new + static_cast<Eigen::Index>(i)) = born[i];
   }
+  std::fill(history_.seen.front().end() - static_cast<std::ptrdiff_t>(born.size()),
+            history_.seen.front().end(),
+            std::uint8_t{1});
   FillHistory(first_new);
-  if (contrast_ == 0.0) contrast_ = Contrast(current, positions_.front());
+  if (contrast_ == 0.0) contrast_ = Contrast(current, history_.positions.front());
 }
 
 void SubspaceMover::FillHistory(Eigen::Index first_new) {
   constexpr int kNeighbours = 8;
   for (Eigen::Index f = first_new; f < features(); ++f) {
-    const Eigen::Vector2d at = positions_.front().col(f);
+    const Eigen::Vector2d at = history_.positions.front().col(f);
     // The nearest old features, by distance and then by birth.
     std::vector<Eigen::Index> near(static_cast<std::size_t>(first_new));
     std::iota(near.begin(), near.end(), Eigen::Index{0});
     const auto distance = [&](Eigen::Index g) {
-      return (positions_.front().col(g) - at).squaredNorm();
+      return (history_.positions.front().col(g) - at).squaredNorm();
     };
     const auto count = std::min<std::size_t>(kNeighbours, near.size());
     std::partial_sort(near.begin(),
@@ -483,16 +602,20 @@ void SubspaceMover::FillHistory(Eigen::Index first_new) {
                       [&](Eigen::Index a, Eigen::Index b) {
                         return std::pair(distance(a), a) < std::pair(distance(b), b);
                       });
-    for (std::size_t l = 1; l < positions_.size(); ++l) {
+    for (std::size_t l = 1; l < history_.frames(); ++l) {
       Eigen::Vector2d motion = Eigen::Vector2d::Zero();
       double total = 0.0;
       for (std::size_t k = 0; k < count; ++k) {
         const Eigen::Index g = near[k];
         const double weight = 1.0 / (100.0 + distance(g));  // [1/px^2]
-        motion += weight * (positions_[l].col(g) - positions_[l - 1].col(g));
+        motion += weight * (history_.positions[l].col(g) - history_.positions[l - 1].col(g));
         total += weight;
       }
-      Eigen::Vector2d x = positions_[l - 1].col(f);
+      Eigen::Vector2d x = history_.positions[l - 1].col(f);
+      if (l >= smooth_.size()) {  // beyond the window of the energy: not known
+        history_.positions[l].col(f) = x;
+        continue;
+      }
       if (total > 0.0) x += motion / total;
       const Measurement m = MeasurePatch(smooth_[l],
                                          appearance_[static_cast<std::size_t>(f)].anchor,
@@ -502,8 +625,9 @@ void SubspaceMover::FillHistory(Eigen::Index first_new) {
       if (m.converged && m.correlation >= measure_.min_correlation &&
           (m.xy - x).norm() <= measure_.max_distance_px) {
         x = m.xy;
+        history_.seen[l][static_cast<std::size_t>(f)] = 1;
       }
-      positions_[l].col(f) = x;
+      history_.positions[l].col(f) = x;
     }
   }
 }

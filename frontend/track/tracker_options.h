@@ -192,7 +192,10 @@ struct MeasurementOptions {
   double max_distance_px = 5.0;
   double min_correlation = 0.3;
   double max_residual_ratio = 2.0;
+  double max_center_ratio = 4.0;
+  int small_window_px = 11;
   double max_disagreement_px = 3.0;
+  double max_disagreement_sigmas = 5.0;
   double warp_noise = 0.003;
 
   template <typename Self, typename Visitor>
@@ -218,11 +221,27 @@ struct MeasurementOptions {
              0.0,
              1.0,
              "how much a patch may deform from frame to frame, beyond what all do, as a share");
+    v.Number("max_center_ratio",
+             o.max_center_ratio,
+             1.0,
+             100.0,
+             "the same of the innermost pixels; more is something else that hides the feature");
+    v.Number("small_window_px",
+             o.small_window_px,
+             5,
+             63,
+             "side of the patch that is tried where the large one fails [px], odd");
     v.Number("max_disagreement_px",
              o.max_disagreement_px,
              0.1,
              1000.0,
-             "from where the other features say it is (strong mode) [px]; further is unconfirmed");
+             "from where the other features say it is (strong mode) [px]; further is unconfirmed; "
+             "the larger of this and:");
+    v.Number("max_disagreement_sigmas",
+             o.max_disagreement_sigmas,
+             1.0,
+             1000.0,
+             "the same as a multiple of what the prediction expects");
   }
 };
 

@@ -109,7 +109,7 @@ TEST_F(Commands, HelpNamesEveryOptionWithDefaultAndRange) {
   EXPECT_THAT(RunCohort("track --help").out,
               AllOf(HasSubstr("--features, --detector.max-features"),
                     HasSubstr("(1 to 100000; default 400)"),
-                    HasSubstr("(subspace, descent, klt; default subspace)"),
+                    HasSubstr("(subspace, descent, klt, rlof, dis, deepflow; default"),
                     HasSubstr("--window"),
                     HasSubstr("--seed"),
                     HasSubstr("--camera"),
