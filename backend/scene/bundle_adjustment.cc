@@ -1,14 +1,14 @@
 #include "backend/scene/bundle_adjustment.h"
 
 #include <ceres/ceres.h>
-#include <ceres/covariance.h>
 #include <fmt/format.h>
 #include <glog/logging.h>
 
 #include <Eigen/Cholesky>
+#include <Eigen/LU>
 #include <algorithm>
-#include <array>
 #include <deque>
+#include <map>
 #include <memory>
 
 #include "backend/scene/reprojection.h"
@@ -335,15 +335,19 @@ class Adjuster {
     if (refines && !problem_.observations.empty()) HoldIntrinsics();
   }
 
+  std::vector<int> RefinedIntrinsics() const {
+    std::vector<int> refined;
+    if (options_.refine_focal) refined.push_back(0);
+    if (options_.refine_principal_point) refined.insert(refined.end(), {1, 2});
+    if (options_.refine_radial) refined.insert(refined.end(), {3, 4});
+    return refined;
+  }
+
   void HoldIntrinsics() {
-    const std::array<bool, kIntrinsicSize> refined{options_.refine_focal,
-                                                   options_.refine_principal_point,
-                                                   options_.refine_principal_point,
-                                                   options_.refine_radial,
-                                                   options_.refine_radial};
+    const std::vector<int> refined = RefinedIntrinsics();
     std::vector<int> constant;
     for (int i = 0; i < kIntrinsicSize; ++i) {
-      if (!refined[i]) constant.push_back(i);
+      if (std::find(refined.begin(), refined.end(), i) == refined.end()) constant.push_back(i);
     }
     if (!constant.empty()) {
       intrinsic_manifold_ = std::make_unique<ceres::SubsetManifold>(kIntrinsicSize, constant);
@@ -410,38 +414,98 @@ class Adjuster {
       gauge = std::make_unique<ScaleGauge>(Center(anchor_), scale_length_);
       ceres_->AddResidualBlock(gauge.get(), nullptr, poses_[*scale_camera_].data());
     }
-    std::vector<std::pair<const double*, const double*>> blocks;
-    const auto add = [&](const double* block) { blocks.emplace_back(block, block); };
-    for (std::size_t i = 0; i < poses_.size(); ++i) {
-      if (has_observation_[i]) add(poses_[i].data());
-    }
+    // Columns: the points, then the poses that are free, then the intrinsics.
+    ceres::Problem::EvaluateOptions evaluate;
+    std::vector<int> points;
+    std::vector<int> cameras;
     for (std::size_t i = 0; i < point_used_.size(); ++i) {
-      if (point_used_[i]) add(problem_.points_in_world[i].data());
+      if (!point_used_[i]) continue;
+      points.push_back(static_cast<int>(i));
+      evaluate.parameter_blocks.push_back(problem_.points_in_world[i].data());
     }
-    if (!refining_.empty()) add(intrinsics_.data());
+    for (std::size_t i = 0; i < poses_.size(); ++i) {
+      if (!has_observation_[i] || ceres_->IsParameterBlockConstant(poses_[i].data())) continue;
+      cameras.push_back(static_cast<int>(i));
+      evaluate.parameter_blocks.push_back(poses_[i].data());
+    }
+    if (!refining_.empty()) evaluate.parameter_blocks.push_back(intrinsics_.data());
+    ceres::CRSMatrix jacobian;
+    if (!ceres_->Evaluate(evaluate, nullptr, nullptr, nullptr, &jacobian)) return std::nullopt;
 
-    ceres::Covariance::Options options;
-    options.algorithm_type = ceres::SPARSE_QR;
-    options.num_threads = options_.threads;
-    ceres::Covariance covariance(options);
-    if (!covariance.Compute(blocks, ceres_.get())) return std::nullopt;
+    // The normal equations [V W'; W U], and their inverse by the Schur complement of the points,
+    // S = U - sum W V^-1 W': S^-1 for the cameras, V^-1 + V^-1 W' S^-1 W V^-1 for a point.
+    const int first_camera = 3 * static_cast<int>(points.size());
+    const int others = jacobian.num_cols - first_camera;
+    Eigen::MatrixXd S = Eigen::MatrixXd::Zero(others, others);
+    struct PointBlock {
+      Eigen::Matrix3d V = Eigen::Matrix3d::Zero();
+      std::map<int, Eigen::Vector3d> W;  // by column of S
+    };
+    std::vector<PointBlock> blocks(points.size());
+    for (int row = 0; row < jacobian.num_rows; ++row) {
+      int point = -1;
+      Eigen::Vector3d d_point = Eigen::Vector3d::Zero();
+      std::vector<std::pair<int, double>> d_others;
+      for (int k = jacobian.rows[row]; k < jacobian.rows[row + 1]; ++k) {
+        const int col = jacobian.cols[k];
+        if (col < first_camera) {
+          point = col / 3;
+          d_point[col % 3] = jacobian.values[k];
+        } else {
+          d_others.emplace_back(col - first_camera, jacobian.values[k]);
+        }
+      }
+      for (const auto& [i, d_i] : d_others) {
+        for (const auto& [j, d_j] : d_others) S(i, j) += d_i * d_j;
+        if (point < 0) continue;
+        const auto at = blocks[point].W.try_emplace(i, Eigen::Vector3d::Zero()).first;
+        at->second += d_i * d_point;
+      }
+      if (point >= 0) blocks[point].V += d_point * d_point.transpose();
+    }
+    const auto columns_of = [](const PointBlock& block) {
+      std::pair<std::vector<int>, Eigen::Matrix3Xd> result{
+          {}, Eigen::Matrix3Xd(3, static_cast<Eigen::Index>(block.W.size()))};
+      for (const auto& [column, w] : block.W) {
+        result.second.col(static_cast<Eigen::Index>(result.first.size())) = w;
+        result.first.push_back(column);
+      }
+      return result;
+    };
+    for (const PointBlock& block : blocks) {
+      const Eigen::LLT<Eigen::Matrix3d> V(block.V);
+      if (V.info() != Eigen::Success) return std::nullopt;
+      const auto [columns, W] = columns_of(block);
+      S(columns, columns) -= W.transpose() * V.solve(W);
+    }
+    const Eigen::LLT<Eigen::MatrixXd> cholesky(S);
+    if (cholesky.info() != Eigen::Success) return std::nullopt;
+    S = cholesky.solve(Eigen::MatrixXd::Identity(others, others));
+    if (!S.allFinite()) return std::nullopt;
 
     BundleCovariances result;
     result.cameras.resize(poses_.size(), Eigen::Matrix<double, 6, 6>::Zero());
     result.points.resize(point_used_.size(), Eigen::Matrix3d::Zero());
     result.intrinsics.setZero();
-    for (std::size_t i = 0; i < poses_.size(); ++i) {
-      if (!has_observation_[i]) continue;
-      covariance.GetCovarianceBlockInTangentSpace(
-          poses_[i].data(), poses_[i].data(), result.cameras[i].data());
+    for (std::size_t i = 0; i < cameras.size(); ++i) {
+      const auto at = static_cast<Eigen::Index>(6 * i);
+      result.cameras[cameras[i]] = S.block<6, 6>(at, at);
     }
-    for (std::size_t i = 0; i < point_used_.size(); ++i) {
-      const double* point = problem_.points_in_world[i].data();
-      if (point_used_[i]) covariance.GetCovarianceBlock(point, point, result.points[i].data());
+    for (std::size_t i = 0; i < points.size(); ++i) {
+      const auto [columns, W] = columns_of(blocks[i]);
+      const Eigen::Matrix3d inverse = blocks[i].V.inverse();
+      const Eigen::Matrix3Xd gain = inverse * W;
+      result.points[points[i]] = inverse + gain * S(columns, columns) * gain.transpose();
     }
     if (!refining_.empty()) {
-      covariance.GetCovarianceBlock(
-          intrinsics_.data(), intrinsics_.data(), result.intrinsics.data());
+      const auto at = static_cast<Eigen::Index>(6 * cameras.size());
+      const std::vector<int> refined = RefinedIntrinsics();
+      for (std::size_t i = 0; i < refined.size(); ++i) {
+        for (std::size_t j = 0; j < refined.size(); ++j) {
+          result.intrinsics(refined[i], refined[j]) =
+              S(at + static_cast<Eigen::Index>(i), at + static_cast<Eigen::Index>(j));
+        }
+      }
     }
     return result;
   }
