@@ -10,8 +10,8 @@ namespace cohort {
 // energy (eq. 3) over a pyramid, with the trajectories of the last L frames as history. Then guide,
 // then measure (measurement.h): a position that the image confirms is observed, and is what enters
 // the history; one that it does not confirm is predicted from the feature's own course
-// (prediction.h), until it is seen again or is found to be lost. README.md of this library lists the
-// steps.
+// (prediction.h), until it is seen again or is found to be lost. README.md of this library lists
+// the steps.
 //
 // A new feature has no history: its column of the trajectory matrix is filled backwards, frame by
 // frame, by the motion of the features around it, corrected by aligning its template with the
