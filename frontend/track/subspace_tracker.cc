@@ -67,6 +67,8 @@ class SubspaceMover final : public FeatureMover {
 
  private:
   Eigen::Index features() const { return static_cast<Eigen::Index>(appearance_.size()); }
+  // Of so many frames a feature's own course is made.
+  std::size_t OwnFrames() const { return 2 * static_cast<std::size_t>(options_.history_length); }
   Eigen::MatrixXd History() const;  // 2 L x F, newest first
   Appearance TakeAppearance(const Pyramid& pyramid,
                             const Pyramid& smooth,
@@ -82,9 +84,8 @@ class SubspaceMover final : public FeatureMover {
              const Pyramid& current,
              const Eigen::Vector2d& guide,
              const Measurement& large,
-             bool looks_right,
              const Eigen::Matrix2Xd& x,
-             const std::vector<std::uint8_t>& teachers,
+             const std::vector<std::uint8_t>& trusted,
              bool strong,
              const Differences& differences,
              Move& move);
@@ -102,7 +103,7 @@ class SubspaceMover final : public FeatureMover {
   std::vector<int> unexplained_;         // frames in a row: not confirmed, and hidden by nothing
   CohortHistory history_;
   Pyramid previous_;                // of the newest of these frames
-  std::deque<Pyramid> smooth_;      // of all of them, for measuring
+  std::deque<Pyramid> smooth_;      // of the L newest, for measuring
   double covariance_scale_ = 10.0;  // until the cohort tells
   bool calibrated_ = false;
   double contrast_ = 0.0;  // energy that a displaced template gains [1/px]
@@ -257,7 +258,7 @@ class SubspaceMover::Differences {
     for (std::size_t f = 0; f < measured.size(); ++f) {
       if (!typical[f] || !measured[f].converged) continue;
       variances.push_back(measured[f].residual_variance);
-      centers.push_back(CenterSquare(f, measured[f].xy));
+      centers.push_back(CenterSquare(f, Center(f, measured[f].xy)));
     }
     noise_variance_ = Median(std::move(variances));
     center_noise_ = Median(std::move(centers));
@@ -265,8 +266,8 @@ class SubspaceMover::Differences {
 
   double noise_variance() const { return noise_variance_; }  // of a picture minus an anchor
 
-  double Brighter(std::size_t f, const Eigen::Vector2d& xy) const {
-    return CompareCenter(current_, appearance_[f].anchor, xy).mean;
+  CenterDifference Center(std::size_t f, const Eigen::Vector2d& xy) const {
+    return CompareCenter(current_, appearance_[f].anchor, xy);
   }
 
   // Is it the anchor that was measured?
@@ -274,19 +275,18 @@ class SubspaceMover::Differences {
     const double expected = noise_variance_ + kPatternShare * appearance_[f].anchor.signal_variance;
     return m.converged && m.correlation >= options.min_correlation &&
            m.residual_variance <= options.max_residual_ratio * expected &&
-           OfCenter(f, m.xy, 0.0) <= options.max_center_ratio;
+           OfCenter(f, Center(f, m.xy), 0.0) <= options.max_center_ratio;
   }
-  // The variance of the innermost pixels, as a multiple of what is expected at a position known to
-  // sigma_px.
-  double OfCenter(std::size_t f, const Eigen::Vector2d& xy, double sigma_px) const {
+  // The mean square of the innermost pixels, as a multiple of what is expected at a position known
+  // to sigma_px.
+  double OfCenter(std::size_t f, const CenterDifference& d, double sigma_px) const {
     const AnchorPatch& anchor = appearance_[f].anchor;
-    return CenterSquare(f, xy) / (center_noise_ + kPatternShare * anchor.signal_variance +
-                                  anchor.mean_square_gradient * sigma_px * sigma_px);
+    return CenterSquare(f, d) / (center_noise_ + kPatternShare * anchor.signal_variance +
+                                 anchor.mean_square_gradient * sigma_px * sigma_px);
   }
 
  private:
-  double CenterSquare(std::size_t f, const Eigen::Vector2d& xy) const {
-    const CenterDifference d = CompareCenter(current_, appearance_[f].anchor, xy);
+  double CenterSquare(std::size_t f, const CenterDifference& d) const {
     const double darker = d.mean - appearance_[f].light;
     return d.variance + darker * darker;
   }
@@ -346,15 +346,13 @@ std::vector<Move> SubspaceMover::Measure(const Pyramid& current, const Eigen::Ma
     moves[f].residual = measured[f].residual;
     if (trusted[f]) Observe(f, measured[f], differences, moves[f]);
   }
-  const std::vector<std::uint8_t> teachers = trusted;
   for (const std::size_t f : doubtful) {
     Doubt(f,
           current,
           guide.col(static_cast<Eigen::Index>(f)),
           measured[f],
-          teachers[f] != 0,
           x,
-          teachers,
+          trusted,
           strong,
           differences,
           moves[f]);
@@ -381,8 +379,9 @@ void SubspaceMover::Observe(std::size_t f,
   Appearance& appearance = appearance_[f];
   appearance.anchor.warp = m.warp;
   appearance.anchor.warp_covariance = m.warp_covariance;
-  appearance.change += kChangeRate * (differences.OfCenter(f, m.xy, 0.0) - appearance.change);
-  appearance.light += kLightRate * (differences.Brighter(f, m.xy) - appearance.light);
+  const CenterDifference center = differences.Center(f, m.xy);
+  appearance.change += kChangeRate * (differences.OfCenter(f, center, 0.0) - appearance.change);
+  appearance.light += kLightRate * (center.mean - appearance.light);
   unexplained_[f] = 0;
 }
 
@@ -391,25 +390,20 @@ void SubspaceMover::Doubt(std::size_t f,
                           const Pyramid& current,
                           const Eigen::Vector2d& guide,
                           const Measurement& large,
-                          bool looks_right,
                           const Eigen::Matrix2Xd& x,
-                          const std::vector<std::uint8_t>& teachers,
+                          const std::vector<std::uint8_t>& trusted,
                           bool strong,
                           const Differences& differences,
                           Move& move) {
   // An occluder that arrives at the rim has moved the last position already.
   if (confirmed_[f] && history_.frames() > 4) history_.seen.front()[f] = 0;
-  const auto own = PredictFeature(history_,
-                                  2 * static_cast<std::size_t>(options_.history_length),
-                                  x,
-                                  teachers,
-                                  static_cast<Eigen::Index>(f));
+  const auto own = PredictFeature(history_, OwnFrames(), x, trusted, static_cast<Eigen::Index>(f));
   int unexplained = unexplained_[f] + 1;
   move.state = ObservationState::kPredicted;
   move.covariance.reset();
   if (own) {
     const double gate = strong ? MaxDisagreement(own->sigma_px) : measure_.max_distance_px;
-    if (looks_right && (large.xy - own->xy).norm() <= gate) {
+    if (trusted[f] && (large.xy - own->xy).norm() <= gate) {
       Observe(f, large, differences, move);
       return;
     }
@@ -430,12 +424,13 @@ void SubspaceMover::Doubt(std::size_t f,
                                            std::max(kPriorFactor * own->sigma_px, kLeastPriorPx));
     if (small.converged && (small.xy - own->xy).norm() <= gate &&
         small.correlation >= kLeastSmallCorrelation &&
-        differences.OfCenter(f, small.xy, 0.0) <= measure_.max_center_ratio) {
+        differences.OfCenter(f, differences.Center(f, small.xy), 0.0) <=
+            measure_.max_center_ratio) {
       Observe(f, small, differences, move);
     } else {
       move.xy = own->xy;
-      const bool hidden =
-          differences.OfCenter(f, own->xy, own->sigma_px) > measure_.max_center_ratio;
+      const bool hidden = differences.OfCenter(f, differences.Center(f, own->xy), own->sigma_px) >
+                          measure_.max_center_ratio;
       if (hidden) unexplained = 0;
       if (own->sigma_px > measure_.max_distance_px) move.loss = LossReason::kContradicted;
     }
@@ -491,8 +486,7 @@ std::vector<Move> SubspaceMover::MoveFeatures(const Pyramid& current) {
   if (joint_ && measure_.enabled) {
     for (Eigen::Index f = 0; f < features(); ++f) {
       if (confirmed_[static_cast<std::size_t>(f)]) continue;
-      const auto own = PredictFeature(
-          history_, 2 * static_cast<std::size_t>(options_.history_length), guide, confirmed_, f);
+      const auto own = PredictFeature(history_, OwnFrames(), guide, confirmed_, f);
       if (own) guide.col(f) = own->xy;
     }
     DeformAnchors(guide);
@@ -581,7 +575,7 @@ void SubspaceMover::Add(std::span<const Eigen::Vector2d> born, const Pyramid& cu
   std::fill(history_.seen.front().end() - static_cast<std::ptrdiff_t>(born.size()),
             history_.seen.front().end(),
             std::uint8_t{1});
-  FillHistory(first_new);
+  if (joint_) FillHistory(first_new);  // descent has no use for it
   if (contrast_ == 0.0) contrast_ = Contrast(current, history_.positions.front());
 }
 
@@ -603,6 +597,10 @@ void SubspaceMover::FillHistory(Eigen::Index first_new) {
                         return std::pair(distance(a), a) < std::pair(distance(b), b);
                       });
     for (std::size_t l = 1; l < history_.frames(); ++l) {
+      if (l >= smooth_.size()) {  // beyond the window of the energy: not known
+        history_.positions[l].col(f) = history_.positions[l - 1].col(f);
+        continue;
+      }
       Eigen::Vector2d motion = Eigen::Vector2d::Zero();
       double total = 0.0;
       for (std::size_t k = 0; k < count; ++k) {
@@ -612,10 +610,6 @@ void SubspaceMover::FillHistory(Eigen::Index first_new) {
         total += weight;
       }
       Eigen::Vector2d x = history_.positions[l - 1].col(f);
-      if (l >= smooth_.size()) {  // beyond the window of the energy: not known
-        history_.positions[l].col(f) = x;
-        continue;
-      }
       if (total > 0.0) x += motion / total;
       const Measurement m = MeasurePatch(smooth_[l],
                                          appearance_[static_cast<std::size_t>(f)].anchor,
