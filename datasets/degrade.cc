@@ -13,6 +13,7 @@
 #include "datasets/tum_writer.h"
 #include "frontend/core/error.h"
 #include "frontend/core/random_stream.h"
+#include "frontend/core/statistics.h"
 
 namespace cohort {
 namespace {
@@ -122,13 +123,12 @@ cv::Mat TrueMotion(const Sequence& sequence, FrameIndex frame, const cv::Mat& de
   const Rigid3 before_from_here = before->second * world_from_cam;
 
   // Where the depth is unknown: as far as half of the picture.
-  std::vector<float> known;
+  std::vector<double> known;
   for (const float z : cv::Mat_<float>(depth_m)) {
     if (z > 0.0F) known.push_back(z);
   }
   if (known.empty()) return {};
-  std::nth_element(known.begin(), known.begin() + known.size() / 2, known.end());
-  const float usual = known[known.size() / 2];
+  const auto usual = static_cast<float>(Median(std::move(known)));
 
   constexpr int kStep = 4;  // dense enough for a blur
   cv::Mat coarse((depth_m.rows + kStep - 1) / kStep, (depth_m.cols + kStep - 1) / kStep, CV_32FC2);

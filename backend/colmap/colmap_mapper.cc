@@ -10,6 +10,7 @@
 #include "backend/colmap/model_io.h"
 #include "backend/colmap/program.h"
 #include "frontend/core/output.h"
+#include "frontend/core/statistics.h"
 
 namespace cohort {
 namespace {
@@ -69,14 +70,11 @@ struct Workspace {
 
 // Observed positions in a frame, median over the frames that have any.
 double MedianFeatures(const TrackSet& tracks) {
-  std::vector<std::size_t> counts;
+  std::vector<double> counts;
   for (const FrameIndex frame : tracks.frames()) {
-    counts.push_back(ColmapKeypoints(tracks, frame, false).size());
+    counts.push_back(static_cast<double>(ColmapKeypoints(tracks, frame, false).size()));
   }
-  if (counts.empty()) return 0.0;
-  const auto middle = counts.begin() + static_cast<std::ptrdiff_t>(counts.size() / 2);
-  std::nth_element(counts.begin(), middle, counts.end());
-  return static_cast<double>(*middle);
+  return Median(std::move(counts));
 }
 
 Arguments CommonArguments(const TrackFile& file,

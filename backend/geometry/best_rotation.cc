@@ -5,6 +5,8 @@
 #include <cmath>
 #include <vector>
 
+#include "frontend/core/statistics.h"
+
 namespace cohort {
 
 BestRotation FitRotation(std::span<const std::pair<Eigen::Vector2d, Eigen::Vector2d>> pairs) {
@@ -44,9 +46,7 @@ BestRotation FitRotation(std::span<const std::pair<Eigen::Vector2d, Eigen::Vecto
     const Eigen::Vector3d x = R * source.homogeneous();
     errors.push_back((x.hnormalized() - target).norm());
   }
-  const auto middle = errors.begin() + static_cast<std::ptrdiff_t>(errors.size() / 2);
-  std::nth_element(errors.begin(), middle, errors.end());
-  result.median_error = *middle;
+  result.median_error = Median(std::move(errors));
   return result;
 }
 

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "backend/scene/reprojection.h"
+#include "frontend/core/statistics.h"
 
 namespace cohort {
 namespace {
@@ -19,20 +20,18 @@ constexpr double kMinDepth = 1e-6;
 Rigid3 Refine(std::span<const PointInFrame> points, const Rigid3& start, double max_error) {
   CameraPose pose{start.rotation.normalized(), start.Inverse().translation};
   std::vector<double> errors(points.size());
-  std::vector<double> sorted;
+  std::vector<double> in_front;
   constexpr int kMaxIterations = 20;
   for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
     const Eigen::Matrix3d rotation = pose.rotation.toRotationMatrix();
-    sorted.clear();
+    in_front.clear();
     for (std::size_t i = 0; i < points.size(); ++i) {
       const Eigen::Vector3d x = rotation * (points[i].in_world - pose.center);
       errors[i] = x.z() > kMinDepth ? (x.hnormalized() - points[i].n).norm() : -1.0;
-      if (errors[i] >= 0.0) sorted.push_back(errors[i]);
+      if (errors[i] >= 0.0) in_front.push_back(errors[i]);
     }
-    if (sorted.size() < 4) break;
-    const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2);
-    std::nth_element(sorted.begin(), middle, sorted.end());
-    const double c = std::max(2.0 * *middle, 0.25 * max_error);
+    if (in_front.size() < 4) break;
+    const double c = std::max(2.0 * Median(in_front), 0.25 * max_error);
 
     Eigen::Matrix<double, 6, 6> H = Eigen::Matrix<double, 6, 6>::Zero();
     Eigen::Matrix<double, 6, 1> g = Eigen::Matrix<double, 6, 1>::Zero();

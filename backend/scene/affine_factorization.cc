@@ -7,6 +7,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "frontend/core/statistics.h"
+
 namespace cohort {
 namespace {
 
@@ -21,13 +23,6 @@ struct AffineFit {
   std::vector<Eigen::Vector2d> b;                 // per frame
   std::vector<std::optional<Eigen::Vector3d>> S;  // per track
 };
-
-double Median(std::vector<double> values) {
-  if (values.empty()) return 0.0;
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 // Rank-3 SVD of the complete tracks.
 std::optional<AffineFit> StartFromCompleteTracks(int frames,
@@ -53,7 +48,7 @@ std::optional<AffineFit> StartFromCompleteTracks(int frames,
     // The median is the origin that wrong tracks move least.
     for (int k = 0; k < 2; ++k) {
       auto row = W.row(2 * f + k);
-      fit.b[f][k] = Median(std::vector<double>(row.begin(), row.end()));
+      fit.b[f][k] = Median({row.begin(), row.end()});
       row.array() -= fit.b[f][k];
     }
   }

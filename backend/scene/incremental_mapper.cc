@@ -13,6 +13,7 @@
 #include "backend/scene/initialization.h"
 #include "backend/scene/keyframes.h"
 #include "backend/scene/scene_model.h"
+#include "frontend/core/statistics.h"
 
 namespace cohort {
 namespace {
@@ -42,12 +43,6 @@ Camera CameraOf(const TrackFile& file) {
     ThrowError("the tracks' camera has focal lengths {}, {} px: they must be positive", c.fx, c.fy);
   }
   return c;
-}
-
-double Median(std::vector<double>& values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
 }
 
 // A model of a part of the clip, or why there is none.
@@ -177,9 +172,9 @@ class Mapper {
         const FramePairMotion motion = MeasureMotion(clip_, camera, pair.frame_a, pair.frame_b);
         parallax_px = std::min(parallax_px, motion.parallax_px);
       }
-      ratios.push_back(Median(errors) / parallax_px);
+      ratios.push_back(Median(std::move(errors)) / parallax_px);
     }
-    return ratios.empty() ? kInfinity : Median(ratios);
+    return ratios.empty() ? kInfinity : Median(std::move(ratios));
   }
 
   // What the tracks say of a camera that is kept: refined on the keyframes alone. None where they

@@ -4,16 +4,10 @@
 #include <cmath>
 
 #include "backend/geometry/best_rotation.h"
+#include "frontend/core/statistics.h"
 
 namespace cohort {
 namespace {
-
-double Median(std::vector<double>& values) {
-  if (values.empty()) return 0.0;
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 std::vector<int> SelectOnce(const Clip& clip, const Camera& camera, double parallax_px) {
   constexpr double kMinKept = 0.7;
@@ -60,7 +54,7 @@ FramePairMotion MeasureMotion(const Clip& clip, const Camera& camera, int frame_
     displacements.push_back((xy_b - xy_a).norm());
   }
   motion.common = static_cast<int>(pairs.size());
-  motion.motion_px = Median(displacements);
+  motion.motion_px = Median(std::move(displacements));
   motion.parallax_px = FitRotation(pairs).median_error * 0.5 * (camera.fx + camera.fy);
   return motion;
 }
@@ -128,7 +122,7 @@ double EstimateNoise(const Clip& clip) {
     }
   }
   // A second difference has 1 + 4 + 1 times the variance of one observation.
-  return 1.4826 * Median(deviations) / std::sqrt(6.0);
+  return 1.4826 * Median(std::move(deviations)) / std::sqrt(6.0);
 }
 
 std::vector<Camera> CamerasToTry(const Camera& camera) {

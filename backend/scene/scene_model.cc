@@ -10,6 +10,7 @@
 
 #include "backend/geometry/triangulation.h"
 #include "backend/scene/absolute_pose.h"
+#include "frontend/core/statistics.h"
 
 namespace cohort {
 namespace {
@@ -23,12 +24,6 @@ constexpr double kMinPoseInlierRatioRelaxed = 0.2;
 constexpr std::size_t kMaxTriangulationRays = 12;
 constexpr double kMinLossTurn = 0.7;  // in units of the noise
 constexpr double kMaxLossTurn = 6.0;
-
-double Median(std::vector<double>& values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 }  // namespace
 
@@ -316,7 +311,7 @@ double SceneModel::MedianError(int frame) const {
     if (!Active(o)) continue;
     if (const auto error = WhitenedError(o)) errors.push_back(*error);
   }
-  return errors.empty() ? 0.0 : Median(errors);
+  return Median(std::move(errors));
 }
 
 double SceneModel::DepthDisagreement(const SceneModel& a, const SceneModel& b, int frame) {
@@ -331,7 +326,7 @@ double SceneModel::DepthDisagreement(const SceneModel& a, const SceneModel& b, i
   if (ratios.empty()) return 0.0;
   const double median = Median(ratios);
   for (double& ratio : ratios) ratio = std::abs(ratio - median);
-  return Median(ratios);
+  return Median(std::move(ratios));
 }
 
 double SceneModel::MedianDepthUncertainty() const {
@@ -355,7 +350,7 @@ double SceneModel::MedianDepthUncertainty() const {
         Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(information).eigenvalues()[0];
     values.push_back(sigma / std::sqrt(std::max(weakest, 1e-300)) / nearest);
   }
-  return values.empty() ? std::numeric_limits<double>::infinity() : Median(values);
+  return values.empty() ? std::numeric_limits<double>::infinity() : Median(std::move(values));
 }
 
 void SceneModel::Normalise() {
@@ -366,7 +361,7 @@ void SceneModel::Normalise() {
   for (const auto& point : points_) {
     if (point) depths.push_back((origin * *point).norm());
   }
-  const double scale = depths.empty() ? 1.0 : 1.0 / Median(depths);
+  const double scale = depths.empty() ? 1.0 : 1.0 / Median(std::move(depths));
   const Rigid3 world_from_cam = origin.Inverse();
   for (const int frame : frames) {
     Rigid3 pose = Pose(frame) * world_from_cam;

@@ -11,6 +11,8 @@
 #include <opencv2/calib3d.hpp>
 #include <opencv2/core/eigen.hpp>
 
+#include "frontend/core/statistics.h"
+
 namespace cohort {
 namespace {
 
@@ -43,14 +45,6 @@ T Sampson(const Eigen::Matrix<T, 3, 3>& f, const Vector2d& x1, const Vector2d& x
   const T slope2 = line1.template head<2>().squaredNorm() + line2.template head<2>().squaredNorm();
   if (slope2 < T(1e-30)) return T(0);  // both at the epipoles
   return h2.dot(line2) / sqrt(slope2);
-}
-
-double Quantile(std::vector<double> values, double share) {
-  if (values.empty()) return 0.0;
-  const auto place = values.begin() + static_cast<std::ptrdiff_t>(
-                                          share * static_cast<double>(values.size() - 1) + 0.5);
-  std::nth_element(values.begin(), place, values.end());
-  return *place;
 }
 
 // The matches of a pair in undistorted pixels and as rays.

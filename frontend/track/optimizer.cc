@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "frontend/core/statistics.h"
 #include "frontend/energy/patch_energy.h"
 #include "frontend/track/line_search.h"
 
@@ -189,9 +190,8 @@ OptimizerResult MinimizeJointly(const TotalEnergy& energy,
     x += d * step;
     result.energy = value;
     // The typical feature has come to rest.
-    Eigen::VectorXd lengths = step.colwise().norm();
-    std::nth_element(lengths.begin(), lengths.begin() + F / 2, lengths.end());
-    if (d * lengths[F / 2] < 0.01) break;
+    const Eigen::VectorXd lengths = step.colwise().norm();
+    if (d * Median({lengths.begin(), lengths.end()}) < 0.01) break;
   }
   result.x = std::move(x);
   return result;

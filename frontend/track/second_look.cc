@@ -5,6 +5,7 @@
 #include <cmath>
 #include <opencv2/core.hpp>
 
+#include "frontend/core/statistics.h"
 #include "frontend/image/pyramid.h"
 
 namespace cohort {
@@ -15,13 +16,6 @@ namespace {
 constexpr double kNoiseFactor = 10.0;
 
 constexpr double kWarpNoisePerFrame = 0.003;  // as the tracker's
-
-double Median(std::vector<double> values) {
-  if (values.empty()) return 0.0;
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 Pyramid SmoothPyramidOf(const Frame& frame, double sigma_px) {
   constexpr int kLevels = 2;

@@ -8,6 +8,7 @@
 #include <numeric>
 #include <utility>
 
+#include "frontend/core/statistics.h"
 #include "frontend/energy/patch_energy.h"
 #include "frontend/energy/total_energy.h"
 #include "frontend/image/frame_offset.h"
@@ -18,13 +19,6 @@
 
 namespace cohort {
 namespace {
-
-double Median(std::vector<double> values) {
-  if (values.empty()) return 0.0;
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 // How many frames a feature may be hidden and still be predicted from its own course before that.
 constexpr int kMemoryFrames = 30;

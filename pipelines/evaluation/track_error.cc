@@ -7,6 +7,7 @@
 #include <span>
 
 #include "frontend/core/error.h"
+#include "frontend/core/statistics.h"
 
 namespace cohort {
 namespace {
@@ -39,16 +40,9 @@ std::optional<AnchoredTrack> AnchorTrack(const TrackSet& tracks,
 }
 
 ErrorSummary SummarizeErrors(std::vector<double> errors_px) {
-  std::sort(errors_px.begin(), errors_px.end());
-  const auto quantile = [&](double share) {
-    const double at = share * static_cast<double>(errors_px.size() - 1);
-    const auto below = static_cast<std::size_t>(at);
-    const std::size_t above = std::min(below + 1, errors_px.size() - 1);
-    return std::lerp(errors_px[below], errors_px[above], at - static_cast<double>(below));
-  };
   return {.count = errors_px.size(),
-          .median_px = quantile(0.5),
-          .p90_px = quantile(0.9),
+          .median_px = InterpolatedMedian(errors_px),
+          .p90_px = InterpolatedQuantile(errors_px, 0.9),
           .mean_px = std::accumulate(errors_px.begin(), errors_px.end(), 0.0) /
                      static_cast<double>(errors_px.size())};
 }

@@ -9,6 +9,7 @@
 
 #include "datasets/text_table.h"
 #include "frontend/core/error.h"
+#include "frontend/core/statistics.h"
 
 namespace cohort {
 namespace {
@@ -83,7 +84,7 @@ std::optional<ErrorStatistics> ComputeStatistics(std::vector<double> errors) {
   s.count = n;
   s.min = errors.front();
   s.max = errors.back();
-  s.median = 0.5 * (errors[(n - 1) / 2] + errors[n / 2]);
+  s.median = InterpolatedMedian(errors);
   s.mean = std::accumulate(errors.begin(), errors.end(), 0.0) / static_cast<double>(n);
   double squared_deviations = 0.0;
   for (const double e : errors) {

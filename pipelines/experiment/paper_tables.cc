@@ -7,6 +7,7 @@
 #include <optional>
 #include <tuple>
 
+#include "frontend/core/statistics.h"
 #include "pipelines/console/table.h"
 
 namespace cohort {
@@ -17,11 +18,6 @@ constexpr const char* kL1Error = "l1_error_30_frames";
 
 void AppendNew(std::vector<std::string>& names, const std::string& name) {
   if (std::find(names.begin(), names.end(), name) == names.end()) names.push_back(name);
-}
-
-double Median(std::vector<double> values) {
-  std::sort(values.begin(), values.end());
-  return 0.5 * (values[(values.size() - 1) / 2] + values[values.size() / 2]);
 }
 
 // One metric of one level: [tracker][sequence] = {seed, value}.
@@ -52,7 +48,7 @@ std::optional<double> MedianOf(const std::map<unsigned, double>* cell) {
   if (cell == nullptr) return std::nullopt;
   std::vector<double> values;
   for (const auto& [seed, value] : *cell) values.push_back(value);
-  return Median(std::move(values));
+  return InterpolatedMedian(std::move(values));
 }
 
 // Over all sequences; none if one is missing.
@@ -135,7 +131,8 @@ std::string RatioTable(Grid grid, bool high_is_good) {
         if (ours == nullptr || !ours->contains(seed)) continue;
         ratios.push_back(ratio(ours->at(seed), value));
       }
-      line.push_back(ratios.empty() ? "-" : fmt::format("{:.2f}", Median(std::move(ratios))));
+      line.push_back(ratios.empty() ? "-"
+                                    : fmt::format("{:.2f}", InterpolatedMedian(std::move(ratios))));
     }
     const auto other = Average(grid, tracker);
     const auto ours = Average(grid, kOurs);

@@ -9,6 +9,7 @@
 #include <tuple>
 
 #include "frontend/core/output.h"
+#include "frontend/core/statistics.h"
 #include "pipelines/console/json_file.h"
 #include "pipelines/console/table.h"
 
@@ -25,12 +26,10 @@ std::string QuoteCsv(const std::string& text) {
 using Line = std::tuple<std::string, std::string, std::string, std::string>;  // without the seed
 using ValuesOfMetric = std::map<std::string, std::vector<double>>;            // over seeds
 
-std::optional<double> Median(const ValuesOfMetric& values, const std::string& metric) {
+std::optional<double> MedianOf(const ValuesOfMetric& values, const std::string& metric) {
   const auto it = values.find(metric);
   if (it == values.end()) return std::nullopt;
-  std::vector<double> sorted = it->second;
-  std::sort(sorted.begin(), sorted.end());
-  return 0.5 * (sorted[(sorted.size() - 1) / 2] + sorted[sorted.size() / 2]);
+  return InterpolatedMedian(it->second);
 }
 
 std::string Cell(const std::optional<double>& value, double factor, int decimals) {
@@ -38,10 +37,11 @@ std::string Cell(const std::optional<double>& value, double factor, int decimals
 }
 
 std::string Registered(const ValuesOfMetric& model) {
-  const auto registered = Median(model, "registered");
+  const auto registered = MedianOf(model, "registered");
   const std::string text =
-      registered ? fmt::format("{:.0f}/{:.0f}", *registered, Median(model, "frames").value_or(0.0))
-                 : "-";
+      registered
+          ? fmt::format("{:.0f}/{:.0f}", *registered, MedianOf(model, "frames").value_or(0.0))
+          : "-";
   const auto& failed = model.at("failed");
   const auto failures = std::count(failed.begin(), failed.end(), 1.0);
   if (failures == 0) return text;
@@ -58,14 +58,14 @@ std::vector<std::string> TableRow(const Line& line,
           tracker,
           backend,
           Registered(model),
-          Cell(Median(model, "ate"), 1e3, 2),
-          Cell(Median(model, "rpe_rot"), 1.0, 3),
-          Cell(Median(model, "point_error_median"), 1e3, 1),
-          Cell(Median(model, "points"), 1.0, 0),
-          Cell(Median(model, "mean_reprojection"), 1.0, 2),
-          Cell(Median(tracks, "mean_track_length"), 1.0, 1),
-          Cell(Median(tracks, "observed_error_median"), 1.0, 2),
-          Cell(Median(tracks, "observed_error_p90"), 1.0, 2)};
+          Cell(MedianOf(model, "ate"), 1e3, 2),
+          Cell(MedianOf(model, "rpe_rot"), 1.0, 3),
+          Cell(MedianOf(model, "point_error_median"), 1e3, 1),
+          Cell(MedianOf(model, "points"), 1.0, 0),
+          Cell(MedianOf(model, "mean_reprojection"), 1.0, 2),
+          Cell(MedianOf(tracks, "mean_track_length"), 1.0, 1),
+          Cell(MedianOf(tracks, "observed_error_median"), 1.0, 2),
+          Cell(MedianOf(tracks, "observed_error_p90"), 1.0, 2)};
 }
 
 // Without the columns in which no line has a figure.

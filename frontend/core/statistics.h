@@ -1,0 +1,39 @@
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <utility>
+#include <vector>
+
+// Order statistics. Lists come by value, as their order is lost; of an empty one all are 0.
+namespace cohort {
+
+// A value of the list, that at place round(share * (n - 1)) when sorted: for choosing scales and
+// bounds. At 0.5 of an even number it is the upper of the two in the middle.
+inline double Quantile(std::vector<double> values, double share) {
+  if (values.empty()) return 0.0;
+  const double place = share * static_cast<double>(values.size() - 1);
+  const auto at = values.begin() + static_cast<std::ptrdiff_t>(place + 0.5);
+  std::nth_element(values.begin(), at, values.end());
+  return *at;
+}
+
+inline double Median(std::vector<double> values) { return Quantile(std::move(values), 0.5); }
+
+// Between neighbours linear in share, as numpy's percentile: for figures that are reported.
+inline double InterpolatedQuantile(std::vector<double> values, double share) {
+  if (values.empty()) return 0.0;
+  const double place = share * static_cast<double>(values.size() - 1);
+  const auto at = values.begin() + static_cast<std::ptrdiff_t>(place);
+  std::nth_element(values.begin(), at, values.end());
+  const double lower = *at;
+  if (at + 1 == values.end()) return lower;
+  return std::lerp(lower, *std::min_element(at + 1, values.end()), place - std::floor(place));
+}
+
+inline double InterpolatedMedian(std::vector<double> values) {
+  return InterpolatedQuantile(std::move(values), 0.5);
+}
+
+}  // namespace cohort
