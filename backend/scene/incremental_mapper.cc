@@ -256,13 +256,18 @@ class Mapper {
     return larger_cost - cost > kEvidence * variance;
   }
 
-  // Registered frames by distance in time.
+  // Registered frames by distance in time. Looks no further than it must: it is asked for every
+  // frame.
   static std::vector<int> Nearest(const SceneModel& model, int frame, std::size_t count) {
-    std::vector<int> frames = model.RegisteredFrames();
-    std::stable_sort(frames.begin(), frames.end(), [frame](int a, int b) {
-      return std::abs(a - frame) < std::abs(b - frame);
-    });
-    frames.resize(std::min(frames.size(), count));
+    const int clip_frames = model.clip().frame_count();
+    std::vector<int> frames;
+    for (int d = 0; d < clip_frames; ++d) {
+      for (const int f : {frame - d, frame + d}) {
+        if (frames.size() == count) return frames;
+        if (f < 0 || f >= clip_frames || !model.HasPose(f)) continue;
+        if (frames.empty() || frames.back() != f) frames.push_back(f);  // both are one if d is 0
+      }
+    }
     return frames;
   }
 
@@ -446,11 +451,9 @@ Reconstruction ToReconstruction(const SceneModel& model) {
       if (!model.Active(o)) continue;
       const ClipObservation& observation = clip.observations()[o];
       point.views.push_back({clip.frames()[observation.frame].index, observation.xy});
-      const auto xy = model.camera().Project(model.Pose(observation.frame) * point.in_world);
-      point.mean_reprojection_px += (*xy - observation.xy).norm();
     }
-    point.mean_reprojection_px /= static_cast<double>(point.views.size());
   }
+  UpdateReprojectionErrors(result);
   return result;
 }
 

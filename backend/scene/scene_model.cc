@@ -357,11 +357,11 @@ void SceneModel::Normalise() {
   const std::vector<int> frames = RegisteredFrames();
   if (frames.empty()) return;
   const Rigid3 origin = Pose(frames.front());
-  std::vector<double> depths;
+  std::vector<double> distances;
   for (const auto& point : points_) {
-    if (point) depths.push_back((origin * *point).norm());
+    if (point) distances.push_back((origin * *point).norm());
   }
-  const double scale = depths.empty() ? 1.0 : 1.0 / Median(std::move(depths));
+  const double scale = distances.empty() ? 1.0 : 1.0 / Median(std::move(distances));
   const Rigid3 world_from_cam = origin.Inverse();
   for (const int frame : frames) {
     Rigid3 pose = Pose(frame) * world_from_cam;

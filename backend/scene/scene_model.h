@@ -98,7 +98,8 @@ class SceneModel {
   // Median over points of the standard deviation of depth, relative to the distance.
   double MedianDepthUncertainty() const;
 
-  // Moves the world so that the first registered frame is its origin and the median depth in it 1.
+  // Moves the world so that the first registered frame is its origin and the median distance of the
+  // points from it 1.
   void Normalise();
 
  private:

@@ -11,6 +11,7 @@
 #include <opencv2/calib3d.hpp>
 #include <opencv2/core/eigen.hpp>
 
+#include "backend/geometry/best_rotation.h"
 #include "frontend/core/statistics.h"
 
 namespace cohort {
@@ -233,28 +234,13 @@ Rigid3 RefinePose(const Rigid3& start,
   return pose;
 }
 
-// The rotation with ray2 ~ R ray1: Wahba's problem, reweighted for least absolute distances so that
-// a minority of outliers does not matter.
-Matrix3d BestRotation(const PairPoints& points, const std::vector<bool>& use) {
-  std::vector<double> weight(points.size(), 1.0);
-  Matrix3d rotation = Matrix3d::Identity();
-  for (int round = 0; round < 15; ++round) {
-    Matrix3d sum = Matrix3d::Zero();
-    for (std::size_t i = 0; i < points.size(); ++i) {
-      if (use[i]) {
-        sum += weight[i] * points.ray2[i].normalized() * points.ray1[i].normalized().transpose();
-      }
-    }
-    const Eigen::JacobiSVD<Matrix3d> svd(sum, Eigen::ComputeFullU | Eigen::ComputeFullV);
-    const double sign = (svd.matrixU() * svd.matrixV().transpose()).determinant();
-    rotation = svd.matrixU() * Vector3d(1, 1, sign).asDiagonal() * svd.matrixV().transpose();
-    for (std::size_t i = 0; i < points.size(); ++i) {
-      const double angle =
-          (points.ray2[i].normalized() - rotation * points.ray1[i].normalized()).norm();
-      weight[i] = 1.0 / std::max(angle, 1e-5);
-    }
+// The rotation with ray2 ~ R ray1 of the matches in use.
+Matrix3d RotationBetween(const PairPoints& points, const std::vector<bool>& use) {
+  std::vector<std::pair<Vector2d, Vector2d>> pairs;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    if (use[i]) pairs.emplace_back(points.ray1[i].head<2>(), points.ray2[i].head<2>());
   }
-  return rotation;
+  return FitRotation(pairs).target_from_source.toRotationMatrix();
 }
 
 template <typename Value>
@@ -364,7 +350,7 @@ TwoViewGeometry EstimateTwoViewGeometry(std::span<const Vector2d> xy1,
     return geometry;
   }
 
-  const Matrix3d rotation = BestRotation(points, inlier);
+  const Matrix3d rotation = RotationBetween(points, inlier);
   const Matrix3d rotated = points.k * rotation * points.k_inverse;
   geometry.error_px = MedianOfInliers(
       geometry, [&](std::size_t i) { return std::abs(Sampson(f, points.px1[i], points.px2[i])); });

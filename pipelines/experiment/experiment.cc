@@ -25,8 +25,6 @@ namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
 constexpr std::string_view kAsIs = "as-is";
-const std::string kL1Error = "l1_error_30_frames";
-const std::string kFramesBetween = "frames_between_reinitializations";
 
 std::optional<unsigned> ParseUnsigned(std::string_view text) {
   unsigned value = 0;
@@ -455,17 +453,17 @@ class Experiment {
     rows.Add("outlier_share", errors["outlier_share"], "");
     rows.Add("predicted_precision", errors["predicted_precision"], "");
     rows.Add("predicted_recall", errors["predicted_recall"], "");
-    rows.Add(kFramesBetween, errors["mean_frames_between_reinitializations"], "frames");
-    rows.Add(kL1Error, errors["l1_error_30_frames_px"], "px");
+    rows.Add(kFramesBetweenMetric, errors["mean_frames_between_reinitializations"], "frames");
+    rows.Add(kL1ErrorMetric, errors["l1_error_30_frames_px"], "px");
   }
 
   static void AddFollowRows(const Json& figures, RowAdder& rows) {
     rows.Add("features", figures["features"], "");
-    rows.Add(kL1Error, figures["l1_error_px"], "px");
+    rows.Add(kL1ErrorMetric, figures["l1_error_px"], "px");
     rows.Add("feature_frames", figures["feature_frames"], "frames");
     rows.Add("reinitializations", figures["reinitializations"], "");
     rows.Add("lost", figures["lost"], "");
-    rows.Add(kFramesBetween, figures["frames_between_reinitializations"], "frames");
+    rows.Add(kFramesBetweenMetric, figures["frames_between_reinitializations"], "frames");
     rows.Add("track_time", figures["ms_per_frame"], "ms/frame");
   }
 

@@ -14,7 +14,6 @@ namespace cohort {
 namespace {
 
 constexpr const char* kOurs = "subspace";
-constexpr const char* kL1Error = "l1_error_30_frames";
 
 void AppendNew(std::vector<std::string>& names, const std::string& name) {
   if (std::find(names.begin(), names.end(), name) == names.end()) names.push_back(name);
@@ -161,7 +160,7 @@ int SequencesWon(const ExperimentResults& results,
                  const std::string& level,
                  const std::string& tracker,
                  const std::vector<std::string>& others) {
-  const Grid grid = GridOf(results, level, kL1Error);
+  const Grid grid = GridOf(results, level, kL1ErrorMetric);
   int won = 0;
   for (const std::string& sequence : grid.sequences) {
     const auto own = MedianOf(grid.Cell(tracker, sequence));
@@ -178,8 +177,8 @@ std::string PaperTables(const ExperimentResults& results) {
   for (const ResultRow& row : results.rows) AppendNew(levels, row.level);
   std::string text;
   for (const std::string& level : levels) {
-    const Grid l1 = GridOf(results, level, kL1Error);
-    const Grid life = GridOf(results, level, "frames_between_reinitializations");
+    const Grid l1 = GridOf(results, level, kL1ErrorMetric);
+    const Grid life = GridOf(results, level, kFramesBetweenMetric);
     const Grid reinitializations = GridOf(results, level, "reinitializations");
     text += fmt::format("{}: mean L1 trajectory error after 30 frames [px], lower is better\n{}\n",
                         level,

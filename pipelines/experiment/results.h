@@ -7,6 +7,10 @@
 
 namespace cohort {
 
+// Metrics that the paper's tables are made of.
+inline constexpr const char* kL1ErrorMetric = "l1_error_30_frames";
+inline constexpr const char* kFramesBetweenMetric = "frames_between_reinitializations";
+
 // One figure of one cell. `backend` is empty for figures of the tracks alone.
 struct ResultRow {
   std::string sequence;

@@ -104,8 +104,8 @@ std::string RatioTable(const ExperimentResults& results) {
     const char* in_paper;
     bool high_is_good;
   };
-  constexpr const char* kL1 = "l1_error_30_frames";
-  constexpr const char* kLife = "frames_between_reinitializations";
+  constexpr const char* kL1 = kL1ErrorMetric;
+  constexpr const char* kLife = kFramesBetweenMetric;
   const Figure figures[] = {
       {"L1 error, KLT 7x7 / ours", kL1, "klt7", "13.8 (its KLT)", false},
       {"L1 error, KLT 21x21 / ours", kL1, "klt21", "", false},

@@ -98,7 +98,7 @@ std::vector<Curves> Run(ExperimentOptions options, const OptimizerKind optimizer
   const ExperimentResults results = RunExperiment(options);
   std::map<std::pair<std::string, std::string>, std::vector<double>> logs;  // tracker, level
   for (const ResultRow& row : results.rows) {
-    if (row.metric == "l1_error_30_frames") {
+    if (row.metric == kL1ErrorMetric) {
       logs[{row.tracker, row.level}].push_back(std::log(row.value));
     }
   }
