@@ -6,13 +6,11 @@
 #include "frontend/image/sampling.h"
 
 namespace cohort {
-namespace {
 
-// Mean absolute difference of what two pictures show at two places, 7 x 7.
-double Residual(const cv::Mat& a,
-                const cv::Point2f& at_a,
-                const cv::Mat& b,
-                const cv::Point2f& at_b) {
+double PatchDifference(const cv::Mat& a,
+                       const cv::Point2f& at_a,
+                       const cv::Mat& b,
+                       const cv::Point2f& at_b) {
   constexpr int kSide = 7;
   cv::Mat patch_a(kSide, kSide, CV_32F);
   cv::Mat patch_b(kSide, kSide, CV_32F);
@@ -20,8 +18,6 @@ double Residual(const cv::Mat& a,
   SamplePatch(b, at_b.x, at_b.y, kSide, patch_b.ptr<float>());
   return cv::norm(patch_a, patch_b, cv::NORM_L1) / (kSide * kSide);
 }
-
-}  // namespace
 
 cv::Mat EightBit(const Pyramid& pyramid) {
   cv::Mat gray;
@@ -54,7 +50,8 @@ std::vector<Move> FrameToFrameMover::MoveFeatures(const Pyramid& current) {
     if (lost || !moves[f].xy.allFinite()) {
       moves[f].loss = LossReason::kDiverged;
     } else {
-      moves[f].residual = Residual(previous_gray_, positions_[f], current.levels[0], ends[f]);
+      moves[f].residual =
+          PatchDifference(previous_gray_, positions_[f], current.levels[0], ends[f]);
     }
   }
   positions_ = std::move(ends);

@@ -49,4 +49,10 @@ class FrameToFrameMover : public FeatureMover {
 // Level 0 of a pyramid as CV_8UC1.
 cv::Mat EightBit(const Pyramid& pyramid);
 
+// Mean absolute difference of what two pictures (CV_32FC1) show at two places, 7 x 7.
+double PatchDifference(const cv::Mat& a,
+                       const cv::Point2f& at_a,
+                       const cv::Mat& b,
+                       const cv::Point2f& at_b);
+
 }  // namespace cohort

@@ -12,6 +12,8 @@ std::unique_ptr<FeatureMover> MakeMover(const TrackerOptions& options) {
   switch (options.tracker) {
     case TrackerKind::kKlt:
       return MakeKltMover(options.klt);
+    case TrackerKind::kAnchoredKlt:
+      return MakeAnchoredKltMover(options.anchored_klt);
     case TrackerKind::kRlof:
       return MakeRlofMover(options.rlof);
     case TrackerKind::kDis:

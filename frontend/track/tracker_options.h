@@ -5,13 +5,15 @@
 
 namespace cohort {
 
-enum class TrackerKind { kSubspace, kDescent, kKlt, kRlof, kDis, kDeepFlow };
-inline constexpr ChoiceNames<TrackerKind, 6> kTrackerNames{{{"subspace", TrackerKind::kSubspace},
-                                                            {"descent", TrackerKind::kDescent},
-                                                            {"klt", TrackerKind::kKlt},
-                                                            {"rlof", TrackerKind::kRlof},
-                                                            {"dis", TrackerKind::kDis},
-                                                            {"deepflow", TrackerKind::kDeepFlow}}};
+enum class TrackerKind { kSubspace, kDescent, kKlt, kAnchoredKlt, kRlof, kDis, kDeepFlow };
+inline constexpr ChoiceNames<TrackerKind, 7> kTrackerNames{
+    {{"subspace", TrackerKind::kSubspace},
+     {"descent", TrackerKind::kDescent},
+     {"klt", TrackerKind::kKlt},
+     {"anchored-klt", TrackerKind::kAnchoredKlt},
+     {"rlof", TrackerKind::kRlof},
+     {"dis", TrackerKind::kDis},
+     {"deepflow", TrackerKind::kDeepFlow}}};
 
 // Shi-Tomasi corners on a denoised image, spread over a grid; the same for every tracker.
 struct DetectorOptions {
@@ -72,6 +74,43 @@ struct KltOptions {
              0.0,
              100.0,
              "a feature ends if tracking back misses its start by more [px]; 0: no check");
+  }
+};
+
+// Baseline: the same from frame to frame as a guide, then once more against the feature's first
+// frame.
+struct AnchoredKltOptions {
+  int window_px = 21;
+  int guide_max_level = 3;
+  int anchor_max_level = 1;
+  double max_distance_px = 3.0;
+  double forward_backward_px = 1.0;
+  int max_unconfirmed_frames = 5;
+
+  template <typename Self, typename Visitor>
+  static void Visit(Self& o, Visitor& v) {
+    v.Number("window_px", o.window_px, 3, 101, "side of the tracked patch [px], odd");
+    v.Number("guide_max_level",
+             o.guide_max_level,
+             0,
+             8,
+             "pyramid levels above full resolution, from frame to frame");
+    v.Number("anchor_max_level", o.anchor_max_level, 0, 8, "the same against the first frame");
+    v.Number("max_distance_px",
+             o.max_distance_px,
+             0.1,
+             50.0,
+             "from the guide [px]; further is unconfirmed");
+    v.Number("forward_backward_px",
+             o.forward_backward_px,
+             0.01,
+             100.0,
+             "unconfirmed if tracking back misses the place in the first frame by more [px]");
+    v.Number("max_unconfirmed_frames",
+             o.max_unconfirmed_frames,
+             0,
+             100000,
+             "a feature unconfirmed for more frames in a row ends");
   }
 };
 
@@ -252,6 +291,7 @@ struct TrackerOptions {
   int max_unconfirmed_frames = 20;
   DetectorOptions detector;
   KltOptions klt;
+  AnchoredKltOptions anchored_klt;
   RlofOptions rlof;
   DenseFlowOptions dense_flow;
   SubspaceOptions subspace;
@@ -274,6 +314,7 @@ struct TrackerOptions {
              "a feature that the image has not confirmed for more frames in a row ends");
     v.Group("detector", o.detector, "corner detection");
     v.Group("klt", o.klt, "tracker klt");
+    v.Group("anchored_klt", o.anchored_klt, "tracker anchored-klt");
     v.Group("rlof", o.rlof, "tracker rlof");
     v.Group("dense_flow", o.dense_flow, "trackers dis and deepflow");
     v.Group("subspace", o.subspace, "tracker subspace");

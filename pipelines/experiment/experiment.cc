@@ -108,6 +108,8 @@ Json OwnOptions(const TrackerOptions& options) {
         return {"subspace", "measurement"};
       case TrackerKind::kKlt:
         return {"klt"};
+      case TrackerKind::kAnchoredKlt:
+        return {"anchored_klt"};
       case TrackerKind::kRlof:
         return {"rlof"};
       case TrackerKind::kDis:
@@ -532,15 +534,25 @@ TrackerOptions NamedTracker(const std::string& name, const TrackerOptions& base)
     options.measurement.enabled = false;
     return options;
   }
-  if (const auto window = name.starts_with("klt") ? ParseUnsigned(name.substr(3)) : std::nullopt) {
+  const auto window_behind = [&name](std::string_view prefix) -> std::optional<unsigned> {
+    if (!name.starts_with(prefix)) return std::nullopt;
+    return ParseUnsigned(std::string_view(name).substr(prefix.size()));
+  };
+  if (const auto window = window_behind("klt")) {
     options.tracker = TrackerKind::kKlt;
     options.klt.window_px = static_cast<int>(*window);
     ValidateOptions(options);
     return options;
   }
+  if (const auto window = window_behind("anchored-klt")) {
+    options.tracker = TrackerKind::kAnchoredKlt;
+    options.anchored_klt.window_px = static_cast<int>(*window);
+    ValidateOptions(options);
+    return options;
+  }
   ThrowUsageError(
-      "tracker '{}' is unknown: give a tracker of `cohort track`, kltN (window N px), "
-      "descent-paper, subspace-paper or F.json",
+      "tracker '{}' is unknown: give a tracker of `cohort track`, kltN or anchored-kltN (window "
+      "N px), descent-paper, subspace-paper or F.json",
       name);
 }
 

@@ -53,7 +53,7 @@ struct ExperimentOptions {
              "features end are off");
     v.List("trackers",
            o.trackers,
-           "those of `cohort track`; kltN: klt with a window of N px; subspace-paper, "
+           "those of `cohort track`; kltN, anchored-kltN: with a window of N px; subspace-paper, "
            "descent-paper: joint and first-order tracker as the paper prints them, without "
            "measurement; F.json: the tracker options of this file");
     v.List("backends", o.backends, "ceres, colmap; of protocol reconstruction");

@@ -2,6 +2,7 @@
 
 #include <opencv2/imgproc.hpp>
 
+#include "frontend/core/random_stream.h"
 #include "frontend/track/tracker.h"
 #include "tests/support/closed_form_image.h"
 
@@ -96,6 +97,69 @@ TEST(KltTracker, StartsAgainAfterABlackFrame) {
     }
   }
   EXPECT_GT(followed, 25u);
+}
+
+TrackerOptions AnchoredKlt() {
+  TrackerOptions options = Klt();
+  options.tracker = TrackerKind::kAnchoredKlt;
+  return options;
+}
+
+// Noise of a twentieth of the range, another in every frame.
+cv::Mat NoisyWaves(int frame, double dx, double dy) {
+  cv::Mat picture = test::WavesImage(320, 240, dx, dy);
+  RandomStream random = RandomStream(1, "test/noise").Fork(static_cast<std::uint64_t>(frame));
+  for (std::uint8_t& v : cv::Mat_<std::uint8_t>(picture)) {
+    v = cv::saturate_cast<std::uint8_t>(v + 13.0 * random.Gaussian());
+  }
+  return picture;
+}
+
+double MeanErrorAfter(const TrackerOptions& options, int frames) {
+  const auto tracker = MakeTracker(options);
+  const FrameResult first = tracker->Track(FrameOf(0, NoisyWaves(0, 0, 0)));
+  FrameResult last;
+  for (int t = 1; t <= frames; ++t) {
+    last = tracker->Track(FrameOf(t, NoisyWaves(t, 0.4 * t, -0.3 * t)));
+  }
+  double sum = 0.0;
+  int count = 0;
+  for (const Observation& o : last.observations) {
+    if (ToInt(o.feature) >= first.observations.size()) continue;
+    if (o.state != ObservationState::kObserved) continue;
+    const Eigen::Vector2d moved(0.4 * frames, -0.3 * frames);
+    sum += (o.xy - first.observations[ToInt(o.feature)].xy - moved).norm();
+    ++count;
+  }
+  EXPECT_GT(count, 15);
+  return sum / count;
+}
+
+TEST(AnchoredKltTracker, ErrorsDoNotAddUpFromFrameToFrame) {
+  EXPECT_LT(MeanErrorAfter(AnchoredKlt(), 30), 0.7 * MeanErrorAfter(Klt(), 30));
+}
+
+TEST(AnchoredKltTracker, WhatThePictureDoesNotConfirmStaysPredictedAndEndsAfterFiveFrames) {
+  const auto tracker = MakeTracker(AnchoredKlt());
+  const std::size_t born =
+      tracker->Track(FrameOf(0, test::WavesImage(320, 240, 0, 0))).observations.size();
+  const cv::Mat other = test::ImageOf(
+      [](double x, double y) { return test::NoiseAt(1.7 * x + 600, y + 300); }, 320, 240, CV_8U);
+  std::size_t ended = 0;
+  for (int t = 1; t <= 6; ++t) {
+    const FrameResult result = tracker->Track(FrameOf(t, other));
+    std::size_t observed = 0;
+    for (const Observation& o : result.observations) {
+      if (ToInt(o.feature) < born && o.state == ObservationState::kObserved) ++observed;
+    }
+    EXPECT_LE(observed, born / 10) << "frame " << t;
+    for (const TrackEnd& end : result.ends) {
+      if (ToInt(end.feature) >= born || end.reason != LossReason::kContradicted) continue;
+      EXPECT_GE(ToInt(end.last_frame), 5u);
+      ++ended;
+    }
+  }
+  EXPECT_GT(ended, born / 2);
 }
 
 }  // namespace
