@@ -76,7 +76,11 @@ cv::Mat Paper(cv::Mat image, const PaperLevel& level, RandomStream& random) {
   return image;
 }
 
-cv::Mat Sensor(cv::Mat image, const SensorLevel& level, cv::Mat motion, RandomStream& random) {
+// Linear light that reaches the sensor.
+cv::Mat SensorSignal(cv::Mat image,
+                     const SensorLevel& level,
+                     cv::Mat motion,
+                     RandomStream& random) {
   cv::pow(image, kGamma, image);
   const double angle = random.Uniform(0.0, 2.0 * std::numbers::pi);
   const double hand_px = kHandMotionPx * random.Uniform();
@@ -84,7 +88,14 @@ cv::Mat Sensor(cv::Mat image, const SensorLevel& level, cv::Mat motion, RandomSt
     motion = cv::Mat(
         image.size(), CV_32FC2, cv::Scalar(hand_px * std::cos(angle), hand_px * std::sin(angle)));
   }
-  image = level.gain * Smear(image, level.shutter * motion);
+  return level.gain * Smear(image, level.shutter * motion);
+}
+
+cv::Mat Sensor(const cv::Mat& unit,
+               const SensorLevel& level,
+               const cv::Mat& motion,
+               RandomStream& random) {
+  cv::Mat image = SensorSignal(unit, level, motion, random);
   for (float& v : cv::Mat_<float>(image)) {
     v += static_cast<float>(std::sqrt(level.shot * v + level.read) * random.Gaussian());
   }
@@ -106,7 +117,62 @@ cv::Mat BarPattern(int height_px, unsigned seed) {
   return pattern;
 }
 
-// How the true camera moves the picture, a frame's worth about `frame` [px]; empty without truth.
+RandomStream NoiseOf(const DegradeOptions& options, std::uint32_t frame) {
+  return RandomStream(options.seed, "degrade/noise").Fork(frame);
+}
+
+}  // namespace
+
+double ParseLevel(const std::string& text) {
+  if (text == "clean") return 0.0;
+  if (text == "medium") return 1.0;
+  if (text == "hard") return 2.0;
+  double level = -1.0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), level);
+  if (error != std::errc() || end != text.data() + text.size() ||
+      !(level >= 0.0 && level <= 10.0)) {
+    ThrowUsageError("level '{}' is unknown: give clean, medium, hard or a number from 0 to 10",
+                    text);
+  }
+  return level;
+}
+
+PaperLevel PaperLevelOf(double level) {
+  return {Geometric(level, 1.0, 0.3, 0.2),
+          Straight(level, 0.004, 0.04, 0.06),
+          std::min(2.0, 2.0 * level),
+          Straight(level, 0.0, 0.02, 0.03)};
+}
+
+SensorLevel SensorLevelOf(double level) {
+  const double gain = Geometric(level, 1.0, 0.08, 0.04);
+  const double shot = Geometric(level, 1e-4, 0.006, 0.012);
+  return {gain,
+          shot,
+          std::exp(2.18 * std::log(shot) + 1.2),
+          std::max(1.0, 0.2 / gain),
+          std::min(1.0, Straight(level, 0.0, 0.35, 0.6))};
+}
+
+cv::Mat DegradeFrame(const cv::Mat& gray,
+                     const DegradeOptions& options,
+                     std::uint32_t frame,
+                     const cv::Mat& motion) {
+  RandomStream random = NoiseOf(options, frame);
+  cv::Mat image = ToUnit(gray);
+  switch (options.recipe) {
+    case DegradeRecipe::kPaper:
+      image = Paper(image, PaperLevelOf(options.level), random);
+      break;
+    case DegradeRecipe::kSensor:
+      image = Sensor(image, SensorLevelOf(options.level), motion, random);
+      break;
+  }
+  cv::Mat out;
+  image.convertTo(out, CV_8U, 255.0);
+  return out;
+}
+
 cv::Mat TrueMotion(const Sequence& sequence, FrameIndex frame, const cv::Mat& depth_m) {
   const std::map<FrameIndex, Rigid3>& poses = sequence.TrueCamFromWorld();
   const auto here = poses.find(frame);
@@ -152,56 +218,24 @@ cv::Mat TrueMotion(const Sequence& sequence, FrameIndex frame, const cv::Mat& de
   return motion;
 }
 
-}  // namespace
-
-double ParseLevel(const std::string& text) {
-  if (text == "clean") return 0.0;
-  if (text == "medium") return 1.0;
-  if (text == "hard") return 2.0;
-  double level = -1.0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), level);
-  if (error != std::errc() || end != text.data() + text.size() ||
-      !(level >= 0.0 && level <= 10.0)) {
-    ThrowUsageError("level '{}' is unknown: give clean, medium, hard or a number from 0 to 10",
-                    text);
-  }
-  return level;
-}
-
-PaperLevel PaperLevelOf(double level) {
-  return {Geometric(level, 1.0, 0.3, 0.2),
-          Straight(level, 0.004, 0.04, 0.06),
-          std::min(2.0, 2.0 * level),
-          Straight(level, 0.0, 0.02, 0.03)};
-}
-
-SensorLevel SensorLevelOf(double level) {
-  const double gain = Geometric(level, 1.0, 0.08, 0.04);
-  const double shot = Geometric(level, 1e-4, 0.006, 0.012);
-  return {gain,
-          shot,
-          std::exp(2.18 * std::log(shot) + 1.2),
-          std::max(1.0, 0.2 / gain),
-          std::min(1.0, Straight(level, 0.0, 0.35, 0.6))};
-}
-
-cv::Mat DegradeFrame(const cv::Mat& gray,
-                     const DegradeOptions& options,
-                     std::uint32_t frame,
-                     const cv::Mat& motion) {
-  RandomStream random = RandomStream(options.seed, "degrade/noise").Fork(frame);
+cv::Mat SignalOf(const cv::Mat& gray,
+                 const DegradeOptions& options,
+                 std::uint32_t frame,
+                 const cv::Mat& motion) {
   cv::Mat image = ToUnit(gray);
   switch (options.recipe) {
-    case DegradeRecipe::kPaper:
-      image = Paper(image, PaperLevelOf(options.level), random);
-      break;
-    case DegradeRecipe::kSensor:
-      image = Sensor(image, SensorLevelOf(options.level), motion, random);
-      break;
+    case DegradeRecipe::kPaper: {
+      const PaperLevel level = PaperLevelOf(options.level);
+      image *= level.gain;
+      if (level.blur_px > 0.0) cv::GaussianBlur(image, image, cv::Size(0, 0), level.blur_px);
+      return image;
+    }
+    case DegradeRecipe::kSensor: {
+      RandomStream random = NoiseOf(options, frame);
+      return SensorSignal(image, SensorLevelOf(options.level), motion, random);
+    }
   }
-  cv::Mat out;
-  image.convertTo(out, CV_8U, 255.0);
-  return out;
+  ThrowUsageError("unknown recipe");
 }
 
 OccludedFrame DrawOccluder(const cv::Mat& gray,

@@ -66,6 +66,17 @@ cv::Mat DegradeFrame(const cv::Mat& gray,
                      std::uint32_t frame,
                      const cv::Mat& motion = {});
 
+// The same frame as it would be without noise, digital gain, gamma and 8 bits, CV_32FC1: what the
+// noise is added to. Sensor: in linear light.
+cv::Mat SignalOf(const cv::Mat& gray,
+                 const DegradeOptions& options,
+                 std::uint32_t frame,
+                 const cv::Mat& motion = {});
+
+// How the true camera moves the picture, a frame's worth about `frame`: `motion` above. Empty
+// without true poses, camera or depth.
+cv::Mat TrueMotion(const Sequence& sequence, FrameIndex frame, const cv::Mat& depth_m);
+
 // An opaque, textured bar, 80 px wide, that crosses the picture from the left again and again; it
 // stays away for as long as it takes to cross.
 struct OccludedFrame {
