@@ -66,7 +66,7 @@ struct MapperOptions {
            o.refine_principal_point,
            "refine the principal point of a guessed camera");
     v.Flag("covariances", o.covariances, "estimate covariances of cameras and points");
-    v.Number("threads", o.threads, 1, 1024, "threads of the solver");
+    v.Number("threads", o.threads, 1, 1024, "of the solver; more than 1 does not repeat exactly");
   }
 };
 

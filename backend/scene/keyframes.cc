@@ -2,8 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <span>
 
 #include "backend/geometry/best_rotation.h"
+#include "backend/scene/two_view_geometry.h"
 #include "frontend/core/statistics.h"
 
 namespace cohort {
@@ -160,6 +162,39 @@ ClipMotion ClassifyMotion(const Clip& clip,
   };
   for (const Camera& candidate : CamerasToTry(camera)) {
     if (largest_parallax(candidate) < threshold) return ClipMotion::kRotation;
+  }
+  return ClipMotion::kParallax;
+}
+
+ClipMotion ClassifyDrift(const Clip& clip,
+                         const Camera& camera,
+                         const std::vector<FramePairMotion>& pairs) {
+  constexpr std::size_t kPairs = 12;
+  constexpr double kAlongEpipolarLines = 5.0;
+  constexpr double kStill = 1.5;  // motion before the best rotation to that after it
+  constexpr double kMinErrorPx = 0.05;
+  for (Camera candidate : CamerasToTry(camera)) {
+    candidate.known = true;  // this focal length is the hypothesis
+    std::vector<double> along;
+    std::vector<double> turned;
+    for (const FramePairMotion& pair : std::span(pairs).first(std::min(pairs.size(), kPairs))) {
+      std::vector<Eigen::Vector2d> xy_a;
+      std::vector<Eigen::Vector2d> xy_b;
+      for (const auto& [a, b] : clip.Common(pair.frame_a, pair.frame_b)) {
+        xy_a.push_back(clip.observations()[a].xy);
+        xy_b.push_back(clip.observations()[b].xy);
+      }
+      TwoViewOptions two_view;
+      two_view.min_inliers = 8;
+      // Not to take for outliers what is to be measured.
+      two_view.max_error_px = std::clamp(pair.parallax_px, two_view.max_error_px, 50.0);
+      const TwoViewGeometry geometry = EstimateTwoViewGeometry(xy_a, xy_b, candidate, two_view);
+      if (geometry.kind == TwoViewKind::kDegenerate) continue;
+      along.push_back(geometry.parallax_px / std::max(geometry.error_px, kMinErrorPx));
+      turned.push_back(geometry.motion_px / std::max(geometry.parallax_px, kMinErrorPx));
+    }
+    if (along.empty() || Median(std::move(along)) > kAlongEpipolarLines) continue;
+    return Median(std::move(turned)) < kStill ? ClipMotion::kStatic : ClipMotion::kRotation;
   }
   return ClipMotion::kParallax;
 }

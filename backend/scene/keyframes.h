@@ -50,4 +50,13 @@ ClipMotion ClassifyMotion(const Clip& clip,
                           const std::vector<FramePairMotion>& pairs,
                           double noise_px);
 
+// The same of a clip that gave no model, by the direction of what a rotation leaves: parallax lies
+// along the epipolar lines, drift of the tracks and things that move as much across them. A drift
+// of s px a coordinate leaves a median of 1.67 s after the best rotation and of 0.67 s across the
+// epipolar lines, a ratio of 2.5 (3 to 4 where few tracks fit their own essential matrix); cameras
+// that moved have 8 and more. `pairs` as RankPairs gives them.
+ClipMotion ClassifyDrift(const Clip& clip,
+                         const Camera& camera,
+                         const std::vector<FramePairMotion>& pairs);
+
 }  // namespace cohort

@@ -330,7 +330,8 @@ double SceneModel::DepthDisagreement(const SceneModel& a, const SceneModel& b, i
 }
 
 double SceneModel::MedianDepthUncertainty() const {
-  const double sigma = noise_ / MeanFocal();
+  // The noise is in units of what the observations say of themselves.
+  const double noise = noise_ / MeanFocal();
   std::vector<double> values;
   for (int t = 0; t < clip_->track_count(); ++t) {
     if (!HasPoint(t)) continue;
@@ -340,15 +341,17 @@ double SceneModel::MedianDepthUncertainty() const {
     const auto [first, last] = clip_->TrackRange(t);
     for (int o = first; o < last; ++o) {
       if (!Active(o)) continue;
-      const Eigen::Vector3d ray = Point(t) - centers_[clip_->observations()[o].frame];
+      const ClipObservation& observation = clip_->observations()[o];
+      const Eigen::Vector3d ray = Point(t) - centers_[observation.frame];
       const double distance = ray.norm();
       nearest = std::min(nearest, distance);
       const Eigen::Vector3d u = ray / distance;
-      information += (Eigen::Matrix3d::Identity() - u * u.transpose()) / (distance * distance);
+      const double sigma = distance * std::sqrt(0.5 * observation.covariance_px2.trace());
+      information += (Eigen::Matrix3d::Identity() - u * u.transpose()) / (sigma * sigma);
     }
     const double weakest =
         Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(information).eigenvalues()[0];
-    values.push_back(sigma / std::sqrt(std::max(weakest, 1e-300)) / nearest);
+    values.push_back(noise / std::sqrt(std::max(weakest, 1e-300)) / nearest);
   }
   return values.empty() ? std::numeric_limits<double>::infinity() : Median(std::move(values));
 }

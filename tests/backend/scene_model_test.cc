@@ -1,0 +1,47 @@
+#include "backend/scene/scene_model.h"
+
+#include <gtest/gtest.h>
+
+#include <limits>
+
+#include "tests/support/synthetic_tracks.h"
+
+namespace cohort {
+namespace {
+
+// The true scene, seen through observations that all claim this standard deviation.
+double DepthUncertainty(test::SyntheticTracks scene, float sigma_px) {
+  std::vector<Observation> observations;
+  for (Observation o : scene.file.tracks.observations()) {
+    o.covariance = PixelCovariance{sigma_px * sigma_px, 0.0F, sigma_px * sigma_px};
+    observations.push_back(o);
+  }
+  scene.file.tracks = TrackSet::Build(std::move(observations));
+  ClipOptions options;
+  options.covariance_floor_px = 0.0;
+  const Clip clip(scene.file, options);
+  SceneModel model(clip, *scene.file.camera, {});
+  for (int f = 0; f < clip.frame_count(); ++f) {
+    model.SetPose(f, scene.cam_from_world.at(clip.frames()[f].index));
+  }
+  for (int t = 0; t < clip.track_count(); ++t) {
+    model.SetPoint(t, scene.points_in_world.at(clip.features()[t]));
+  }
+  model.ReclassifyAll(std::numeric_limits<double>::infinity());
+  EXPECT_NEAR(model.noise(), 0.5 / sigma_px, 0.05 / sigma_px);
+  return model.MedianDepthUncertainty();
+}
+
+TEST(SceneModel, DepthUncertaintyIsOfTheNoiseFoundNotOfWhatObservationsClaim) {
+  test::SyntheticTracksOptions options;
+  options.path = test::CameraPath::kLateral;
+  options.noise_px = 0.5;
+  const test::SyntheticTracks scene = MakeSyntheticTracks(options);
+  const double uncertainty = DepthUncertainty(scene, 0.5F);
+  EXPECT_GT(uncertainty, 0.0);
+  EXPECT_NEAR(DepthUncertainty(scene, 2.0F), uncertainty, 1e-6 * uncertainty);
+  EXPECT_NEAR(DepthUncertainty(scene, 0.1F), uncertainty, 1e-6 * uncertainty);
+}
+
+}  // namespace
+}  // namespace cohort
