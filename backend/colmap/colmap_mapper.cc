@@ -313,10 +313,10 @@ ColmapResult ReconstructWithColmap(const TrackFile& file,
   const std::size_t registered = result.reconstruction.cam_from_world.size();
   std::string termination;
   if (registered == 0) {
-    termination = fmt::format("COLMAP {} registered no frame: {}; see {}",
+    termination = fmt::format("COLMAP {} registered no frame: {}; see {} of the run",
                               program.version(),
                               failure,
-                              workspace.log.string());
+                              workspace.log.filename().string());
   } else if (registered * 10 < frames * 8) {
     termination = fmt::format("COLMAP {} registered only {} of {} frames (fewer than 80 %); {}",
                               program.version(),
@@ -370,10 +370,10 @@ ColmapResult TriangulateWithColmap(const TrackFile& file,
   result.summary.seconds = total.Seconds();
   result.summary.termination =
       written ? fmt::format("COLMAP {} triangulated with given poses", program.version())
-              : fmt::format("COLMAP {} triangulated nothing: {}; see {}",
+              : fmt::format("COLMAP {} triangulated nothing: {}; see {} of the run",
                             program.version(),
                             FailureIn(workspace.log, 0, end),
-                            workspace.log.string());
+                            workspace.log.filename().string());
   return result;
 }
 

@@ -12,6 +12,11 @@
 namespace cohort {
 
 void WriteVideoFrames(const TrackFile& file, const std::filesystem::path& folder) {
+  constexpr const char* kWithout = "--no-write-frames does without pictures";
+  if (!std::filesystem::exists(file.source)) {
+    ThrowError(
+        "{}: the video that the tracks are of is not there any more: {}", file.source, kWithout);
+  }
   std::vector<std::string> names;
   for (const FrameInfo& frame : file.frames) names.push_back(frame.name);
   OutputFolder out(folder, names);
@@ -21,7 +26,10 @@ void WriteVideoFrames(const TrackFile& file, const std::filesystem::path& folder
     std::optional<Frame> frame = video->Next();
     while (frame && frame->index < wanted.index) frame = video->Next();
     if (!frame || frame->name != wanted.name) {
-      ThrowError("{}: has no frame {} any more: track the video again", file.source, wanted.name);
+      ThrowError("{}: has no frame {} any more: track the video again ({})",
+                 file.source,
+                 wanted.name,
+                 kWithout);
     }
     const std::string path = (out.partial() / wanted.name).string();
     if (!cv::imwrite(path, frame->gray)) {

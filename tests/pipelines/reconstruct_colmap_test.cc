@@ -1,0 +1,39 @@
+// The real COLMAP behind `cohort reconstruct`.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+
+#include "backend/colmap/model_io.h"
+#include "tests/support/program.h"
+#include "tests/support/synthetic_tracks.h"
+#include "tests/support/temp_dir.h"
+
+namespace cohort {
+namespace {
+
+TEST(ReconstructWithColmapCommand, WritesTheModelFolderOfAClip) {
+  const test::TempDir dir;
+  const auto path = [&](const std::string& name) -> std::string { return dir / name; };
+  test::SyntheticTracksOptions options;
+  options.frames = 12;
+  const test::SyntheticTracks scene = MakeSyntheticTracks(options);
+  WriteTrackFile(path("a.tracks"), scene.file);
+  const test::ProgramEnd end = test::RunCohort(
+      "reconstruct " + path("a.tracks") + " --backend colmap --no-write-frames --quiet --seed 3" +
+      " --out " + path("m") + " --json " + path("r.json"));
+  ASSERT_EQ(end.exit_code, 0) << end.err;
+
+  const Reconstruction model = ReadReconstruction(path("m"));
+  EXPECT_EQ(model.cam_from_world.size(), 12u);
+  EXPECT_LT(test::AbsoluteTrajectoryError(model.cam_from_world, scene.cam_from_world), 0.02);
+  const auto figures = nlohmann::json::parse(ReadBytes(path("r.json")));
+  EXPECT_EQ(figures["registered"], 12);
+  EXPECT_EQ(figures["points"], model.points.size());
+  EXPECT_EQ(figures["options"]["colmap"]["seed"], 3);
+  EXPECT_THAT(figures["termination"].get<std::string>(), testing::HasSubstr("COLMAP 3.8 done"));
+  EXPECT_THAT(ReadBytes(path("m/colmap/colmap.log")), testing::HasSubstr(" --random_seed 3 "));
+}
+
+}  // namespace
+}  // namespace cohort

@@ -1,0 +1,105 @@
+// What `cohort reconstruct --backend colmap` makes of its options, told by a program in COLMAP's
+// place: the mapper itself would take its time (reconstruct_colmap_test.cc runs it).
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+
+#include "tests/support/program.h"
+#include "tests/support/synthetic_tracks.h"
+#include "tests/support/temp_dir.h"
+
+namespace cohort {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::AllOf;
+using testing::HasSubstr;
+using testing::Not;
+
+class ReconstructCommand : public testing::Test {
+ protected:
+  ReconstructCommand() {
+    test::SyntheticTracksOptions small;
+    small.frames = 6;
+    WriteTrackFile(Path("a.tracks"), MakeSyntheticTracks(small).file);
+    // Knows every option that a command of COLMAP may be given, and registers nothing.
+    WriteBytes(Path("fake"),
+               "#!/bin/sh\n"
+               "case \"$*\" in\n"
+               "'-h') echo COLMAP 3.8 ;;\n"
+               "*-h) for o in database_path image_path output_path random_seed Mapper.num_threads "
+               "Mapper.min_num_matches Mapper.ba_global_images_ratio Mapper.init_image_id1; "
+               "do echo \"  --$o arg\"; done ;;\n"
+               "esac\n");
+    fs::permissions(Path("fake"), fs::perms::owner_all);
+  }
+
+  std::string Path(const std::string& name) const { return dir_ / name; }
+
+  // Runs the command, and returns what the program in COLMAP's place was asked to do.
+  std::string Log(const std::string& more) {
+    end_ = test::RunCohort("reconstruct " + Path("a.tracks") +
+                           " --backend colmap --no-write-frames --quiet --out " + Path("m") +
+                           " --colmap-program " + Path("fake") + " " + more);
+    EXPECT_TRUE(fs::exists(Path("m/colmap/colmap.log"))) << end_.err;
+    return ReadBytes(Path("m/colmap/colmap.log"));
+  }
+
+  static int Count(const std::string& text, const std::string& part) {
+    int count = 0;
+    for (auto at = text.find(part); at != std::string::npos; at = text.find(part, at + 1)) ++count;
+    return count;
+  }
+
+  test::TempDir dir_;
+  test::ProgramEnd end_;
+};
+
+TEST_F(ReconstructCommand, ColmapGetsTheOptionsOfTheCommand) {
+  EXPECT_THAT(Log(""),
+              AllOf(HasSubstr(" --random_seed 0 "),
+                    HasSubstr(" --Mapper.num_threads 1 "),
+                    HasSubstr(" --Mapper.min_num_matches 15 "),
+                    HasSubstr(" --Mapper.ba_global_images_ratio 1.4 ")));
+  const std::string log =
+      Log("--seed 7 --colmap.threads 2 --no-colmap.fewer-adjustments --colmap.max-attempts 1 "
+          "--colmap.database.two-view.min-inliers 11");
+  EXPECT_THAT(log,
+              AllOf(HasSubstr(" --random_seed 7 "),
+                    HasSubstr(" --Mapper.num_threads 2 "),
+                    HasSubstr(" --Mapper.min_num_matches 11 "),
+                    Not(HasSubstr("ba_global_images_ratio"))));
+  // The best pair of ours, and then a pair of COLMAP's own.
+  EXPECT_EQ(Count(log, "$ " + Path("fake") + " mapper "), 2);
+  EXPECT_EQ(Count(log, "--Mapper.init_image_id1"), 1);
+}
+
+TEST_F(ReconstructCommand, SaysInOneLineThatColmapRegisteredNothingAndWhereItsLogIs) {
+  Log("");
+  EXPECT_EQ(end_.exit_code, 1);
+  EXPECT_EQ(Count(end_.err, "\n"), 1) << end_.err;
+  EXPECT_THAT(end_.err,
+              AllOf(testing::StartsWith("cohort: error: the reconstruction failed: 0 of 6 frames"),
+                    HasSubstr("COLMAP 3.8 registered no frame: exit code 0; see colmap.log"),
+                    // Not in the folder that the run had while it lasted.
+                    HasSubstr("what there is lies in " + Path("m") + "\n"),
+                    Not(HasSubstr("partial"))));
+  EXPECT_TRUE(fs::exists(Path("m/colmap/colmap.log")));
+  const auto summary = nlohmann::json::parse(ReadBytes(Path("m/summary.json")));
+  EXPECT_EQ(summary["backend"], "colmap");
+  EXPECT_EQ(summary["registered"], 0);
+  EXPECT_EQ(summary["failed"], true);
+}
+
+TEST_F(ReconstructCommand, SaysHowToDoWithoutAVideoThatIsGone) {
+  const test::ProgramEnd end =
+      test::RunCohort("reconstruct " + Path("a.tracks") + " --backend colmap --quiet --out " +
+                      Path("m") + " --colmap-program " + Path("fake"));
+  EXPECT_EQ(end.exit_code, 1);
+  EXPECT_THAT(end.err, AllOf(HasSubstr("not there any more"), HasSubstr("--no-write-frames")));
+  EXPECT_FALSE(fs::exists(Path("m")));
+}
+
+}  // namespace
+}  // namespace cohort
