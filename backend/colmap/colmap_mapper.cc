@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <chrono>
 #include <optional>
-#include <set>
 
 #include "backend/colmap/model_io.h"
 #include "backend/colmap/program.h"
@@ -141,28 +140,6 @@ Arguments MapperArguments(const TrackFile& file,
   return arguments;
 }
 
-struct MapperModel {
-  fs::path folder;
-  ColmapModel model;
-};
-
-// The model with most images of those that the mapper left in a folder (0, 1, ...); none if it
-// failed.
-std::optional<MapperModel> LargestModel(const fs::path& folder) {
-  std::set<fs::path> folders;  // in order, so that the first of equals is taken
-  for (const auto& entry : fs::directory_iterator(folder)) {
-    if (entry.is_directory()) folders.insert(entry.path());
-  }
-  std::optional<MapperModel> largest;
-  for (const fs::path& path : folders) {
-    ColmapModel model = ReadColmapModel(path);
-    if (!largest || model.images.size() > largest->model.images.size()) {
-      largest = {path, std::move(model)};
-    }
-  }
-  return largest;
-}
-
 Arguments AdjusterArguments(const TrackFile& file, const ColmapOptions& options) {
   const bool refine = !file.camera || !file.camera->known;
   return {Argument("random_seed", options.seed),
@@ -272,7 +249,7 @@ ColmapResult ReconstructWithColmap(const TrackFile& file,
   }
 
   std::string failure;
-  std::optional<MapperModel> best;
+  std::optional<ColmapModelFolder> best;
   for (std::size_t i = 0; i < attempts.size(); ++i) {
     const fs::path sparse = workspace.MakeFolder(fmt::format("sparse{}", i));
     const std::size_t log_bytes = fs::exists(workspace.log) ? fs::file_size(workspace.log) : 0;
@@ -281,7 +258,7 @@ ColmapResult ReconstructWithColmap(const TrackFile& file,
     const Stopwatch mapper;
     const ProgramEnd end = program.Run("mapper", arguments, workspace.log);
     result.colmap_seconds += mapper.Seconds();
-    auto model = LargestModel(sparse);
+    auto model = ReadLargestColmapModel(sparse);
     if (model && (!best || model->model.images.size() > best->model.images.size())) {
       best = std::move(model);
     }

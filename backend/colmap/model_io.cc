@@ -7,6 +7,7 @@
 #include <cmath>
 #include <cstring>
 #include <limits>
+#include <set>
 #include <sstream>
 
 #include "frontend/core/output.h"
@@ -486,6 +487,21 @@ ColmapModel ReadColmapModel(const fs::path& folder) {
   }
   CheckReferences(folder, model);
   return model;
+}
+
+std::optional<ColmapModelFolder> ReadLargestColmapModel(const fs::path& folder) {
+  std::set<fs::path> folders;  // in order
+  for (const auto& entry : fs::directory_iterator(folder)) {
+    if (entry.is_directory()) folders.insert(entry.path());
+  }
+  std::optional<ColmapModelFolder> largest;
+  for (const fs::path& path : folders) {
+    ColmapModel model = ReadColmapModel(path);
+    if (!largest || model.images.size() > largest->model.images.size()) {
+      largest = {path, std::move(model)};
+    }
+  }
+  return largest;
 }
 
 ColmapModel ToColmapModel(const Reconstruction& reconstruction) {

@@ -49,6 +49,14 @@ void WriteColmapModel(const std::filesystem::path& folder,
                       ColmapModelFormat format);
 ColmapModel ReadColmapModel(const std::filesystem::path& folder);
 
+// Of the models that a mapper left in a folder (0, 1, ...) the one with most images, the first of
+// equals; none if it failed.
+struct ColmapModelFolder {
+  std::filesystem::path folder;
+  ColmapModel model;
+};
+std::optional<ColmapModelFolder> ReadLargestColmapModel(const std::filesystem::path& folder);
+
 // Image id = frame + 1, point id = feature + 1, an image's points are the views of it.
 ColmapModel ToColmapModel(const Reconstruction& reconstruction);
 // The reverse, for a model that ToColmapModel made.

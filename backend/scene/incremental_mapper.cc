@@ -477,6 +477,49 @@ Reconstruction ToReconstruction(const SceneModel& model) {
   return result;
 }
 
+ClipOptions ClipOptionsOf(const MapperOptions& options) {
+  ClipOptions clip;
+  clip.min_track_length = options.min_track_length;
+  clip.use_covariances = options.use_covariances;
+  clip.covariance_floor_px = options.covariance_floor_px;
+  clip.include_predicted = options.include_predicted;
+  clip.predicted_growth_px = options.predicted_growth_px;
+  return clip;
+}
+
+// Bundle adjustment of the model's points from all that is believed of them; the poses stay.
+void AdjustPoints(SceneModel& model, const BundleOptions& options) {
+  const Clip& clip = model.clip();
+  BundleProblem problem;
+  problem.intrinsics = model.camera();
+  std::vector<int> camera_of_frame(clip.frame_count(), -1);
+  for (const int frame : model.RegisteredFrames()) {
+    camera_of_frame[frame] = static_cast<int>(problem.cameras.size());
+    problem.cameras.push_back({model.Pose(frame), true});
+  }
+  std::vector<int> tracks;
+  for (int track = 0; track < clip.track_count(); ++track) {
+    if (!model.HasPoint(track)) continue;
+    const auto [first, last] = clip.TrackRange(track);
+    for (int o = first; o < last; ++o) {
+      if (!model.Active(o)) continue;
+      const ClipObservation& observation = clip.observations()[o];
+      problem.observations.push_back({camera_of_frame[observation.frame],
+                                      static_cast<int>(tracks.size()),
+                                      observation.xy,
+                                      observation.covariance_px2});
+    }
+    tracks.push_back(track);
+    problem.points_in_world.push_back(model.Point(track));
+  }
+  if (problem.observations.empty()) return;
+  const BundleResult result = AdjustBundle(std::move(problem), options);
+  if (result.termination == BundleTermination::kFailed) return;
+  for (std::size_t i = 0; i < tracks.size(); ++i) {
+    model.SetPoint(tracks[i], result.solution.points_in_world[i]);
+  }
+}
+
 }  // namespace
 
 MapperResult ReconstructWithCeres(const TrackFile& file, const MapperOptions& options) {
@@ -500,13 +543,7 @@ MapperResult ReconstructWithCeres(const TrackFile& file, const MapperOptions& op
     return end(MapperTermination::kTooFewTracks,
                fmt::format("the clip has {} frame, at least 2 are needed", file.frames.size()));
   }
-  ClipOptions clip_options;
-  clip_options.min_track_length = options.min_track_length;
-  clip_options.use_covariances = options.use_covariances;
-  clip_options.covariance_floor_px = options.covariance_floor_px;
-  clip_options.include_predicted = options.include_predicted;
-  clip_options.predicted_growth_px = options.predicted_growth_px;
-  const Clip clip(file, clip_options);
+  const Clip clip(file, ClipOptionsOf(options));
   if (clip.track_count() == 0) {
     return end(MapperTermination::kTooFewTracks,
                fmt::format("none of {} tracks is observed in {} frames",
@@ -574,6 +611,49 @@ MapperResult ReconstructWithCeres(const TrackFile& file, const MapperOptions& op
   result.reconstruction = ToReconstruction(model);
   const bool partial = model.registered() * 10 < static_cast<int>(file.frames.size()) * 8;
   return end(partial ? MapperTermination::kPartial : MapperTermination::kSuccess, detail);
+}
+
+MapperResult TriangulateWithCeres(const TrackFile& file,
+                                  const std::map<FrameIndex, Rigid3>& cam_from_world,
+                                  const MapperOptions& options) {
+  ValidateOptions(options);
+  if (!file.camera || !file.camera->known) {
+    ThrowError("triangulation with given poses needs a known camera: give --camera");
+  }
+  const auto started = std::chrono::steady_clock::now();
+  const Camera camera = CameraOf(file);
+  const Clip clip(file, ClipOptionsOf(options));
+  const Mapper mapper(clip, camera, options);
+  SceneModel model(
+      clip,
+      camera,
+      {.max_reprojection_px = options.max_reprojection_px, .min_angle_deg = options.min_angle_deg});
+  for (int frame = 0; frame < clip.frame_count(); ++frame) {
+    const auto pose = cam_from_world.find(clip.frames()[frame].index);
+    if (pose != cam_from_world.end()) model.SetPose(frame, pose->second);
+  }
+  model.TriangulateAll();
+  model.ReclassifyAll(kInfinity);
+  constexpr int kRounds = 3;
+  for (int round = 0; round < kRounds; ++round) {
+    AdjustPoints(model, mapper.Bundle(model, 20, 1e-6));
+    model.ReclassifyAll(model.ErrorBound());
+    model.TriangulateAll();
+  }
+
+  MapperResult result;
+  result.reconstruction = ToReconstruction(model);
+  result.noise = model.noise();
+  result.summary = Summarize(result.reconstruction, file.frames.size());
+  result.summary.termination = "triangulated with given poses";
+  result.summary.seconds =
+      std::chrono::duration<double>(std::chrono::steady_clock::now() - started).count();
+  result.termination =
+      result.summary.Failed() ? MapperTermination::kPartial : MapperTermination::kSuccess;
+  for (const FeatureId feature : file.tracks.features()) {
+    if (!result.reconstruction.points.contains(feature)) result.without_point.push_back(feature);
+  }
+  return result;
 }
 
 }  // namespace cohort

@@ -123,4 +123,11 @@ struct MapperResult {
 // input that makes no sense (no picture size, intrinsics that are not positive).
 MapperResult ReconstructWithCeres(const TrackFile& file, const MapperOptions& options = {});
 
+// Points alone, from poses that are given and kept (true ones: isolates the tracks from the
+// solver): triangulation, then bundle adjustment that moves nothing but points, under the bounds of
+// the mapper. All frames with a pose count as registered; the camera of `file` must be known.
+MapperResult TriangulateWithCeres(const TrackFile& file,
+                                  const std::map<FrameIndex, Rigid3>& cam_from_world,
+                                  const MapperOptions& options = {});
+
 }  // namespace cohort

@@ -6,6 +6,22 @@
 #include "pipelines/experiment/paper_tables.h"
 
 namespace cohort {
+namespace {
+
+void PrintNotes(const char* what, const std::vector<CellNote>& notes) {
+  for (const CellNote& note : notes) {
+    fmt::print("{}: {} {} {} {} seed {}: {}\n",
+               what,
+               note.sequence,
+               note.level,
+               note.tracker,
+               note.backend.empty() ? "tracking" : note.backend,
+               note.seed,
+               note.reason);
+  }
+}
+
+}  // namespace
 
 void RunCompare(const ExperimentOptions& options) {
   const ExperimentResults results = RunExperiment(options);
@@ -16,15 +32,8 @@ void RunCompare(const ExperimentOptions& options) {
                    {{"program", fmt::format("cohort {}", kVersion)}, {"options", ToJson(options)}});
   fmt::print("{}",
              options.protocol == Protocol::kPaper ? PaperTables(results) : ResultsTable(results));
-  for (const Failure& failure : results.failures) {
-    fmt::print("FAILED: {} {} {} {} seed {}: {}\n",
-               failure.sequence,
-               failure.level,
-               failure.tracker,
-               failure.backend.empty() ? "tracking" : failure.backend,
-               failure.seed,
-               failure.reason);
-  }
+  PrintNotes("FAILED", results.failures);
+  PrintNotes("not available", results.not_available);
 }
 
 Command CompareCommand() {

@@ -23,23 +23,6 @@ std::string RangeOf(const std::vector<FrameInfo>& frames) {
   return fmt::format("{}:{}:{}", first, ToInt(frames.back().index) + 1, stride);
 }
 
-nlohmann::ordered_json SummaryToJson(const ReconstructionSummary& summary,
-                                     const TrackFile& file,
-                                     const ReconstructCommandOptions& options) {
-  return {{"backend", NameOf(kBackendNames, options.backend)},
-          {"registered", summary.registered},
-          {"frames", summary.frames},
-          {"frame_range", RangeOf(file.frames)},
-          {"failed", summary.Failed()},
-          {"points", summary.points},
-          {"observations", summary.observations},
-          {"mean_track_length", summary.mean_track_length},
-          {"mean_reprojection_px", summary.mean_reprojection_px},
-          {"seconds", summary.seconds},
-          {"termination", summary.termination},
-          {"options", ToJson(options)}};
-}
-
 void PrintSummary(const ReconstructionSummary& summary, const std::string& out) {
   fmt::print("{}",
              AlignedTable({{"model", out},
@@ -155,6 +138,20 @@ Outcome Reconstruct(const TrackFile& file,
 
 }  // namespace
 
+nlohmann::ordered_json SummaryToJson(const ReconstructionSummary& summary,
+                                     const std::vector<FrameInfo>& frames) {
+  return {{"registered", summary.registered},
+          {"frames", summary.frames},
+          {"frame_range", RangeOf(frames)},
+          {"failed", summary.Failed()},
+          {"points", summary.points},
+          {"observations", summary.observations},
+          {"mean_track_length", summary.mean_track_length},
+          {"mean_reprojection_px", summary.mean_reprojection_px},
+          {"seconds", summary.seconds},
+          {"termination", summary.termination}};
+}
+
 ReconstructionSummary ReconstructTracks(const ReconstructCommandOptions& options) {
   const TrackFile file = ReadTrackFile(options.tracks);
   if (!file.complete) {
@@ -171,7 +168,9 @@ ReconstructionSummary ReconstructTracks(const ReconstructCommandOptions& options
   if (!reconstruction.cam_from_world.empty()) {
     WriteReconstructionFiles(out.partial(), reconstruction);
   }
-  nlohmann::ordered_json json = SummaryToJson(summary, file, options);
+  nlohmann::ordered_json json{{"backend", NameOf(kBackendNames, options.backend)}};
+  json.update(SummaryToJson(summary, file.frames));
+  json["options"] = ToJson(options);
   json.update(more);
   WriteJsonFile(out.partial() / "summary.json", json);
   out.Commit();

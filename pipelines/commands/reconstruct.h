@@ -1,5 +1,8 @@
 #pragma once
 
+#include <nlohmann/json_fwd.hpp>
+#include <vector>
+
 #include "backend/colmap/colmap_mapper.h"
 #include "backend/scene/incremental_mapper.h"
 #include "pipelines/console/command.h"
@@ -32,6 +35,10 @@ struct ReconstructCommandOptions {
     v.Group("colmap", o.colmap, "backend colmap");
   }
 };
+
+// What summary.json says of any model: the summary, and which frames it was to have.
+nlohmann::ordered_json SummaryToJson(const ReconstructionSummary& summary,
+                                     const std::vector<FrameInfo>& frames);
 
 // .tracks -> model folder. A clip that does not reconstruct is a result, which says why.
 ReconstructionSummary ReconstructTracks(const ReconstructCommandOptions& options);

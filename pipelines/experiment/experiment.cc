@@ -2,6 +2,7 @@
 
 #include <spdlog/spdlog.h>
 
+#include <algorithm>
 #include <charconv>
 #include <chrono>
 #include <nlohmann/json.hpp>
@@ -9,13 +10,20 @@
 #include <optional>
 #include <set>
 
+#include "backend/colmap/model_io.h"
 #include "datasets/degrade.h"
 #include "datasets/track_truth.h"
+#include "frontend/core/output.h"
 #include "pipelines/commands/degrade.h"
 #include "pipelines/commands/evaluate.h"
 #include "pipelines/commands/reconstruct.h"
+#include "pipelines/commands/refine.h"
 #include "pipelines/commands/track.h"
+#include "pipelines/commands/video_frames.h"
 #include "pipelines/console/json_file.h"
+#include "pipelines/experiment/ceiling.h"
+#include "pipelines/experiment/cell_rows.h"
+#include "pipelines/experiment/cells.h"
 #include "pipelines/experiment/tasks.h"
 
 namespace cohort {
@@ -23,8 +31,6 @@ namespace {
 
 namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
-
-constexpr std::string_view kAsIs = "as-is";
 
 std::optional<unsigned> ParseUnsigned(std::string_view text) {
   unsigned value = 0;
@@ -58,51 +64,22 @@ unsigned ParseSeed(const std::string& text) {
   return *seed;
 }
 
-BackendKind ParseBackend(const std::string& text) {
-  for (const auto& [name, kind] : kBackendNames) {
-    if (name == text) return kind;
+GridBackend ParseBackend(const std::string& text) {
+  for (const auto& [name, backend] : kGridBackendNames) {
+    if (name == text) return backend;
   }
-  ThrowUsageError("--backends '{}' is unknown: give ceres, colmap or both", text);
+  ThrowUsageError("--backends '{}' is unknown: give ceres, colmap, refined or triangulation", text);
 }
-
-// A clip as it is on disk; its truth is beside it or there is none.
-struct Clip {
-  std::string input;
-  std::string name;
-  bool has_poses = false;
-  bool has_track_truth = false;
-};
-
-// Everything of one clip, level and seed lies in one folder.
-struct Condition {
-  Clip clip;
-  std::string level;
-  unsigned seed = 0;
-  fs::path folder;
-
-  bool IsDegraded() const { return level != kAsIs; }
-  fs::path Frames() const { return IsDegraded() ? folder / "frames" : fs::path(clip.input); }
-};
-
-struct TrackCell {
-  Condition condition;
-  std::string tracker;  // as named in the tables
-  TrackerOptions options;
-  fs::path folder;
-
-  fs::path Tracks() const { return folder / "clip.tracks"; }
-  fs::path Result() const { return folder / "tracks.json"; }
-  fs::path Result(const std::string& backend) const { return folder / (backend + ".json"); }
-};
 
 std::string LabelOf(const Condition& condition) {
   return fmt::format("{} {} {}", condition.clip.name, condition.level, condition.seed);
 }
 
 // What a tracker depends on: not on the options of the others.
-Json OwnOptions(const TrackerOptions& options) {
-  const auto own = [&]() -> std::vector<std::string> {
-    switch (options.tracker) {
+Json OwnOptions(const GridTracker& tracker) {
+  const auto own = [&]() -> std::set<std::string> {
+    if (tracker.source != TrackSource::kTracker) return {};
+    switch (tracker.options.tracker) {
       case TrackerKind::kSubspace:
       case TrackerKind::kDescent:
         return {"subspace", "measurement"};
@@ -118,11 +95,49 @@ Json OwnOptions(const TrackerOptions& options) {
     }
     return {};
   }();
-  Json all = ToJson(options);
-  Json kept{{"tracker", all["tracker"]}, {"detector", all["detector"]}};
-  for (const std::string& group : own) kept[group] = all[group];
+  Json kept = Json::object();
+  const Json all = ToJson(tracker.options);
+  for (const auto& [name, value] : all.items()) {
+    const bool is_group = value.is_object() && name != "detector";
+    if (!is_group || own.contains(name)) kept[name] = value;
+  }
+  if (tracker.source != TrackSource::kTracker) kept["tracker"] = tracker.name;
   return kept;
 }
+
+GridTracker TrackerOf(const std::string& name, const TrackerOptions& base) {
+  if (name == "ceiling") return {name, TrackSource::kCeiling, base};
+  if (name == "sift") return {name, TrackSource::kSift, base};
+  return {fs::path(name).stem().string(), TrackSource::kTracker, NamedTracker(name, base)};
+}
+
+// Changes when a file of the clip does: names, sizes and times of writing.
+std::string FingerprintOf(const std::string& input) {
+  std::set<std::string> files;
+  const auto add = [&files](const fs::path& path) {
+    std::error_code error;
+    const auto size = fs::file_size(path, error);
+    if (error) return;
+    const auto written = fs::last_write_time(path, error).time_since_epoch().count();
+    files.insert(fmt::format("{} {} {}", path.filename().string(), size, written));
+  };
+  if (fs::is_regular_file(input)) {
+    add(input);
+  } else {
+    const fs::path folder =
+        fs::is_directory(input) ? fs::path(input) : fs::path(input).parent_path();
+    for (const auto& entry : fs::recursive_directory_iterator(folder)) add(entry.path());
+  }
+  std::uint64_t hash = 14695981039346656037ULL;  // FNV-1a
+  for (const std::string& file : files) {
+    for (const char c : file + "\n") {
+      hash = (hash ^ static_cast<unsigned char>(c)) * 1099511628211ULL;
+    }
+  }
+  return fmt::format("{:016x}", hash);
+}
+
+Json NotAvailable(const std::string& reason) { return {{"not_available", reason}}; }
 
 class Experiment {
  public:
@@ -131,17 +146,18 @@ class Experiment {
 
   ExperimentResults Run() {
     const Shard shard = ParseShard(options_.shard);
-    for (const std::string& backend : options_.backends) ParseBackend(backend);
+    for (const std::string& text : options_.backends) backends_.push_back(ParseBackend(text));
     for (const std::string& seed : options_.seeds) seeds_.push_back(ParseSeed(seed));
     for (const std::string& level : options_.levels) {
       if (level != kAsIs && level != "sensor") ParseLevel(level);
     }
     for (const std::string& name : options_.trackers) {
-      trackers_.emplace_back(fs::path(name).stem().string(), NamedTracker(name, options_.tracking));
+      trackers_.push_back(TrackerOf(name, options_.tracking));
+      CheckTracker(trackers_.back());
     }
     PrepareFolder();
     ProbeClips();
-    for (const Clip& clip : clips_) {
+    for (const GridClip& clip : clips_) {
       if (options_.protocol == Protocol::kPaper && !clip.has_track_truth) {
         ThrowError("{} has no truth of tracks: --protocol paper needs clips of `cohort synth`",
                    clip.input);
@@ -160,6 +176,16 @@ class Experiment {
   }
 
  private:
+  void CheckTracker(const GridTracker& tracker) const {
+    if (tracker.source != TrackSource::kTracker && options_.protocol == Protocol::kPaper) {
+      ThrowUsageError("--trackers {}: not with --protocol paper", tracker.name);
+    }
+    if (tracker.source == TrackSource::kSift &&
+        std::find(backends_.begin(), backends_.end(), GridBackend::kColmap) == backends_.end()) {
+      ThrowUsageError("--trackers sift is COLMAP alone: add colmap to --backends");
+    }
+  }
+
   void PrepareFolder() const {
     // Other shards may be at work in the same folder.
     if (!options_.resume && options_.shard.empty()) fs::remove_all(cells_folder_);
@@ -180,11 +206,12 @@ class Experiment {
                          const auto sequence = OpenInput(input);
                          const auto truth = OpenTrackTruth(*sequence, input.input);
                          return Json{{"name", sequence->Name()},
+                                     {"fingerprint", FingerprintOf(input.input)},
                                      {"has_poses", !sequence->TrueCamFromWorld().empty()},
                                      {"has_track_truth", truth != nullptr}};
                        }});
     }
-    RunTasks("open", tasks, options_.jobs, options_.resume);
+    RunTasks("open", tasks, options_.jobs, false);  // always: the files may have changed
     std::set<std::string> names;
     for (std::size_t i = 0; i < tasks.size(); ++i) {
       const Json result = ReadJsonFile(tasks[i].result);
@@ -194,20 +221,23 @@ class Experiment {
       for (int n = 2; !names.insert(name).second; ++n) {
         name = fmt::format("{}-{}", figures["name"].get<std::string>(), n);
       }
-      clips_.push_back(
-          {options_.inputs[i], name, figures["has_poses"], figures["has_track_truth"]});
+      clips_.push_back({options_.inputs[i],
+                        name,
+                        figures["fingerprint"],
+                        figures["has_poses"],
+                        figures["has_track_truth"]});
     }
   }
 
   void MakeGrid() {
-    for (const Clip& clip : clips_) {
+    for (const GridClip& clip : clips_) {
       for (const std::string& level : options_.levels) {
         for (const unsigned seed : seeds_) {
           const Condition condition{
               clip, level, seed, cells_folder_ / clip.name / level / std::to_string(seed)};
           conditions_.push_back(condition);
-          for (const auto& [name, tracker] : trackers_) {
-            cells_.push_back({condition, name, tracker, condition.folder / name});
+          for (const GridTracker& tracker : trackers_) {
+            cells_.push_back({condition, tracker, condition.folder / tracker.name});
           }
         }
       }
@@ -225,17 +255,15 @@ class Experiment {
       const Condition& condition = conditions_[i];
       if (!needed || !condition.IsDegraded()) continue;
       DegradeCommandOptions degrade;
-      degrade.input = {condition.clip.input, options_.layout, options_.frames, options_.camera};
+      degrade.input = ClipInput(condition);
       degrade.out = condition.Frames().string();
-      degrade.degrade.seed = condition.seed;
-      degrade.level = condition.level;
-      if (condition.level == "sensor") {
-        degrade.level = "hard";
-        degrade.degrade.recipe = DegradeRecipe::kSensor;
-      }
+      degrade.degrade = DegradeOf(condition);
+      degrade.level = condition.level == "sensor" ? "hard" : condition.level;
+      const Json depends_on{{"degrade", ToJson(degrade)},
+                            {"fingerprint", condition.clip.fingerprint}};
       tasks.push_back({"degrade " + LabelOf(condition),
                        condition.folder / "degrade.json",
-                       ToJson(degrade).dump(),
+                       depends_on.dump(),
                        [degrade] {
                          RunDegrade(degrade);
                          return Json::object();
@@ -244,38 +272,56 @@ class Experiment {
     return tasks;
   }
 
+  InputOptions ClipInput(const Condition& condition) const {
+    return {condition.clip.input, options_.layout, options_.frames, options_.camera};
+  }
+  // What the trackers read.
+  InputOptions FramesInput(const Condition& condition) const {
+    if (!condition.IsDegraded()) return ClipInput(condition);
+    return {condition.Frames().string(), Layout::kAuto, "", options_.camera};
+  }
+
+  static DegradeOptions DegradeOf(const Condition& condition) {
+    DegradeOptions degrade;
+    degrade.seed = condition.seed;
+    if (condition.level == "sensor") degrade.recipe = DegradeRecipe::kSensor;
+    degrade.level = ParseLevel(condition.level == "sensor" ? "hard" : condition.level);
+    return degrade;
+  }
+
+  // The frames, and what is done to them.
+  Json DependenciesOf(const TrackCell& cell) const {
+    return {{"clip", ToJson(ClipInput(cell.condition))},
+            {"fingerprint", cell.condition.clip.fingerprint},
+            {"level", cell.condition.level},
+            {"seed", cell.condition.seed},
+            {"tracker", OwnOptions(cell.tracker)}};
+  }
+
   std::vector<Task> TrackTasks(const Shard& shard) const {
     std::vector<Task> tasks;
     for (std::size_t i = 0; i < cells_.size(); ++i) {
-      if (!shard.Takes(i)) continue;
       const TrackCell& cell = cells_[i];
-      TrackCommandOptions track;
-      track.input.input = cell.condition.Frames().string();
-      if (!cell.condition.IsDegraded()) {
-        track.input.layout = options_.layout;
-        track.input.frames = options_.frames;
-      }
-      track.input.camera = options_.camera;
-      track.out = cell.Tracks().string();
-      track.seed = cell.condition.seed;
-      track.threads = options_.jobs == 1 ? 0 : 1;
-      track.json = (cell.folder / "track.json").string();
-      track.tracker = cell.options;
-      EvaluateCommandOptions evaluate;
-      evaluate.subject = track.out;
-      evaluate.truth = track.input.input;
-      evaluate.layout = track.input.layout;
-      evaluate.json = (cell.folder / "track_errors.json").string();
-      const bool has_truth = cell.condition.clip.has_track_truth;
-      tasks.push_back({fmt::format("track {} {}", LabelOf(cell.condition), cell.tracker),
+      if (!shard.Takes(i) || cell.tracker.source == TrackSource::kSift) continue;
+      tasks.push_back({fmt::format("track {} {}", LabelOf(cell.condition), cell.tracker.name),
                        cell.Result(),
-                       ToJson(track).dump(),
-                       [track, evaluate, has_truth] {
+                       DependenciesOf(cell).dump(),
+                       [this, &cell] {
+                         if (cell.tracker.source == TrackSource::kCeiling) {
+                           return TrackCeiling(cell);
+                         }
+                         TrackCommandOptions track;
+                         track.input = FramesInput(cell.condition);
+                         track.out = cell.Tracks().string();
+                         track.seed = cell.condition.seed;
+                         track.threads = options_.jobs == 1 ? 0 : 1;
+                         track.json = (cell.folder / "track.json").string();
+                         track.tracker = cell.tracker.options;
                          RunTrack(track);
                          Json figures{{"track", ReadJsonFile(track.json)}};
-                         if (has_truth) {
-                           RunEvaluate(evaluate);
-                           figures["errors"] = ReadJsonFile(evaluate.json);
+                         if (cell.condition.clip.has_track_truth) {
+                           figures["errors"] =
+                               Evaluate(cell, cell.Tracks(), cell.folder / "track_errors.json");
                          }
                          return figures;
                        }});
@@ -283,23 +329,57 @@ class Experiment {
     return tasks;
   }
 
+  Json TrackCeiling(const TrackCell& cell) const {
+    if (!cell.condition.IsDegraded()) {
+      return NotAvailable("the noise of a clip as it is is not known: give --levels");
+    }
+    if (!cell.condition.clip.has_track_truth) return NotAvailable("no truth of tracks");
+    const auto clip = OpenInput(ClipInput(cell.condition));
+    const InputOptions frames = FramesInput(cell.condition);
+    const auto dark = OpenInput(frames);
+    const auto truth = OpenTrackTruth(*dark, frames.input);
+    TrackFile file =
+        MakeCeilingTracks(*clip, *dark, *truth, DegradeOf(cell.condition), cell.tracker.options);
+    DescribeFrames(frames, *dark, file);
+    file.meta = {{"tracker", cell.tracker.name}};
+    WriteTrackFile(cell.Tracks(), file);
+    const Json track{{"tracks", file.tracks.features().size()},
+                     {"observations", file.tracks.observations().size()},
+                     {"predicted", file.tracks.CountPredicted()},
+                     {"mean_track_length", file.tracks.MeanObservedLength()}};
+    return {{"track", track},
+            {"errors", Evaluate(cell, cell.Tracks(), cell.folder / "track_errors.json")}};
+  }
+
+  static void DescribeFrames(const InputOptions& input, const Sequence& frames, TrackFile& file) {
+    file.source = fs::absolute(input.input).lexically_normal().string();
+    if (!frames.ImageRoot().empty()) {
+      file.image_root = fs::absolute(frames.ImageRoot()).lexically_normal().string();
+    }
+    file.camera = CameraOf(input, frames, file.width_px, file.height_px);
+  }
+
+  Json Evaluate(const TrackCell& cell, const fs::path& subject, const fs::path& json) const {
+    const InputOptions frames = FramesInput(cell.condition);
+    RunEvaluate({.subject = subject.string(),
+                 .truth = frames.input,
+                 .layout = frames.layout,
+                 .json = json.string()});
+    return ReadJsonFile(json);
+  }
+
   std::vector<Task> FollowTasks(const Shard& shard) const {
     std::vector<Task> tasks;
     for (std::size_t i = 0; i < cells_.size(); ++i) {
       if (!shard.Takes(i)) continue;
       const TrackCell& cell = cells_[i];
-      const InputOptions clip{
-          cell.condition.clip.input, options_.layout, options_.frames, options_.camera};
-      InputOptions frames = clip;
-      if (cell.condition.IsDegraded())
-        frames = {cell.condition.Frames().string(), Layout::kAuto, "", ""};
-      const TrackerOptions tracker = WithoutGivingUp(cell.options);
-      const Json depends_on{{"clip", ToJson(clip)},
-                            {"frames", ToJson(frames)},
-                            {"tracker", OwnOptions(tracker)},
-                            {"paper", ToJson(options_.paper)}};
+      const InputOptions clip = ClipInput(cell.condition);
+      const InputOptions frames = FramesInput(cell.condition);
+      const TrackerOptions tracker = WithoutGivingUp(cell.tracker.options);
+      Json depends_on = DependenciesOf(cell);
+      depends_on["paper"] = ToJson(options_.paper);
       const int threads = options_.jobs == 1 ? 0 : 1;
-      tasks.push_back({fmt::format("follow {} {}", LabelOf(cell.condition), cell.tracker),
+      tasks.push_back({fmt::format("follow {} {}", LabelOf(cell.condition), cell.tracker.name),
                        cell.Result(),
                        depends_on.dump(),
                        [this, clip, frames, tracker, threads] {
@@ -346,48 +426,157 @@ class Experiment {
     for (std::size_t i = 0; i < cells_.size(); ++i) {
       if (!shard.Takes(i)) continue;
       const TrackCell& cell = cells_[i];
-      for (const std::string& backend : options_.backends) {
-        ReconstructCommandOptions reconstruct;
-        reconstruct.tracks = cell.Tracks().string();
-        reconstruct.out = (cell.folder / backend).string();
-        reconstruct.backend = ParseBackend(backend);
-        reconstruct.write_frames = false;
-        reconstruct.ceres = options_.ceres;
-        reconstruct.colmap = options_.colmap;
-        reconstruct.colmap.seed = static_cast<int>(cell.condition.seed);
-        EvaluateCommandOptions evaluate;
-        evaluate.subject = reconstruct.out;
-        evaluate.truth = cell.condition.Frames().string();
-        if (!cell.condition.IsDegraded()) evaluate.layout = options_.layout;
-        evaluate.json = (cell.folder / (backend + "_errors.json")).string();
-        const bool has_poses = cell.condition.clip.has_poses;
-        // The tracks' own options stand for what they are made of.
-        const Json depends_on{{"reconstruct", ToJson(reconstruct)},
-                              {"track", ReadJsonFile(cell.Result()).at("options")}};
-        tasks.push_back(
-            {fmt::format("{} {} {}", backend, LabelOf(cell.condition), cell.tracker),
-             cell.Result(backend),
-             depends_on.dump(),
-             [reconstruct, evaluate, has_poses] {
-               const ReconstructionSummary summary = ReconstructTracks(reconstruct);
-               Json figures{{"model", ReadJsonFile(fs::path(reconstruct.out) / "summary.json")}};
-               if (has_poses && !summary.Failed()) {
-                 RunEvaluate(evaluate);
-                 figures["errors"] = ReadJsonFile(evaluate.json);
-               }
-               return figures;
-             }});
+      const bool has_tracks = cell.tracker.source != TrackSource::kSift;
+      if (has_tracks && ReadJsonFile(cell.Result()).at("figures").contains("not_available"))
+        continue;
+      for (const GridBackend backend : backends_) {
+        if (!cell.Has(backend)) continue;
+        Json depends_on = DependenciesOf(cell);
+        depends_on["backend"] = OptionsOf(cell, backend);
+        tasks.push_back({fmt::format("{} {} {}",
+                                     NameOf(kGridBackendNames, backend),
+                                     LabelOf(cell.condition),
+                                     cell.tracker.name),
+                         cell.Result(backend),
+                         depends_on.dump(),
+                         [this, &cell, backend] { return ReconstructCell(cell, backend); }});
       }
     }
     return tasks;
   }
 
+  ColmapOptions ColmapOf(const TrackCell& cell) const {
+    ColmapOptions colmap = options_.colmap;
+    colmap.seed = static_cast<int>(cell.condition.seed);
+    return colmap;
+  }
+
+  Json OptionsOf(const TrackCell& cell, GridBackend backend) const {
+    switch (backend) {
+      case GridBackend::kCeres:
+      case GridBackend::kTriangulation:
+        return {{"ceres", ToJson(options_.ceres)}};
+      case GridBackend::kRefined:
+        return {{"ceres", ToJson(options_.ceres)}, {"refine", ToJson(options_.refine)}};
+      case GridBackend::kColmap:
+        Json options{{"colmap", ToJson(ColmapOf(cell))}};
+        if (cell.tracker.source == TrackSource::kSift) options["sift"] = ToJson(options_.sift);
+        return options;
+    }
+    ThrowUsageError("unknown backend");
+  }
+
+  Json ReconstructCell(const TrackCell& cell, GridBackend backend) const {
+    switch (backend) {
+      case GridBackend::kCeres:
+        return ByCommand(cell, backend, BackendKind::kCeres, cell.Tracks(), cell.Model(backend));
+      case GridBackend::kColmap:
+        if (cell.tracker.source == TrackSource::kSift) return BySift(cell);
+        return ByCommand(cell, backend, BackendKind::kColmap, cell.Tracks(), cell.Model(backend));
+      case GridBackend::kRefined:
+        return ByTwoPasses(cell);
+      case GridBackend::kTriangulation:
+        return ByTriangulation(cell);
+    }
+    ThrowUsageError("unknown backend");
+  }
+
+  Json ByCommand(const TrackCell& cell,
+                 GridBackend backend,
+                 BackendKind kind,
+                 const fs::path& tracks,
+                 const fs::path& out) const {
+    ReconstructCommandOptions reconstruct;
+    reconstruct.tracks = tracks.string();
+    reconstruct.out = out.string();
+    reconstruct.backend = kind;
+    reconstruct.write_frames = false;
+    reconstruct.ceres = options_.ceres;
+    reconstruct.colmap = ColmapOf(cell);
+    const ReconstructionSummary summary = ReconstructTracks(reconstruct);
+    return WithErrors(cell, backend, out, summary);
+  }
+
+  // A finished model's figures.
+  Json WithErrors(const TrackCell& cell,
+                  GridBackend backend,
+                  const fs::path& model,
+                  const ReconstructionSummary& summary) const {
+    Json figures{{"model", ReadJsonFile(model / "summary.json")}};
+    if (cell.condition.clip.has_poses && !summary.Failed()) {
+      const std::string name = std::string(NameOf(kGridBackendNames, backend)) + "_errors.json";
+      figures["errors"] = Evaluate(cell, model, cell.folder / name);
+    }
+    return figures;
+  }
+
+  Json ByTwoPasses(const TrackCell& cell) const {
+    const GridBackend backend = GridBackend::kRefined;
+    RefineCommandOptions refine;
+    refine.tracks = cell.Tracks().string();
+    refine.model = (cell.folder / "refined_first").string();
+    refine.out = (cell.folder / "refined.tracks").string();
+    refine.second_look = options_.refine;
+    Json first = ByCommand(cell, backend, BackendKind::kCeres, refine.tracks, refine.model);
+    if (first["model"]["failed"].get<bool>()) return first;  // no model to look again by
+    RefineTracks(refine);
+    Json second = ByCommand(cell, backend, BackendKind::kCeres, refine.out, cell.Model(backend));
+    if (cell.condition.clip.has_track_truth) {
+      second["track_errors"] =
+          Evaluate(cell, refine.out, cell.folder / "refined_track_errors.json");
+    }
+    return second;
+  }
+
+  Json ByTriangulation(const TrackCell& cell) const {
+    if (!cell.condition.clip.has_poses) return NotAvailable("no true cameras");
+    const TrackFile file = ReadTrackFile(cell.Tracks());
+    const auto frames = OpenInput(FramesInput(cell.condition));
+    MapperResult result = TriangulateWithCeres(file, frames->TrueCamFromWorld(), options_.ceres);
+    return WriteModel(
+        cell, GridBackend::kTriangulation, file.frames, result.reconstruction, result.summary);
+  }
+
+  Json BySift(const TrackCell& cell) const {
+    const InputOptions input = FramesInput(cell.condition);
+    const auto frames = OpenInput(input);
+    TrackFile clip;  // without tracks
+    while (const auto frame = frames->Next()) {
+      clip.frames.push_back({frame->index, frame->name, frame->timestamp_ns});
+      clip.width_px = frame->gray.cols;
+      clip.height_px = frame->gray.rows;
+    }
+    DescribeFrames(input, *frames, clip);
+    const fs::path work = cell.folder / "sift";
+    if (clip.image_root.empty()) {
+      fs::create_directories(cell.folder);
+      clip.image_root = (cell.folder / "sift_frames").string();
+      WriteVideoFrames(clip, clip.image_root);
+    }
+    const ColmapResult result = ReconstructWithSift(clip, options_.sift, ColmapOf(cell), work);
+    return WriteModel(
+        cell, GridBackend::kColmap, clip.frames, result.reconstruction, result.summary);
+  }
+
+  Json WriteModel(const TrackCell& cell,
+                  GridBackend backend,
+                  const std::vector<FrameInfo>& frames,
+                  const Reconstruction& reconstruction,
+                  const ReconstructionSummary& summary) const {
+    OutputFolder out(cell.Model(backend), ModelFolderNames());
+    if (!reconstruction.cam_from_world.empty()) {
+      WriteReconstructionFiles(out.partial(), reconstruction);
+    }
+    WriteJsonFile(out.partial() / "summary.json", SummaryToJson(summary, frames));
+    out.Commit();
+    return WithErrors(cell, backend, cell.Model(backend), summary);
+  }
+
   ExperimentResults Collect() const {
     ExperimentResults results;
     for (const TrackCell& cell : cells_) {
-      if (!fs::exists(cell.Result())) continue;  // another shard's
-      AddTrackRows(cell, ReadJsonFile(cell.Result()), results);
-      for (const std::string& backend : options_.backends) {
+      if (fs::exists(cell.Result())) AddTrackRows(cell, ReadJsonFile(cell.Result()), results);
+      for (const GridBackend backend : backends_) {  // what is not there is another shard's
         if (!fs::exists(cell.Result(backend))) continue;
         AddModelRows(cell, backend, ReadJsonFile(cell.Result(backend)), results);
       }
@@ -395,121 +584,12 @@ class Experiment {
     return results;
   }
 
-  class RowAdder {
-   public:
-    RowAdder(const TrackCell& cell, const std::string& backend, ExperimentResults& results)
-        : cell_(cell), backend_(backend), results_(results) {}
-
-    void Add(const std::string& metric, const Json& value, const std::string& unit) {
-      if (value.is_null()) return;
-      results_.rows.push_back({cell_.condition.clip.name,
-                               cell_.condition.level,
-                               cell_.tracker,
-                               backend_,
-                               cell_.condition.seed,
-                               metric,
-                               value.is_boolean() ? value.get<bool>() : value.get<double>(),
-                               unit});
-    }
-    void Fail(const std::string& reason) {
-      results_.failures.push_back({cell_.condition.clip.name,
-                                   cell_.condition.level,
-                                   cell_.tracker,
-                                   backend_,
-                                   cell_.condition.seed,
-                                   reason});
-    }
-
-   private:
-    const TrackCell& cell_;
-    const std::string& backend_;
-    ExperimentResults& results_;
-  };
-
-  static void AddTrackRows(const TrackCell& cell, const Json& result, ExperimentResults& results) {
-    const std::string no_backend;
-    RowAdder rows(cell, no_backend, results);
-    rows.Add("failed", !result["error"].is_null(), "");
-    if (!result["error"].is_null()) {
-      rows.Fail(result["error"]);
-      return;
-    }
-    if (result["figures"].contains("l1_error_px")) {
-      AddFollowRows(result["figures"], rows);
-      return;
-    }
-    const Json& track = result["figures"]["track"];
-    rows.Add("tracks", track["tracks"], "");
-    rows.Add("observations", track["observations"], "");
-    rows.Add("predicted", track["predicted"], "");
-    rows.Add("mean_track_length", track["mean_track_length"], "frames");
-    rows.Add("detect_time", track["ms_per_frame"]["detect"], "ms/frame");
-    rows.Add("track_time", track["ms_per_frame"]["track"], "ms/frame");
-    if (!result["figures"].contains("errors")) return;
-    const Json& errors = result["figures"]["errors"];
-    if (!errors["observed"].is_null()) {
-      rows.Add("observed_error_median", errors["observed"]["median_px"], "px");
-      rows.Add("observed_error_p90", errors["observed"]["p90_px"], "px");
-      rows.Add("observed_error_mean", errors["observed"]["mean_px"], "px");
-    }
-    rows.Add("outlier_share", errors["outlier_share"], "");
-    rows.Add("predicted_precision", errors["predicted_precision"], "");
-    rows.Add("predicted_recall", errors["predicted_recall"], "");
-    rows.Add(kFramesBetweenMetric, errors["mean_frames_between_reinitializations"], "frames");
-    rows.Add(kL1ErrorMetric, errors["l1_error_30_frames_px"], "px");
-  }
-
-  static void AddFollowRows(const Json& figures, RowAdder& rows) {
-    rows.Add("features", figures["features"], "");
-    rows.Add(kL1ErrorMetric, figures["l1_error_px"], "px");
-    rows.Add("feature_frames", figures["feature_frames"], "frames");
-    rows.Add("reinitializations", figures["reinitializations"], "");
-    rows.Add("lost", figures["lost"], "");
-    rows.Add(kFramesBetweenMetric, figures["frames_between_reinitializations"], "frames");
-    rows.Add("track_time", figures["ms_per_frame"], "ms/frame");
-  }
-
-  static void AddModelRows(const TrackCell& cell,
-                           const std::string& backend,
-                           const Json& result,
-                           ExperimentResults& results) {
-    RowAdder rows(cell, backend, results);
-    if (!result["error"].is_null()) {
-      rows.Add("failed", true, "");
-      rows.Fail(result["error"]);
-      return;
-    }
-    const Json& model = result["figures"]["model"];
-    rows.Add("failed", model["failed"], "");
-    rows.Add("registered", model["registered"], "frames");
-    rows.Add("frames", model["frames"], "frames");
-    rows.Add("seconds", model["seconds"], "s");
-    if (model["failed"].get<bool>()) {
-      rows.Fail(fmt::format("{} of {} frames registered: {}",
-                            model["registered"].get<std::size_t>(),
-                            model["frames"].get<std::size_t>(),
-                            model["termination"].get<std::string>()));
-      return;
-    }
-    rows.Add("points", model["points"], "");
-    rows.Add("model_track_length", model["mean_track_length"], "frames");
-    rows.Add("mean_reprojection", model["mean_reprojection_px"], "px");
-    if (!result["figures"].contains("errors")) return;
-    const Json& errors = result["figures"]["errors"];
-    rows.Add("ate", errors["ate_m"], "m");
-    rows.Add("rpe_rot", errors["rpe_rot_deg"], "deg");
-    rows.Add("rpe_trans", errors["rpe_trans_m"], "m");
-    rows.Add("point_error_median", errors["point_error_median_m"], "m");
-    rows.Add("auc_5", errors["auc_5"], "");
-    rows.Add("auc_10", errors["auc_10"], "");
-    rows.Add("auc_20", errors["auc_20"], "");
-  }
-
   const ExperimentOptions& options_;
   fs::path cells_folder_;
   std::vector<unsigned> seeds_;
-  std::vector<std::pair<std::string, TrackerOptions>> trackers_;  // by name in the tables
-  std::vector<Clip> clips_;
+  std::vector<GridTracker> trackers_;
+  std::vector<GridBackend> backends_;
+  std::vector<GridClip> clips_;
   std::vector<Condition> conditions_;
   std::vector<TrackCell> cells_;
 };
@@ -552,7 +632,7 @@ TrackerOptions NamedTracker(const std::string& name, const TrackerOptions& base)
   }
   ThrowUsageError(
       "tracker '{}' is unknown: give a tracker of `cohort track`, kltN or anchored-kltN (window "
-      "N px), descent-paper, subspace-paper or F.json",
+      "N px), descent-paper, subspace-paper, ceiling, sift or F.json",
       name);
 }
 

@@ -5,8 +5,10 @@
 #include <vector>
 
 #include "backend/colmap/colmap_mapper.h"
+#include "backend/colmap/sift_mapper.h"
 #include "backend/scene/incremental_mapper.h"
 #include "datasets/sequence.h"
+#include "frontend/track/second_look.h"
 #include "frontend/track/tracker_options.h"
 #include "pipelines/experiment/paper_protocol.h"
 #include "pipelines/experiment/results.h"
@@ -39,6 +41,8 @@ struct ExperimentOptions {
   TrackerOptions tracking;
   MapperOptions ceres;
   ColmapOptions colmap;
+  SecondLookOptions refine;
+  SiftOptions sift;
   PaperProtocolOptions paper;
 
   template <typename Self, typename Visitor>
@@ -55,8 +59,12 @@ struct ExperimentOptions {
            o.trackers,
            "those of `cohort track`; kltN, anchored-kltN: with a window of N px; subspace-paper, "
            "descent-paper: joint and first-order tracker as the paper prints them, without "
-           "measurement; F.json: the tracker options of this file");
-    v.List("backends", o.backends, "ceres, colmap; of protocol reconstruction");
+           "measurement; ceiling: the truth with the least noise there can be; sift: COLMAP's own "
+           "features (backend colmap); F.json: the tracker options of this file");
+    v.List("backends",
+           o.backends,
+           "of protocol reconstruction: ceres; colmap; refined: ceres, the second pass of `cohort "
+           "refine`, and ceres again; triangulation: points alone, from the true cameras");
     v.List("levels",
            o.levels,
            "as-is, or how dark `cohort degrade` makes the clips: clean, medium, hard, a number; "
@@ -71,6 +79,8 @@ struct ExperimentOptions {
     v.Group("tracking", o.tracking, "all trackers");
     v.Group("ceres", o.ceres, "backend ceres");
     v.Group("colmap", o.colmap, "backend colmap");
+    v.Group("refine", o.refine, "second pass of backend refined");
+    v.Group("sift", o.sift, "tracker sift");
     v.Group("paper", o.paper, "protocol paper");
   }
 };

@@ -42,7 +42,9 @@ std::string Registered(const ValuesOfMetric& model) {
       registered
           ? fmt::format("{:.0f}/{:.0f}", *registered, MedianOf(model, "frames").value_or(0.0))
           : "-";
-  const auto& failed = model.at("failed");
+  const auto it = model.find("failed");
+  if (it == model.end()) return "not available";
+  const auto& failed = it->second;
   const auto failures = std::count(failed.begin(), failed.end(), 1.0);
   if (failures == 0) return text;
   if (failed.size() == 1) return "FAILED " + text;
@@ -81,6 +83,15 @@ std::vector<std::vector<std::string>> WithoutEmptyColumns(
   return filled;
 }
 
+nlohmann::ordered_json ToJson(const CellNote& note) {
+  return {{"sequence", note.sequence},
+          {"level", note.level},
+          {"tracker", note.tracker},
+          {"backend", note.backend},
+          {"seed", note.seed},
+          {"reason", note.reason}};
+}
+
 }  // namespace
 
 void WriteResultsCsv(const std::filesystem::path& path, const ExperimentResults& results) {
@@ -106,14 +117,11 @@ void WriteResultsJson(const std::filesystem::path& path,
                       const nlohmann::ordered_json& conditions) {
   nlohmann::ordered_json json{{"conditions", conditions},
                               {"failures", nlohmann::ordered_json::array()},
+                              {"not_available", nlohmann::ordered_json::array()},
                               {"rows", nlohmann::ordered_json::array()}};
-  for (const Failure& failure : results.failures) {
-    json["failures"].push_back({{"sequence", failure.sequence},
-                                {"level", failure.level},
-                                {"tracker", failure.tracker},
-                                {"backend", failure.backend},
-                                {"seed", failure.seed},
-                                {"reason", failure.reason}});
+  for (const CellNote& failure : results.failures) json["failures"].push_back(ToJson(failure));
+  for (const CellNote& note : results.not_available) {
+    json["not_available"].push_back(ToJson(note));
   }
   for (const ResultRow& row : results.rows) {
     json["rows"].push_back({{"sequence", row.sequence},
@@ -151,7 +159,9 @@ std::string ResultsTable(const ExperimentResults& results) {
                                                "90 % [px]"}};
   for (const Line& line : order) {
     const auto& [sequence, level, tracker, backend] = line;
-    table.push_back(TableRow(line, values[line], values[Line{sequence, level, tracker, ""}]));
+    ValuesOfMetric tracks = values[Line{sequence, level, tracker, ""}];
+    for (const auto& [metric, of_model] : values[line]) tracks[metric] = of_model;  // refined
+    table.push_back(TableRow(line, values[line], tracks));
   }
   return AlignedTable(WithoutEmptyColumns(table), 4);
 }

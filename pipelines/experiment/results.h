@@ -23,7 +23,8 @@ struct ResultRow {
   std::string unit;
 };
 
-struct Failure {
+// A cell and why it is noted.
+struct CellNote {
   std::string sequence;
   std::string level;
   std::string tracker;
@@ -34,9 +35,12 @@ struct Failure {
 
 // What an experiment has measured. A failed cell has the rows `failed` = 1 and, where it came so
 // far, `registered` and `frames`, and none of errors: a small error of few frames means nothing.
+// One that cannot be (the ceiling where there is no truth) has the row `not_available` = 1 and is
+// no failure.
 struct ExperimentResults {
   std::vector<ResultRow> rows;
-  std::vector<Failure> failures;
+  std::vector<CellNote> failures;
+  std::vector<CellNote> not_available;
 };
 
 // results.csv: header sequence,level,tracker,backend,seed,metric,value,unit. Whole or not at all.

@@ -1,4 +1,5 @@
 #include "backend/scene/incremental_mapper.h"
+#include "frontend/core/statistics.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -350,6 +351,24 @@ TEST(RealTracks, TheHotelReconstructs) {
   EXPECT_EQ(result.summary.registered, 51u);
   EXPECT_GT(result.summary.points, 450u);
   EXPECT_LT(result.summary.mean_reprojection_px, 1.0);
+}
+
+TEST(TriangulateWithCeres, KeepsThePosesAndFindsThePoints) {
+  test::SyntheticTracksOptions options;
+  options.outlier_fraction = 0.05;
+  const test::SyntheticTracks tracks = test::MakeSyntheticTracks(options);
+  const MapperResult result = TriangulateWithCeres(tracks.file, tracks.cam_from_world);
+  EXPECT_EQ(result.termination, MapperTermination::kSuccess);
+  EXPECT_EQ(result.summary.registered, tracks.file.frames.size());
+  EXPECT_GT(result.reconstruction.points.size(), tracks.points_in_world.size() * 9 / 10);
+  for (const auto& [frame, pose] : result.reconstruction.cam_from_world) {
+    EXPECT_EQ(pose.translation, tracks.cam_from_world.at(frame).translation);
+  }
+  std::vector<double> errors;
+  for (const auto& [feature, point] : result.reconstruction.points) {
+    errors.push_back((point.in_world - tracks.points_in_world.at(feature)).norm());
+  }
+  EXPECT_LT(Median(errors), 0.01);
 }
 
 }  // namespace

@@ -109,7 +109,7 @@ TEST_F(Commands, HelpNamesEveryOptionWithDefaultAndRange) {
   EXPECT_THAT(RunCohort("track --help").out,
               AllOf(HasSubstr("--features, --detector.max-features"),
                     HasSubstr("(1 to 100000; default 400)"),
-                    HasSubstr("(subspace, descent, klt, rlof, dis, deepflow; default"),
+                    HasSubstr("(subspace, descent, klt, anchored-klt, rlof, dis,"),
                     HasSubstr("--window"),
                     HasSubstr("--seed"),
                     HasSubstr("--camera"),
@@ -129,7 +129,10 @@ TEST_F(Commands, UnknownCommandFlagOrValueIsAUsageError) {
   ExpectFailure(RunCohort("track a"), 2, HasSubstr("--out is missing"));
   ExpectFailure(RunCohort("export a.tracks"), 2, HasSubstr("nothing to export"));
   ExpectFailure(RunCohort("degrade a b --level dim"), 2, HasSubstr("clean, medium, hard"));
-  ExpectFailure(RunCohort("compare a --out b --trackers sift"), 2, HasSubstr("tracker 'sift'"));
+  ExpectFailure(RunCohort("compare a --out b --trackers orb"), 2, HasSubstr("tracker 'orb'"));
+  ExpectFailure(RunCohort("compare a --out b --trackers sift --backends ceres"),
+                2,
+                HasSubstr("add colmap to --backends"));
   ExpectFailure(RunCohort("compare a --out b --shard 2/2"), 2, HasSubstr("--shard '2/2'"));
   const std::string clip = WriteImages(Path("clip"), 2);
   ExpectFailure(RunCohort(Track(clip, "--camera 1,2,3")), 2, HasSubstr("--camera '1,2,3'"));
@@ -612,6 +615,86 @@ TEST_F(Commands, CompareMeasuresEveryCellAndResumes) {
   };
   EXPECT_EQ(without_times(ReadBytes(Path("out2/results.csv"))),
             without_times(ReadBytes(Path("out/results.csv"))));
+}
+
+// A dark clip, with what bounds every tracker (the ceiling), what isolates tracks from the solver
+// (triangulation) and the second pass.
+TEST_F(Commands, ComparesWithTheCeilingAndTheTrueCameras) {
+  ASSERT_EQ(RunCohort("synth " + Path("clip") +
+                      " --frames 16 --width-px 320 --height-px 240 --focal-px 260 --quiet")
+                .exit_code,
+            0);
+  const std::string compare =
+      "compare " + Path("clip") +
+      " --trackers klt,anchored-klt15,ceiling --backends ceres,refined,triangulation --features "
+      "150 --jobs 2 --out " +
+      Path("out") + " --levels ";
+  const ProgramEnd end = RunCohort(compare + "medium");
+  ASSERT_EQ(end.exit_code, 0) << end.err;
+  const auto json = ReadJson(Path("out/results.json"));
+  EXPECT_EQ(json["failures"].size(), 0u) << end.out;
+  EXPECT_EQ(json["not_available"].size(), 0u);
+  std::map<std::string, double> values;
+  for (const auto& row : json["rows"]) {
+    values[fmt::format("{} {} {}",
+                       row["tracker"].get<std::string>(),
+                       row["backend"].get<std::string>(),
+                       row["metric"].get<std::string>())] = row["value"];
+  }
+  EXPECT_LT(values.at("ceiling ceres ate"), values.at("klt ceres ate"));
+  EXPECT_LT(values.at("ceiling triangulation point_error_median"),
+            0.5 * values.at("klt triangulation point_error_median"));
+  EXPECT_LT(values.at("ceiling  observed_error_median"),
+            values.at("anchored-klt15  observed_error_median"));
+  EXPECT_GT(values.at("ceiling  mean_track_length"), values.at("klt  mean_track_length"));
+  EXPECT_GT(values.at("klt refined mean_track_length"), values.at("klt  mean_track_length"));
+  EXPECT_FALSE(values.contains("klt triangulation ate"));   // its cameras are the truth
+  EXPECT_FALSE(values.contains("ceiling refined failed"));  // there is nothing to measure again
+
+  // The noise of a clip as it is is unknown, and with it the ceiling: no failure of a tracker.
+  const ProgramEnd as_is = RunCohort(compare + "as-is");
+  ASSERT_EQ(as_is.exit_code, 0) << as_is.err;
+  EXPECT_THAT(as_is.out,
+              AllOf(HasSubstr("not available: clip as-is ceiling"), Not(HasSubstr("FAILED"))));
+  EXPECT_EQ(ReadJson(Path("out/results.json"))["not_available"].size(), 1u);
+}
+
+TEST_F(Commands, CompareDoesAgainWhatAChangedClipMakesStale) {
+  const std::string clip = WriteImages(Path("clip"), 6);
+  const std::string compare =
+      "compare " + clip + " --trackers klt --backends ceres --out " + Path("out") + " --resume";
+  ASSERT_EQ(RunCohort(compare).exit_code, 0);
+  EXPECT_THAT(RunCohort(compare).err, HasSubstr("track: 1 of 1 are done already"));
+  EXPECT_THAT(RunCohort(compare + " --frames 0:5").err,
+              Not(HasSubstr("track: 1 of 1 are done already")));
+  ASSERT_EQ(RunCohort(compare).exit_code, 0);
+  cv::imwrite(ImagePath(clip, 3), MovingFrame(40));
+  EXPECT_THAT(RunCohort(compare).err, Not(HasSubstr("track: 1 of 1 are done already")));
+}
+
+TEST_F(Commands, AKilledCompareResumesAndGivesTheSame) {
+  ASSERT_EQ(RunCohort("synth " + Path("clip") +
+                      " --width-px 160 --height-px 120 --focal-px 130 --frames 8 --quiet")
+                .exit_code,
+            0);
+  const auto compare = [this](const std::string& out) {
+    return "compare " + Path("clip") +
+           " --trackers klt,anchored-klt,subspace --backends ceres --levels clean --features 80 "
+           "--quiet --resume --out " +
+           Path(out);
+  };
+  ASSERT_EQ(RunCohort(compare("peace")).exit_code, 0);
+  const ProgramEnd killed = RunShell(
+      fmt::format("{} {} & pid=$!; while [ ! -f {} ]; do sleep 0.005; done; kill -9 $pid; wait "
+                  "$pid",
+                  COHORT_PROGRAM,
+                  compare("hurt"),
+                  Path("hurt/cells/clip/clean/1/klt/tracks.json")));
+  EXPECT_EQ(killed.exit_code, 128 + SIGKILL);
+  EXPECT_FALSE(fs::exists(Path("hurt/results.csv")));
+  const ProgramEnd resumed = RunCohort(compare("hurt"));
+  ASSERT_EQ(resumed.exit_code, 0) << resumed.err;
+  EXPECT_EQ(resumed.out, RunCohort(compare("peace")).out);
 }
 
 TEST_F(Commands, ComparesAsThePaperDid) {

@@ -56,6 +56,20 @@ TEST_P(MainJob, AtMediumTheCohortTracksBetterThanKltAndEveryFrameRegisters) {
 
 INSTANTIATE_TEST_SUITE_P(Rendered, MainJob, testing::Values("lateral", "forward", "orbit"));
 
+TEST(MainJob, ColmapsOwnFeaturesAreABaselineOfTheGrid) {
+  const test::TempDir dir;
+  const std::string clip = dir / "clip";
+  ASSERT_EQ(test::RunCohort("synth " + clip +
+                            " --frames 12 --width-px 400 --height-px 300 --focal-px 330")
+                .exit_code,
+            0);
+  const Figures figures =
+      CompareThroughColmap(clip, "--trackers klt,sift --levels clean", dir / "out");
+  EXPECT_EQ(figures.at({"sift", "colmap", "registered"}), 12.0);
+  EXPECT_LT(figures.at({"sift", "colmap", "ate"}), 0.01);
+  EXPECT_FALSE(figures.contains({"sift", "", "mean_track_length"}));  // it has no tracks
+}
+
 TEST(MainJobOnRealFrames, RegistersAtLeast95PercentAsTheyAreAndDarkened) {
   const auto clip = test::SharedData("7scenes_redkitchen_000_299");
   COHORT_SKIP_WITHOUT(clip);

@@ -1,0 +1,226 @@
+#include "backend/colmap/sift_mapper.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <chrono>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+#include <vector>
+
+#include "backend/colmap/camera_model.h"
+#include "backend/colmap/model_io.h"
+#include "backend/colmap/program.h"
+#include "frontend/core/output.h"
+#include "frontend/core/statistics.h"
+
+namespace cohort {
+namespace {
+
+namespace fs = std::filesystem;
+using Arguments = std::vector<ColmapArgument>;
+
+template <typename T>
+ColmapArgument Argument(std::vector<std::string> names, const T& value) {
+  return {std::move(names), fmt::format("{}", value), false};
+}
+
+ColmapArgument Required(std::string name, const fs::path& value) {
+  return {{std::move(name)}, value.string(), true};
+}
+
+std::string NameInWork(const FrameInfo& frame) {
+  return fmt::format("{:06}.png", ToInt(frame.index));
+}
+
+// 8 bits from the darkest to the brightest, but for 0.5 % at either end.
+cv::Mat Stretch(const cv::Mat& picture) {
+  std::vector<double> values(picture.begin<float>(), picture.end<float>());
+  const double low = Quantile(values, 0.005);
+  const double high = Quantile(std::move(values), 0.995);
+  const double scale = 255.0 / std::max(high - low, 1e-3);
+  cv::Mat stretched;
+  picture.convertTo(stretched, CV_8U, scale, -low * scale);
+  return stretched;
+}
+
+void WriteFrames(const TrackFile& clip, const SiftOptions& options, const fs::path& folder) {
+  fs::create_directories(folder);
+  for (const FrameInfo& frame : clip.frames) {
+    const fs::path path = fs::path(clip.image_root) / frame.name;
+    cv::Mat picture = cv::imread(path.string(), cv::IMREAD_GRAYSCALE | cv::IMREAD_ANYDEPTH);
+    if (picture.empty()) ThrowError("cannot read frame {}", path.string());
+    picture.convertTo(picture, CV_32F, picture.depth() == CV_16U ? 255.0 / 65535.0 : 1.0);
+    if (options.denoise_sigma_px > 0.0) {
+      cv::GaussianBlur(picture, picture, cv::Size(0, 0), options.denoise_sigma_px);
+    }
+    cv::Mat out;
+    if (options.stretch) {
+      out = Stretch(picture);
+    } else {
+      picture.convertTo(out, CV_8U);
+    }
+    const fs::path written = folder / NameInWork(frame);
+    if (!cv::imwrite(written.string(), out)) ThrowError("cannot write {}", written.string());
+  }
+}
+
+bool KeepsIntrinsics(const TrackFile& clip) { return clip.camera && clip.camera->known; }
+
+Arguments LogArguments() {
+  return {Argument({"log_to_stderr"}, 1),
+          Argument({"log_target"}, "stderr"),
+          Argument({"log_color"}, 0)};
+}
+
+Arguments ExtractorArguments(const TrackFile& clip, const SiftOptions& sift, int threads) {
+  Arguments arguments = LogArguments();
+  const auto add = [&](std::vector<std::string> names, auto value) {
+    arguments.push_back(Argument(std::move(names), value));
+  };
+  add({"ImageReader.single_camera"}, 1);
+  if (clip.camera) {
+    const ColmapCamera camera = ToColmapCamera(*clip.camera);
+    add({"ImageReader.camera_model"}, ColmapModelName(camera.model));
+    add({"ImageReader.camera_params"}, fmt::format("{}", fmt::join(camera.params, ",")));
+  }
+  add({"SiftExtraction.use_gpu", "FeatureExtraction.use_gpu"}, 0);
+  add({"SiftExtraction.num_threads", "FeatureExtraction.num_threads"}, threads);
+  add({"SiftExtraction.max_num_features"}, sift.max_features);
+  add({"SiftExtraction.peak_threshold"}, sift.peak_threshold);
+  add({"SiftExtraction.first_octave"}, sift.first_octave);
+  add({"SiftExtraction.domain_size_pooling"}, sift.domain_size_pooling ? 1 : 0);
+  add({"SiftExtraction.estimate_affine_shape"}, sift.affine_shape ? 1 : 0);
+  return arguments;
+}
+
+Arguments MatcherArguments(const SiftOptions& sift, const ColmapOptions& options) {
+  Arguments arguments = LogArguments();
+  arguments.push_back(Argument({"random_seed"}, options.seed));
+  arguments.push_back(Argument({"SiftMatching.use_gpu", "FeatureMatching.use_gpu"}, 0));
+  arguments.push_back(
+      Argument({"SiftMatching.num_threads", "FeatureMatching.num_threads"}, options.threads));
+  arguments.push_back(Argument({"SequentialMatching.overlap"}, sift.overlap));
+  arguments.push_back(Argument({"SequentialMatching.quadratic_overlap"}, 1));
+  return arguments;
+}
+
+// COLMAP's bounds but for its dislike of forward motion; `lenient`: for few matches at small
+// angles.
+Arguments MapperArguments(const TrackFile& clip, const ColmapOptions& options, bool lenient) {
+  Arguments arguments = LogArguments();
+  const auto add = [&](std::string name, auto value) {
+    arguments.push_back(Argument({std::move(name)}, value));
+  };
+  const int refine = KeepsIntrinsics(clip) ? 0 : 1;
+  add("random_seed", options.seed);
+  add("Mapper.num_threads", options.threads);
+  add("Mapper.extract_colors", 0);
+  add("Mapper.multiple_models", 0);
+  add("Mapper.ba_refine_focal_length", refine);
+  add("Mapper.ba_refine_extra_params", refine);
+  add("Mapper.ba_refine_principal_point", 0);
+  add("Mapper.min_model_size", std::clamp(static_cast<int>(clip.frames.size() / 2), 2, 10));
+  add("Mapper.init_max_forward_motion", 1.0);
+  if (lenient) {
+    add("Mapper.init_min_num_inliers", 30);
+    add("Mapper.init_min_tri_angle", 2.0);
+    add("Mapper.abs_pose_min_num_inliers", 12);
+    add("Mapper.min_num_matches", 10);
+  }
+  return arguments;
+}
+
+// With our ids of images: the names say which frame they are.
+ColmapModel WithOurIds(const ColmapModel& model, const TrackFile& clip) {
+  std::map<std::string, ColmapImageId> id_of_name;
+  for (const FrameInfo& frame : clip.frames) {
+    id_of_name[NameInWork(frame)] = ColmapImageIdOf(frame.index);
+  }
+  ColmapModel renamed;
+  renamed.cameras = model.cameras;
+  renamed.points = model.points;
+  for (const auto& [id, image] : model.images) renamed.images[id_of_name.at(image.name)] = image;
+  for (auto& [id, point] : renamed.points) {
+    for (auto& [image, index] : point.track) image = id_of_name.at(model.images.at(image).name);
+  }
+  return renamed;
+}
+
+Reconstruction ToReconstruction(const ColmapModel& model, const TrackFile& clip) {
+  Reconstruction result = FromColmapModel(WithOurIds(model, clip));
+  result.camera.known = KeepsIntrinsics(clip);
+  for (const FrameInfo& frame : clip.frames) {
+    if (!result.cam_from_world.contains(frame.index)) continue;
+    result.frame_names[frame.index] = frame.name;
+    result.timestamps_ns[frame.index] = frame.timestamp_ns;
+  }
+  return result;
+}
+
+}  // namespace
+
+ColmapResult ReconstructWithSift(const TrackFile& clip,
+                                 const SiftOptions& sift,
+                                 const ColmapOptions& options,
+                                 const fs::path& work_dir) {
+  ValidateOptions(sift);
+  ValidateOptions(options);
+  const auto started = std::chrono::steady_clock::now();
+  ColmapProgram program(options.program);
+  fs::remove_all(work_dir);
+  const fs::path images = work_dir / "images";
+  const fs::path database = work_dir / "database.db";
+  WriteFrames(clip, sift, images);
+
+  ColmapResult result;
+  result.log = work_dir / "colmap.log";
+  result.reconstruction.camera = clip.camera.value_or(Camera::Guess(clip.width_px, clip.height_px));
+  const auto run = [&](const std::string& command, Arguments arguments, bool with_images) {
+    arguments.push_back(Required("database_path", database));
+    if (with_images) arguments.push_back(Required("image_path", images));
+    const ProgramEnd end = program.Run(command, arguments, result.log);
+    if (end.exit_code != 0 || end.signal != 0) {
+      return fmt::format("{}: {}", command, end.Brief());
+    }
+    return std::string();
+  };
+  std::string failure =
+      run("feature_extractor", ExtractorArguments(clip, sift, options.threads), true);
+  if (failure.empty()) {
+    failure = run("sequential_matcher", MatcherArguments(sift, options), false);
+  }
+  std::optional<ColmapModelFolder> best;
+  if (failure.empty()) {
+    for (const bool lenient : {false, true}) {
+      const fs::path sparse = work_dir / (lenient ? "sparse_lenient" : "sparse");
+      fs::create_directories(sparse);
+      Arguments arguments = MapperArguments(clip, options, lenient);
+      arguments.push_back(Required("output_path", sparse));
+      failure = run("mapper", arguments, true);
+      auto model = ReadLargestColmapModel(sparse);
+      if (model && (!best || model->model.images.size() > best->model.images.size())) {
+        best = std::move(model);
+      }
+      if (best && best->model.images.size() * 10 >= clip.frames.size() * 8) break;
+    }
+  }
+  if (best) result.reconstruction = ToReconstruction(best->model, clip);
+  fs::remove_all(images);
+  fs::remove(database);
+
+  result.summary = Summarize(result.reconstruction, clip.frames.size());
+  result.summary.seconds =
+      std::chrono::duration<double>(std::chrono::steady_clock::now() - started).count();
+  result.colmap_seconds = result.summary.seconds;
+  result.summary.termination =
+      best ? fmt::format("COLMAP {} with its own SIFT features", program.version())
+           : fmt::format("COLMAP {} registered no frame by SIFT{}{}; see {}",
+                         program.version(),
+                         failure.empty() ? "" : ": ",
+                         failure,
+                         result.log.string());
+  return result;
+}
+
+}  // namespace cohort

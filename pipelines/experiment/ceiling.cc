@@ -1,0 +1,128 @@
+#include "pipelines/experiment/ceiling.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <memory>
+#include <utility>
+
+#include "datasets/position_bound.h"
+#include "frontend/core/random_stream.h"
+#include "frontend/track/track_loop.h"
+
+namespace cohort {
+namespace {
+
+constexpr int kWindowPx = 21;
+constexpr double kMaxSigmaPx = 3.0;
+
+// Moves every feature to where the truth has it.
+class TruthMover final : public FeatureMover {
+ public:
+  TruthMover(TrackTruth& truth, const DegradeOptions& degrade)
+      : truth_(truth), bound_(degrade, kWindowPx), seed_(degrade.seed) {}
+
+  // The frame that the loop is given next.
+  void Show(FrameIndex frame, const cv::Mat& signal) {
+    frame_ = frame;
+    signal_ = PositionBound::Prepare(signal);
+  }
+
+  std::vector<Move> MoveFeatures(const Pyramid&) override {
+    RandomStream random = RandomStream(seed_, "compare/ceiling").Fork(ToInt(frame_));
+    std::vector<Move> moves;
+    for (Feature& feature : features_) {
+      const Eigen::Vector2d normal(random.Gaussian(), random.Gaussian());
+      moves.push_back(MoveOf(feature, normal));
+      feature.xy = moves.back().xy;
+    }
+    return moves;
+  }
+
+  void Keep(std::span<const std::uint8_t> keep) override {
+    std::size_t kept = 0;
+    for (std::size_t f = 0; f < features_.size(); ++f) {
+      if (keep[f] != 0) features_[kept++] = features_[f];
+    }
+    features_.resize(kept);
+  }
+
+  void Add(std::span<const Eigen::Vector2d> born, const Pyramid&) override {
+    for (const Eigen::Vector2d& xy : born) features_.push_back({xy, truth_.Pick(frame_, xy)});
+  }
+
+ private:
+  struct Feature {
+    Eigen::Vector2d xy;
+    std::optional<TrackTruth::Anchor> anchor;  // none: the truth does not know what is there
+  };
+
+  Move MoveOf(const Feature& feature, const Eigen::Vector2d& normal) const {
+    Move move;
+    move.state = ObservationState::kPredicted;
+    move.xy = feature.xy;
+    const auto position = feature.anchor ? truth_.Locate(*feature.anchor, frame_) : std::nullopt;
+    if (!position) return move;
+    move.xy = position->xy;
+    if (!position->visible) return move;
+    const auto covariance = bound_.Covariance(signal_, position->xy);
+    if (!covariance) return move;
+    const Eigen::Vector2d sigmas = covariance->selfadjointView<Eigen::Lower>().eigenvalues();
+    if (sigmas.maxCoeff() > kMaxSigmaPx * kMaxSigmaPx) return move;
+    move.state = ObservationState::kObserved;
+    move.xy += covariance->llt().matrixL() * normal;
+    move.covariance = PixelCovariance{static_cast<float>((*covariance)(0, 0)),
+                                      static_cast<float>((*covariance)(0, 1)),
+                                      static_cast<float>((*covariance)(1, 1))};
+    return move;
+  }
+
+  TrackTruth& truth_;
+  PositionBound bound_;
+  unsigned seed_;
+  FrameIndex frame_{};
+  PositionBound::Signal signal_;
+  std::vector<Feature> features_;
+};
+
+// Tracks that the truth knows nothing of are none.
+TrackSet OfKnownPoints(const TrackSet& tracks, TrackTruth& truth) {
+  std::vector<Observation> observations;
+  for (const FeatureId feature : tracks.features()) {
+    const auto track = tracks.Track(feature);
+    if (!truth.Pick(track.front().frame, track.front().xy)) continue;
+    observations.insert(observations.end(), track.begin(), track.end());
+  }
+  return TrackSet::Build(std::move(observations));
+}
+
+}  // namespace
+
+TrackFile MakeCeilingTracks(Sequence& clip,
+                            Sequence& dark,
+                            TrackTruth& truth,
+                            const DegradeOptions& degrade,
+                            const TrackerOptions& tracking) {
+  auto owned = std::make_unique<TruthMover>(truth, degrade);
+  TruthMover& mover = *owned;
+  TrackLoop loop(tracking, {}, std::move(owned));
+  TrackFile file;
+  std::vector<Observation> observations;
+  while (const auto frame = dark.Next()) {
+    const auto source = clip.Next();
+    if (!source) ThrowError("{} has more frames than {}", dark.Name(), clip.Name());
+    cv::Mat motion;
+    if (degrade.recipe == DegradeRecipe::kSensor) {
+      motion = TrueMotion(clip, source->index, clip.TrueDepth(source->index).value_or(cv::Mat()));
+    }
+    mover.Show(frame->index, SignalOf(source->gray, degrade, ToInt(source->index), motion));
+    const FrameResult result = loop.Track(*frame);
+    observations.insert(observations.end(), result.observations.begin(), result.observations.end());
+    file.frames.push_back({frame->index, frame->name, frame->timestamp_ns});
+    file.width_px = frame->gray.cols;
+    file.height_px = frame->gray.rows;
+  }
+  file.tracks = OfKnownPoints(TrackSet::Build(std::move(observations)), truth);
+  return file;
+}
+
+}  // namespace cohort

@@ -1,0 +1,27 @@
+#pragma once
+
+#include <optional>
+
+#include "datasets/degrade.h"
+#include "datasets/track_truth.h"
+#include "frontend/track/tracker_options.h"
+#include "frontend/tracks/track_store.h"
+
+namespace cohort {
+
+// What no tracker can beat, as tracks: the corners that every tracker would be given in the
+// degraded frames, with re-detection, at their true positions plus Gaussian noise at the
+// Cramer-Rao bound of their 21 x 21 px patches (datasets/position_bound.h), drawn independently;
+// with the bound as their covariance. Observed is what is truly visible and whose bound is at most
+// 3 px; hidden features are predicted where they truly are, and end as every tracker's. The first
+// position of a track has no noise: it says what the track follows.
+//
+// `clip` gives the frames that `degrade` was applied to, `dark` its result, `truth` is of `dark`;
+// both run over the same frames. Fills frames and tracks of the result.
+TrackFile MakeCeilingTracks(Sequence& clip,
+                            Sequence& dark,
+                            TrackTruth& truth,
+                            const DegradeOptions& degrade,
+                            const TrackerOptions& tracking);
+
+}  // namespace cohort

@@ -1,0 +1,87 @@
+#pragma once
+
+#include <filesystem>
+#include <string>
+
+#include "frontend/core/options.h"
+#include "frontend/track/tracker_options.h"
+
+namespace cohort {
+
+// A clip as it is on disk; its truth is beside it or there is none.
+struct GridClip {
+  std::string input;
+  std::string name;
+  std::string fingerprint;  // of its files: changes when they do
+  bool has_poses = false;
+  bool has_track_truth = false;
+};
+
+inline constexpr std::string_view kAsIs = "as-is";
+
+// Everything of one clip, level and seed lies in one folder.
+struct Condition {
+  GridClip clip;
+  std::string level;
+  unsigned seed = 0;
+  std::filesystem::path folder;
+
+  bool IsDegraded() const { return level != kAsIs; }
+  std::filesystem::path Frames() const {
+    return IsDegraded() ? folder / "frames" : std::filesystem::path(clip.input);
+  }
+};
+
+enum class TrackSource {
+  kTracker,  // of `cohort track`
+  kCeiling,  // the truth with the least noise there can be; ceiling.h
+  kSift,     // no tracks: COLMAP's own features; backend/colmap/sift_mapper.h
+};
+
+struct GridTracker {
+  std::string name;  // in the tables
+  TrackSource source = TrackSource::kTracker;
+  TrackerOptions options;
+};
+
+enum class GridBackend {
+  kCeres,
+  kColmap,
+  kRefined,        // ceres, `cohort refine`, ceres
+  kTriangulation,  // points alone, from the true cameras: what the tracks are worth by themselves
+};
+inline constexpr ChoiceNames<GridBackend, 4> kGridBackendNames{
+    {{"ceres", GridBackend::kCeres},
+     {"colmap", GridBackend::kColmap},
+     {"refined", GridBackend::kRefined},
+     {"triangulation", GridBackend::kTriangulation}}};
+
+struct TrackCell {
+  Condition condition;
+  GridTracker tracker;
+  std::filesystem::path folder;
+
+  std::filesystem::path Tracks() const { return folder / "clip.tracks"; }
+  std::filesystem::path Result() const { return folder / "tracks.json"; }
+  std::filesystem::path Model(GridBackend backend) const {
+    return folder / NameOf(kGridBackendNames, backend);
+  }
+  std::filesystem::path Result(GridBackend backend) const {
+    return folder / (std::string(NameOf(kGridBackendNames, backend)) + ".json");
+  }
+  // COLMAP's own features go with nothing else; a second pass would measure what is to be the
+  // truth.
+  bool Has(GridBackend backend) const {
+    switch (tracker.source) {
+      case TrackSource::kTracker:
+        return true;
+      case TrackSource::kCeiling:
+        return backend != GridBackend::kRefined;
+      case TrackSource::kSift:
+        return backend == GridBackend::kColmap;
+    }
+    return false;
+  }
+};
+
+}  // namespace cohort
