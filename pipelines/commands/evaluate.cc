@@ -43,6 +43,15 @@ Json ErrorsToJson(const ErrorSummary& errors) {
           {"mean_px", errors.mean_px}};
 }
 
+Json CalibrationToJson(const CalibrationFigure& figure) {
+  return {{"count", figure.count},
+          {"nees_ratio", figure.nees_ratio},
+          {"robust_sigma", figure.robust_sigma},
+          {"share_beyond_3", figure.share_beyond_3},
+          {"histogram_sigmas", CalibrationFigure::kHistogramSigmas},
+          {"histogram", figure.histogram}};
+}
+
 Json EvaluateTrackFile(const std::string& path, const Sequence& sequence, TrackTruth* truth) {
   if (truth == nullptr) {
     ThrowError(
@@ -65,6 +74,8 @@ Json EvaluateTrackFile(const std::string& path, const Sequence& sequence, TrackT
           {"mean_track_length", file.tracks.MeanObservedLength()},
           {"observed", figures.observed ? ErrorsToJson(*figures.observed) : Json(nullptr)},
           {"outlier_share", OrNull(figures.outlier_share)},
+          {"calibration",
+           figures.calibration ? CalibrationToJson(*figures.calibration) : Json(nullptr)},
           {"predicted", predicted},
           {"predicted_precision", OrNull(figures.predicted_precision)},
           {"predicted_recall", OrNull(figures.predicted_recall)},
@@ -136,7 +147,9 @@ void AddRows(const Json& json,
                                   value["p90_px"].get<double>(),
                                   value["count"].get<std::size_t>())});
     } else if (value.is_object()) {
-      AddRows(value, name + " for frames: ", rows);
+      AddRows(value, name + (key == "predicted" ? ", hidden for frames: " : ": "), rows);
+    } else if (value.is_array()) {
+      continue;  // a histogram
     } else if (value.is_number_float()) {
       rows.push_back({name, fmt::format("{:.4g}", value.get<double>())});
     } else {

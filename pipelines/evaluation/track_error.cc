@@ -1,8 +1,10 @@
 #include "pipelines/evaluation/track_error.h"
 
+#include <Eigen/Cholesky>
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <numbers>
 #include <numeric>
 #include <span>
 
@@ -51,6 +53,39 @@ bool InsideBorder(const Eigen::Vector2d& xy, const ReinitializationOptions& opti
   return xy.x() >= options.border_px && xy.y() >= options.border_px &&
          xy.x() <= options.width_px - 1 - options.border_px &&
          xy.y() <= options.height_px - 1 - options.border_px;
+}
+
+// L^-1 error. The covariance is positive definite.
+Eigen::Vector2d Normalise(const Eigen::Vector2d& error, const PixelCovariance& covariance) {
+  Eigen::Matrix2d S;
+  S << covariance.xx, covariance.xy, covariance.xy, covariance.yy;
+  return S.llt().matrixL().solve(error);
+}
+
+CalibrationFigure Calibration(const std::vector<Eigen::Vector2d>& normalised) {
+  CalibrationFigure figure;
+  figure.count = normalised.size();
+  std::vector<double> squares;
+  std::vector<double> sizes;
+  std::size_t beyond = 0;
+  const double bins_per_sigma =
+      CalibrationFigure::kHistogramBins / (2.0 * CalibrationFigure::kHistogramSigmas);
+  for (const Eigen::Vector2d& e : normalised) {
+    squares.push_back(e.squaredNorm());
+    for (const double x : {e.x(), e.y()}) {
+      sizes.push_back(std::abs(x));
+      if (std::abs(x) > 3.0) ++beyond;
+      const double bin = std::floor((x + CalibrationFigure::kHistogramSigmas) * bins_per_sigma);
+      if (bin >= 0.0 && bin < CalibrationFigure::kHistogramBins) {
+        ++figure.histogram[static_cast<std::size_t>(bin)];
+      }
+    }
+  }
+  constexpr double kNormalMadToSigma = 1.4826;
+  figure.nees_ratio = InterpolatedMedian(std::move(squares)) / (2.0 * std::numbers::ln2);
+  figure.share_beyond_3 = static_cast<double>(beyond) / static_cast<double>(sizes.size());
+  figure.robust_sigma = kNormalMadToSigma * InterpolatedMedian(std::move(sizes));
+  return figure;
 }
 
 std::optional<double> Ratio(std::size_t part, std::size_t whole) {
@@ -124,6 +159,7 @@ TrackEvaluation EvaluateTracks(const TrackSet& tracks,
                                const ReinitializationOptions& options) {
   TrackEvaluation evaluation;
   std::vector<double> observed_px;
+  std::vector<Eigen::Vector2d> normalised;
   std::map<int, std::vector<double>> predicted_px;  // by frames hidden
   std::size_t predicted = 0, hidden = 0, predicted_and_hidden = 0;
   for (const FeatureId feature : tracks.features()) {
@@ -140,17 +176,19 @@ TrackEvaluation EvaluateTracks(const TrackSet& tracks,
       const auto sighting = track->path(frame);
       if (sighting) hidden_frames = sighting->visible ? 0 : hidden_frames + 1;
       if (observation->frame != frame) continue;
-      const Eigen::Vector2d xy = observation->xy;
-      const bool is_predicted = observation->state == ObservationState::kPredicted;
+      const Observation& o = *observation;
+      const bool is_predicted = o.state == ObservationState::kPredicted;
       ++observation;
       if (!sighting) continue;
+      const Eigen::Vector2d error = o.xy - sighting->xy;
+      if (!is_predicted && o.covariance) normalised.push_back(Normalise(error, *o.covariance));
       if (is_predicted) ++predicted;
       if (hidden_frames > 0) ++hidden;
       if (is_predicted && hidden_frames > 0) ++predicted_and_hidden;
-      const double error_px = (xy - sighting->xy).norm();
-      (is_predicted ? predicted_px[hidden_frames] : observed_px).push_back(error_px);
+      (is_predicted ? predicted_px[hidden_frames] : observed_px).push_back(error.norm());
     }
   }
+  if (!normalised.empty()) evaluation.calibration = Calibration(normalised);
   evaluation.outlier_share =
       Ratio(static_cast<std::size_t>(std::count_if(
                 observed_px.begin(), observed_px.end(), [](double e) { return e > kOutlierPx; })),

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <functional>
 #include <map>
 #include <optional>
@@ -66,12 +67,26 @@ std::optional<TrajectoryL1Figure> MeasureTrajectoryL1(const TrackSet& tracks,
                                                       const TrackTruthOracle& truth,
                                                       std::size_t frames = 30);
 
+// Whether the tracker's covariances are right. An error d = observed - true position with the
+// covariance S = L L^T is normalised to L^-1 d: two numbers that, if S is right, are standard
+// normal, and whose squares' sum has the median 2 log 2 = 1.386.
+struct CalibrationFigure {
+  static constexpr double kHistogramSigmas = 5.0;    // bins of equal width from -5 to 5 ...
+  static constexpr std::size_t kHistogramBins = 41;  // ... the middle one about 0
+  std::size_t count = 0;                             // observations; the numbers are twice as many
+  double nees_ratio = 0.0;                           // median of |L^-1 d|^2, over 1.386
+  double robust_sigma = 0.0;                         // 1.4826 median |L^-1 d|_i
+  double share_beyond_3 = 0.0;                       // of the numbers; 0.0027 if S is right
+  std::array<std::size_t, kHistogramBins> histogram{};  // beyond the ends: not counted
+};
+
 // What `evaluate` says of tracks.
 struct TrackEvaluation {
   std::size_t tracks = 0;
-  std::size_t tracks_without_truth = 0;  // left out of all figures
-  std::optional<ErrorSummary> observed;  // none: no observed position beyond the first
-  std::optional<double> outlier_share;   // of the observed: more than 3 px off
+  std::size_t tracks_without_truth = 0;          // left out of all figures
+  std::optional<ErrorSummary> observed;          // none: no observed position beyond the first
+  std::optional<double> outlier_share;           // of the observed: more than 3 px off
+  std::optional<CalibrationFigure> calibration;  // none: no observation has a covariance
   // Predicted positions by for how many frames, this one included, the point has been hidden: 0
   // (it is visible, and the tracker did not see it), 1, 5, 10, 20, 50.
   std::map<int, ErrorSummary> predicted;

@@ -67,6 +67,10 @@ void AddErrorRows(const Json& errors, RowAdder& rows) {
     rows.Add("observed_error_p90", errors["observed"]["p90_px"], "px");
     rows.Add("observed_error_mean", errors["observed"]["mean_px"], "px");
   }
+  if (!errors["calibration"].is_null()) {
+    rows.Add("nees_ratio", errors["calibration"]["nees_ratio"], "");
+    rows.Add("normalised_error_sigma", errors["calibration"]["robust_sigma"], "");
+  }
   rows.Add("outlier_share", errors["outlier_share"], "");
   rows.Add("predicted_precision", errors["predicted_precision"], "");
   rows.Add("predicted_recall", errors["predicted_recall"], "");

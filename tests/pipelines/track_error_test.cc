@@ -2,6 +2,11 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/Cholesky>
+#include <numeric>
+
+#include "frontend/core/random_stream.h"
+
 namespace cohort {
 namespace {
 
@@ -108,6 +113,53 @@ TEST(EvaluateTracks, HiddenFramesCountAcrossGapsAndNotWithoutTruth) {
   EXPECT_FALSE(no_truth.observed);
   EXPECT_TRUE(no_truth.predicted.empty());
   EXPECT_FALSE(no_truth.predicted_recall);
+}
+
+// Errors drawn with the covariance that the tracker claims, times a factor.
+TrackEvaluation WithClaimedCovariance(double factor) {
+  Eigen::Matrix2d true_covariance;
+  true_covariance << 0.9, 0.5, 0.5, 0.4;
+  const Eigen::Matrix2d L = true_covariance.llt().matrixL();
+  RandomStream random(3, "test/calibration");
+  auto track = Track(1, 0, 20001, {100, 100});
+  const Eigen::Vector2d still = track.front().xy;
+  for (Observation& o : track) {
+    o.xy = still;
+    if (o.frame == FrameIndex{0}) continue;
+    o.xy += L * Eigen::Vector2d(random.Gaussian(), random.Gaussian());
+    o.covariance = PixelCovariance{static_cast<float>(factor * 0.9),
+                                   static_cast<float>(factor * 0.5),
+                                   static_cast<float>(factor * 0.4)};
+  }
+  const auto still_truth = [](FrameIndex, const Eigen::Vector2d& xy) -> std::optional<TruePath> {
+    return [xy](FrameIndex) { return TrueSighting{.xy = xy, .visible = true}; };
+  };
+  return EvaluateTracks(Join({track}), still_truth, kImage);
+}
+
+TEST(Calibration, RightCovariancesMakeErrorsStandardNormal) {
+  const auto calibration = WithClaimedCovariance(1.0).calibration;
+  ASSERT_TRUE(calibration);
+  EXPECT_EQ(calibration->count, 20000u);
+  EXPECT_NEAR(calibration->nees_ratio, 1.0, 0.03);
+  EXPECT_NEAR(calibration->robust_sigma, 1.0, 0.02);
+  EXPECT_NEAR(calibration->share_beyond_3, 0.0027, 0.001);
+  const double in_all =
+      std::accumulate(calibration->histogram.begin(), calibration->histogram.end(), 0.0);
+  EXPECT_NEAR(in_all, 40000.0, 1.0);
+  const double width = 10.0 / CalibrationFigure::kHistogramBins;
+  EXPECT_NEAR(calibration->histogram[20] / (40000.0 * width), 0.3989, 0.02);
+}
+
+TEST(Calibration, CovariancesFourTimesTooSmallAreFoundOut) {
+  const auto calibration = WithClaimedCovariance(0.25).calibration;
+  ASSERT_TRUE(calibration);
+  EXPECT_NEAR(calibration->nees_ratio, 4.0, 0.1);
+  EXPECT_NEAR(calibration->robust_sigma, 2.0, 0.04);
+}
+
+TEST(Calibration, TracksWithoutCovarianceHaveNone) {
+  EXPECT_FALSE(EvaluateTracks(Join({Track(1, 0, 9, {100, 100})}), Moving(), kImage).calibration);
 }
 
 TEST(Reinitializations, AreCountedWhenATrackLeavesTheTruthOrGivesUp) {
