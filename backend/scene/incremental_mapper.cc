@@ -197,6 +197,18 @@ class Mapper {
     return ratios.empty() ? kInfinity : Median(std::move(ratios));
   }
 
+  // Standard deviation of the coordinates of what the model believes [px], robust. Not much more
+  // than the tracks' own noise (EstimateNoise), unless the camera is another or the tracks drift.
+  double NoiseLeftPx(const SceneModel& model) const {
+    constexpr double kMedianOfRayleigh = 1.1774;
+    std::vector<double> errors;
+    for (int o = 0; o < static_cast<int>(clip_.observations().size()); ++o) {
+      if (!model.Active(o)) continue;
+      if (const auto error = model.PixelError(o)) errors.push_back(error->norm());
+    }
+    return Median(std::move(errors)) / kMedianOfRayleigh;
+  }
+
   // What the tracks say of a camera that is kept: refined on the keyframes alone. None where they
   // have no better one to offer.
   std::optional<Camera> BetterCamera(const SceneModel& model,
@@ -606,6 +618,20 @@ MapperResult ReconstructWithCeres(const TrackFile& file, const MapperOptions& op
                     better.k2,
                     camera.k1,
                     camera.k2));
+  }
+  // Refined from a camera that is far off, the better one may not be found. Clips whose camera was
+  // right leave up to 1.3 times the tracks' noise, those with a wrong one from 2.2 on.
+  constexpr double kMuchNoise = 2.0;
+  constexpr double kMinNoisePx = 0.02;
+  const double noise_px = std::max(EstimateNoise(clip), kMinNoisePx);
+  const double left_px = mapper.NoiseLeftPx(model);
+  if (!result.better_camera && left_px > kMuchNoise * noise_px) {
+    say(
+        fmt::format("the model leaves a noise of {:.2f} px where that of the tracks is {:.2f} px: "
+                    "the camera is another than {}, or the tracks drift or are on things that move",
+                    left_px,
+                    noise_px,
+                    camera.known ? "the one given" : "was found"));
   }
   if (options.covariances) EstimateCovariances(model, mapper, result);
   result.reconstruction = ToReconstruction(model);

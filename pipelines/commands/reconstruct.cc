@@ -98,8 +98,10 @@ Outcome ReconstructByCeres(const TrackFile& file,
 
   Outcome outcome;
   outcome.more["tracks_without_point"] = result.without_point.size();
-  outcome.more["noise"] = result.noise;
-  outcome.more["camera"] = ToJson(result.reconstruction.camera);
+  if (!result.reconstruction.cam_from_world.empty()) {
+    outcome.more["noise"] = result.noise;
+    outcome.more["camera"] = ToJson(result.reconstruction.camera);
+  }
   if (result.better_camera) outcome.more["better_camera"] = ToJson(*result.better_camera);
   for (const OtherComponent& part : result.other_components) {
     outcome.more["other_parts"].push_back({{"first_frame", ToInt(part.first)},

@@ -238,6 +238,18 @@ TEST(IncrementalMapper, SaysWhenTheTracksContradictAKnownCamera) {
   }
 }
 
+TEST(IncrementalMapper, SaysWhenTheModelLeavesMoreThanTheTracksNoise) {
+  SyntheticTracksOptions options = Scene(CameraPath::kArc, 0.1);
+  options.frames = 60;
+  EXPECT_EQ(ReconstructWithCeres(MakeSyntheticTracks(options).file).summary.termination, "success");
+  options.drift_px = 0.4;
+  const MapperResult result = ReconstructWithCeres(MakeSyntheticTracks(options).file);
+  ASSERT_EQ(result.termination, MapperTermination::kSuccess);
+  EXPECT_THAT(result.summary.termination,
+              testing::AllOf(HasSubstr("the model leaves a noise of 0."),
+                             HasSubstr("the tracks drift or are on things that move")));
+}
+
 TEST(IncrementalMapper, AClipThatBreaksHasTwoParts) {
   SyntheticTracksOptions options = Scene(CameraPath::kArc);
   options.frames = 40;
