@@ -161,6 +161,9 @@ void AddRows(const Json& json,
 }  // namespace
 
 void RunEvaluate(const EvaluateCommandOptions& options) {
+  if (!fs::exists(options.subject)) {
+    ThrowError("there is no .tracks file or model folder {}", options.subject);
+  }
   const auto sequence = OpenSequence(options.truth, options.layout);
   const auto truth = OpenTrackTruth(*sequence, options.truth);
   const Json figures = fs::is_directory(options.subject)
