@@ -116,7 +116,9 @@ Arguments MapperArguments(const TrackFile& clip, const ColmapOptions& options, b
   add("random_seed", options.seed);
   add("Mapper.num_threads", options.threads);
   add("Mapper.extract_colors", 0);
-  add("Mapper.multiple_models", 0);
+  // Where the first start leads nowhere, another one is tried; the largest model counts.
+  add("Mapper.multiple_models", 1);
+  add("Mapper.max_num_models", 5);
   add("Mapper.ba_refine_focal_length", refine);
   add("Mapper.ba_refine_extra_params", refine);
   add("Mapper.ba_refine_principal_point", 0);

@@ -4,6 +4,8 @@
 
 #include "pipelines/console/version.h"
 #include "pipelines/experiment/paper_tables.h"
+#include "pipelines/report/headline.h"
+#include "pipelines/report/report.h"
 
 namespace cohort {
 namespace {
@@ -30,8 +32,15 @@ void RunCompare(const ExperimentOptions& options) {
   WriteResultsJson(out / "results.json",
                    results,
                    {{"program", fmt::format("cohort {}", kVersion)}, {"options", ToJson(options)}});
-  fmt::print("{}",
-             options.protocol == Protocol::kPaper ? PaperTables(results) : ResultsTable(results));
+  if (options.protocol == Protocol::kPaper) {
+    fmt::print("{}", PaperTables(results));
+  } else {
+    WriteReport(out / "report.html", results, options);
+    fmt::print("{}", ResultsTable(results));
+    if (const auto headline = MakeHeadline(results)) {
+      fmt::print("\n{}", HeadlineTable(*headline));
+    }
+  }
   PrintNotes("FAILED", results.failures);
   PrintNotes("not available", results.not_available);
 }

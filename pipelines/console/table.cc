@@ -33,4 +33,16 @@ std::string AlignedTable(const std::vector<std::vector<std::string>>& rows,
   return text;
 }
 
+std::vector<std::vector<std::string>> WithoutEmptyColumns(
+    const std::vector<std::vector<std::string>>& table) {
+  std::vector<std::vector<std::string>> filled(table.size());
+  for (std::size_t c = 0; c < table.front().size(); ++c) {
+    const bool empty =
+        std::all_of(table.begin() + 1, table.end(), [c](const auto& row) { return row[c] == "-"; });
+    if (empty) continue;
+    for (std::size_t r = 0; r < table.size(); ++r) filled[r].push_back(table[r][c]);
+  }
+  return filled;
+}
+
 }  // namespace cohort

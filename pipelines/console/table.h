@@ -11,4 +11,8 @@ namespace cohort {
 std::string AlignedTable(const std::vector<std::vector<std::string>>& rows,
                          std::size_t left_columns = 1);
 
+// Without the columns in which no row but the first has a figure ("-").
+std::vector<std::vector<std::string>> WithoutEmptyColumns(
+    const std::vector<std::vector<std::string>>& table);
+
 }  // namespace cohort

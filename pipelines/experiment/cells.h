@@ -5,6 +5,7 @@
 
 #include "frontend/core/options.h"
 #include "frontend/track/tracker_options.h"
+#include "pipelines/commands/input_options.h"
 
 namespace cohort {
 
@@ -59,6 +60,7 @@ inline constexpr ChoiceNames<GridBackend, 4> kGridBackendNames{
 struct TrackCell {
   Condition condition;
   GridTracker tracker;
+  InputOptions frames;  // what the tracker reads
   std::filesystem::path folder;
 
   std::filesystem::path Tracks() const { return folder / "clip.tracks"; }

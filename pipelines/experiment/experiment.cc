@@ -237,7 +237,8 @@ class Experiment {
               clip, level, seed, cells_folder_ / clip.name / level / std::to_string(seed)};
           conditions_.push_back(condition);
           for (const GridTracker& tracker : trackers_) {
-            cells_.push_back({condition, tracker, condition.folder / tracker.name});
+            cells_.push_back(
+                {condition, tracker, FramesInput(condition), condition.folder / tracker.name});
           }
         }
       }
@@ -311,7 +312,7 @@ class Experiment {
                            return TrackCeiling(cell);
                          }
                          TrackCommandOptions track;
-                         track.input = FramesInput(cell.condition);
+                         track.input = cell.frames;
                          track.out = cell.Tracks().string();
                          track.seed = cell.condition.seed;
                          track.threads = options_.jobs == 1 ? 0 : 1;
@@ -335,7 +336,7 @@ class Experiment {
     }
     if (!cell.condition.clip.has_track_truth) return NotAvailable("no truth of tracks");
     const auto clip = OpenInput(ClipInput(cell.condition));
-    const InputOptions frames = FramesInput(cell.condition);
+    const InputOptions frames = cell.frames;
     const auto dark = OpenInput(frames);
     const auto truth = OpenTrackTruth(*dark, frames.input);
     TrackFile file =
@@ -360,7 +361,7 @@ class Experiment {
   }
 
   Json Evaluate(const TrackCell& cell, const fs::path& subject, const fs::path& json) const {
-    const InputOptions frames = FramesInput(cell.condition);
+    const InputOptions frames = cell.frames;
     RunEvaluate({.subject = subject.string(),
                  .truth = frames.input,
                  .layout = frames.layout,
@@ -374,7 +375,7 @@ class Experiment {
       if (!shard.Takes(i)) continue;
       const TrackCell& cell = cells_[i];
       const InputOptions clip = ClipInput(cell.condition);
-      const InputOptions frames = FramesInput(cell.condition);
+      const InputOptions frames = cell.frames;
       const TrackerOptions tracker = WithoutGivingUp(cell.tracker.options);
       Json depends_on = DependenciesOf(cell);
       depends_on["paper"] = ToJson(options_.paper);
@@ -531,14 +532,14 @@ class Experiment {
   Json ByTriangulation(const TrackCell& cell) const {
     if (!cell.condition.clip.has_poses) return NotAvailable("no true cameras");
     const TrackFile file = ReadTrackFile(cell.Tracks());
-    const auto frames = OpenInput(FramesInput(cell.condition));
+    const auto frames = OpenInput(cell.frames);
     MapperResult result = TriangulateWithCeres(file, frames->TrueCamFromWorld(), options_.ceres);
     return WriteModel(
         cell, GridBackend::kTriangulation, file.frames, result.reconstruction, result.summary);
   }
 
   Json BySift(const TrackCell& cell) const {
-    const InputOptions input = FramesInput(cell.condition);
+    const InputOptions input = cell.frames;
     const auto frames = OpenInput(input);
     TrackFile clip;  // without tracks
     while (const auto frame = frames->Next()) {
@@ -574,6 +575,7 @@ class Experiment {
 
   ExperimentResults Collect() const {
     ExperimentResults results;
+    results.cells = cells_;
     for (const TrackCell& cell : cells_) {
       if (fs::exists(cell.Result())) AddTrackRows(cell, ReadJsonFile(cell.Result()), results);
       for (const GridBackend backend : backends_) {  // what is not there is another shard's

@@ -70,19 +70,6 @@ std::vector<std::string> TableRow(const Line& line,
           Cell(MedianOf(tracks, "observed_error_p90"), 1.0, 2)};
 }
 
-// Without the columns in which no line has a figure.
-std::vector<std::vector<std::string>> WithoutEmptyColumns(
-    const std::vector<std::vector<std::string>>& table) {
-  std::vector<std::vector<std::string>> filled(table.size());
-  for (std::size_t c = 0; c < table.front().size(); ++c) {
-    const bool empty =
-        std::all_of(table.begin() + 1, table.end(), [c](const auto& row) { return row[c] == "-"; });
-    if (empty) continue;
-    for (std::size_t r = 0; r < table.size(); ++r) filled[r].push_back(table[r][c]);
-  }
-  return filled;
-}
-
 nlohmann::ordered_json ToJson(const CellNote& note) {
   return {{"sequence", note.sequence},
           {"level", note.level},

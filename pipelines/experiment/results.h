@@ -5,6 +5,8 @@
 #include <string>
 #include <vector>
 
+#include "pipelines/experiment/cells.h"
+
 namespace cohort {
 
 // Metrics that the paper's tables are made of.
@@ -41,6 +43,7 @@ struct ExperimentResults {
   std::vector<ResultRow> rows;
   std::vector<CellNote> failures;
   std::vector<CellNote> not_available;
+  std::vector<TrackCell> cells;  // where tracks and models lie
 };
 
 // results.csv: header sequence,level,tracker,backend,seed,metric,value,unit. Whole or not at all.

@@ -1,0 +1,565 @@
+import {OrbitControls} from 'three/examples/jsm/controls/OrbitControls.js';
+import {
+  BufferAttribute, BufferGeometry, Color, Line, LineBasicMaterial, LineDashedMaterial,
+  PerspectiveCamera, Points, PointsMaterial, Scene, Vector3, WebGLRenderer,
+} from 'three';
+import uPlot from 'uplot';
+
+const data = JSON.parse(document.getElementById('data').textContent);
+const page = document.getElementById('page');
+const cohort = data.headline ? data.headline.cohort : null;
+
+// ---- small helpers ----
+
+const el = (tag, attributes = {}, ...children) => {
+  const element = document.createElement(tag);
+  for (const [name, value] of Object.entries(attributes)) {
+    if (name === 'class') element.className = value;
+    else if (name === 'style') element.style.cssText = value;
+    else element.setAttribute(name, value);
+  }
+  element.append(...children.flat().filter((child) => child !== null && child !== undefined));
+  return element;
+};
+const section = (title, ...children) => {
+  const element = el('section', {}, el('h2', {}, title), ...children);
+  page.append(element);
+  return element;
+};
+const plural = (n, word) => `${n} ${word}${n === 1 ? '' : 's'}`;
+const list = (names) =>
+  names.length < 2 ? names.join('') : `${names.slice(0, -1).join(', ')} and ${names.at(-1)}`;
+const css = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+
+// Three significant digits; a dash for what is not there.
+const digits = (value) => {
+  if (value === null || value === undefined) return '\u2013';
+  if (!Number.isFinite(value)) return 'failed';
+  if (value === 0) return '0';
+  if (Number.isInteger(value)) return String(value);
+  const places = Math.max(0, Math.min(4, 2 - Math.floor(Math.log10(Math.abs(value)))));
+  return value.toFixed(places);
+};
+// As numpy's percentile, also of lists with Infinity.
+const quantile = (values, share) => {
+  if (!values.length) return null;
+  const sorted = [...values].sort((a, b) => a - b);
+  const place = share * (sorted.length - 1);
+  const low = sorted[Math.floor(place)];
+  const high = sorted[Math.ceil(place)];
+  if (low === high) return low;
+  return low + (high - low) * (place - Math.floor(place));
+};
+
+// ---- the results ----
+
+const key = (...parts) => parts.join('\u0000');
+const values = new Map();  // sequence, level, tracker, backend, metric -> values over seeds
+for (const [sequence, level, tracker, backend, , metric, value] of data.rows) {
+  const name = key(sequence, level, tracker, backend, metric);
+  if (!values.has(name)) values.set(name, []);
+  values.get(name).push(value);
+}
+const valuesOf = (sequence, level, tracker, backend, metric) =>
+  values.get(key(sequence, level, tracker, backend, metric)) || [];
+const runs = (...cell) => valuesOf(...cell, 'failed').length;
+const failures = (...cell) => valuesOf(...cell, 'failed').filter((failed) => failed).length;
+
+const METRICS = {
+  ate: {name: 'camera error', unit: 'mm', factor: 1000},
+  point_error_median: {name: 'point error', unit: 'mm', factor: 1000},
+  mean_track_length: {name: 'track length', unit: 'frames', factor: 1},
+  observed_error_median: {name: 'track error', unit: 'px', factor: 1},
+};
+// A figure of the tracks stands under the backend '' unless a second pass has made other tracks.
+const figure = (sequence, level, tracker, backend, metric) => {
+  const own = valuesOf(sequence, level, tracker, backend, metric);
+  const found = own.length ? own : valuesOf(sequence, level, tracker, '', metric);
+  return found.map((value) => value * METRICS[metric].factor);
+};
+
+const PALETTE = ['#8250c4', '#b58900', '#8c564b', '#c2458a', '#00838f', '#7a7a00'];
+const BLUES = ['#2a78b8', '#69aee0', '#174a78', '#9cc9ee'];
+const GREENS = ['#1f8f63', '#74c9a4', '#0f5a3d', '#a8dfc7'];
+const colors = new Map();
+{
+  let blue = 0, green = 0, other = 0;
+  for (const tracker of data.trackers) {
+    if (tracker === cohort) colors.set(tracker, '#e8590c');
+    else if (/^klt\d*$/.test(tracker)) colors.set(tracker, BLUES[blue++ % BLUES.length]);
+    else if (/^anchored-klt\d*$/.test(tracker)) colors.set(tracker, GREENS[green++ % GREENS.length]);
+    else if (tracker === 'ceiling') colors.set(tracker, '#8a939b');
+    else colors.set(tracker, PALETTE[other++ % PALETTE.length]);
+  }
+}
+const ABOUT_TRACKERS = [
+  [/^klt\d*$/, 'Lucas-Kanade from frame to frame, each feature for itself, checked by tracking back; the number is the window in pixels'],
+  [/^anchored-klt\d*$/, 'KLT as a guide, then measured against the feature\u2019s own first frame; no joint constraint'],
+  [/^subspace$/, 'cohort: all features together, each then measured where the others say it is'],
+  [/^subspace-paper$/, 'the joint tracker as its paper prints it, without measurement'],
+  [/^descent/, 'first-order descent of each feature for itself'],
+  [/^ceiling$/, 'the true tracks plus the least noise that the darkness allows (Cram\u00e9r-Rao bound): no tracker can beat it'],
+  [/^sift$/, 'COLMAP\u2019s own SIFT features and sequential matching on the same frames'],
+  [/^rlof$/, 'robust local optical flow of OpenCV'],
+  [/^dis$|^deepflow$/, 'tracks chained from dense optical flow'],
+];
+const ABOUT_BACKENDS = {
+  ceres: 'cohort\u2019s own reconstruction',
+  colmap: 'COLMAP\u2019s incremental mapper',
+  refined: 'cohort\u2019s own reconstruction, every feature measured again where it says, and reconstructed again',
+  triangulation: 'points alone, seen from the true cameras: the tracks without the solver',
+};
+
+// ---- opening ----
+
+const ratioSpan = (ratio, better = (value) => value > 1) => {
+  if (!ratio) return '\u2013';
+  const spread = ratio.least !== ratio.largest ? `${digits(ratio.least)} to ${digits(ratio.largest)}` : null;
+  return el('span', {},
+    el('span', {class: better(ratio.value) ? 'win' : 'lose'}, `${digits(ratio.value)}\u00d7`),
+    spread ? el('small', {}, spread) : null);
+};
+
+page.append(
+  el('h1', {}, cohort ? 'Tracking in the dark: cohort against KLT' : 'Comparison of trackers'),
+  el('p', {class: 'lead'},
+    'Feature points were tracked through video, and cameras and points were reconstructed from the tracks. ',
+    `${plural(data.sequences.length, 'clip')}, ${plural(data.levels.length, 'level')} of darkness, `,
+    `${plural(data.trackers.length, 'tracker')}, ${plural(data.backends.length, 'reconstruction method')}, `,
+    `${plural(data.seeds.length, 'seed')} of the noise. Nothing but the tracker changes between columns that are compared.`));
+
+const openingCards = () => {
+  if (!data.headline) return null;
+  const cards = el('div', {class: 'cards'});
+  for (const row of data.headline.rows) {
+    const ratio = row.camera_klt || row.points_klt;
+    if (!ratio) continue;
+    const what = row.camera_klt ? 'camera error' : 'point error';
+    cards.append(el('div', {class: 'card'},
+      el('b', {class: ratio.value > 1 ? 'win' : 'lose'}, `${digits(ratio.value)}\u00d7`),
+      ratio.value > 1 ? `smaller ${what} than the best KLT` : `the ${what} of the best KLT over cohort\u2019s: KLT wins`,
+      el('div', {class: 'soft'}, `${row.level}, ${row.backend}`)));
+  }
+  return cards.children.length ? cards : null;
+};
+
+// ---- headline table ----
+
+if (data.headline) {
+  const rows = data.headline.rows;
+  const columns = [
+    ['camera error: best KLT / cohort', (row) => ratioSpan(row.camera_klt), 'camera_klt'],
+    ['best anchored KLT / cohort', (row) => ratioSpan(row.camera_anchored), 'camera_anchored'],
+    ['cohort / ceiling', (row) => ratioSpan(row.camera_ceiling, (value) => value <= 2), 'camera_ceiling'],
+    ['point error: best KLT / cohort', (row) => ratioSpan(row.points_klt), 'points_klt'],
+    ['best anchored KLT / cohort', (row) => ratioSpan(row.points_anchored), 'points_anchored'],
+    ['track length: cohort / best KLT', (row) => ratioSpan(row.length_klt), 'length_klt'],
+    ['frames registered by cohort', (row) => `${Math.round(100 * row.registered)} %`, 'registered'],
+    ['by KLT', (row) => `${Math.round(100 * row.registered_klt)} %`, 'registered_klt'],
+    ['clips failed: cohort / KLT / anchored', (row) => `${row.failed} / ${row.failed_klt} / ${row.failed_anchored}`, 'failed'],
+  ].filter(([, , name]) => rows.some((row) => row[name] !== null));
+  section('Who won, and by how much',
+    openingCards(),
+    el('p', {}, 'Above 1\u00d7, cohort is better by that factor. Each is the geometric mean over the clips in which both have a reconstruction, of the median over seeds; small print: the least and the largest of a single seed. ',
+      'KLT stands for the best of its settings in each clip, chosen after the fact, in its favour. ',
+      'A clip that fails, because fewer than 80 % of its frames get a camera, has no error to compare: it is counted on the right. ',
+      'The ceiling, true tracks with the least noise possible, is what perfect tracking would reach.'),
+    el('div', {class: 'scroll'}, el('table', {id: 'headline'},
+      el('thead', {}, el('tr', {}, el('th', {class: 'name'}, 'darkness'), el('th', {class: 'name'}, 'reconstruction'), el('th', {}, 'clips'),
+        columns.map(([title]) => el('th', {}, title)))),
+      el('tbody', {}, rows.map((row) => el('tr', {},
+        el('td', {class: 'name'}, row.level), el('td', {class: 'name'}, row.backend), el('td', {}, String(row.clips)),
+        columns.map(([, cell]) => el('td', {}, cell(row)))))))));
+
+  const losses = data.headline.losses;
+  const text = (loss) => {
+    const metric = METRICS[loss.metric];
+    const ours = loss.cohort === null ? 'cohort failed' : `cohort ${digits(loss.cohort * metric.factor)} ${metric.unit}`;
+    return `${loss.sequence}, ${loss.level}, ${loss.backend}: ${metric.name}: ${ours}, ${loss.rival} ${digits(loss.best * metric.factor)} ${metric.unit}`;
+  };
+  const size = (loss) => (loss.cohort === null ? Infinity : loss.cohort / loss.best);
+  const sorted = [...losses].sort((a, b) => size(b) - size(a));
+  const items = (part) => el('ul', {}, part.map((loss) => el('li', {}, text(loss))));
+  section('Where cohort does not win',
+    losses.length === 0
+      ? el('p', {}, `In none of ${data.headline.contests} comparisons (clip, darkness, reconstruction; camera error and point error) was any KLT, anchored or not, better.`)
+      : el('p', {}, `In ${losses.length} of ${data.headline.contests} comparisons (clip, darkness, reconstruction; camera error and point error) some KLT, anchored or not, was better. The widest first:`),
+    items(sorted.slice(0, 8)),
+    sorted.length > 8 ? el('details', {}, el('summary', {}, `${sorted.length - 8} more`), items(sorted.slice(8))) : null);
+}
+
+// ---- error against darkness ----
+
+const themed = [];  // drawn anew when the theme or the width changes
+const trackerKey = (trackers) => el('div', {class: 'key'}, trackers.map((tracker) =>
+  el('span', {}, el('i', {class: tracker === 'ceiling' ? 'dashed' : '', style: `color:${colors.get(tracker)}`}), tracker)));
+
+const byDarkness = [...data.levels].sort((a, b) => {
+  const place = (level) => (level.name === 'as-is' ? -1 : level.darkness ?? 99);
+  return place(a) - place(b);
+});
+
+const darknessPlot = (holder, backend, metric) => {
+  const xs = byDarkness.map((_, i) => i);
+  const trackers = data.trackers.filter((tracker) => data.sequences.some((sequence) =>
+    byDarkness.some((level) => figure(sequence.name, level.name, tracker, backend, metric).length)));
+  if (!trackers.length) return false;
+  const columns = [xs];
+  const series = [{}];
+  const bands = [];
+  const failedAt = [];
+  for (const tracker of trackers) {
+    const low = [], middle = [], high = [];
+    byDarkness.forEach((level, i) => {
+      const all = [];
+      let failed = 0;
+      for (const sequence of data.sequences) {
+        all.push(...figure(sequence.name, level.name, tracker, backend, metric));
+        failed += failures(sequence.name, level.name, tracker, backend);
+      }
+      if (metric !== 'mean_track_length') for (let n = 0; n < failed; ++n) all.push(Infinity);
+      const finite = all.filter(Number.isFinite);
+      const clip = (value) => (Number.isFinite(value) ? value : null);
+      const median = quantile(all, 0.5);
+      const least = quantile(all, 0.25);
+      middle.push(clip(median));
+      low.push(clip(least));
+      high.push(Number.isFinite(median) ? Math.min(quantile(all, 0.75), Math.max(...finite)) : null);
+      if (median === Infinity) failedAt.push({tracker, i});
+    });
+    const color = colors.get(tracker);
+    bands.push({series: [series.length, series.length + 1], fill: color + '22'});
+    columns.push(high, low, middle);
+    const thin = {stroke: color + '55', width: 1, points: {show: byDarkness.length < 2, size: 4}};
+    series.push(thin, thin, {
+      label: tracker, stroke: color, width: tracker === cohort ? 3 : 2,
+      dash: tracker === 'ceiling' ? [6, 4] : undefined,
+      points: {show: true, size: tracker === cohort ? 9 : 6, fill: color},
+    });
+  }
+  const ink = css('--soft');
+  const grid = {stroke: css('--line'), width: 1};
+  const logarithmic = metric !== 'mean_track_length';
+  const marks = (u) => {  // failures: crosses at the top, beside each other
+    const context = u.ctx;
+    context.save();
+    context.lineWidth = 2 * devicePixelRatio;
+    const seen = new Map();
+    for (const {tracker, i} of failedAt) {
+      const n = seen.get(i) || 0;
+      seen.set(i, n + 1);
+      const x = u.valToPos(i, 'x', true) + (n - 0.5) * 14 * devicePixelRatio;
+      const y = u.bbox.top + 8 * devicePixelRatio;
+      const r = 4 * devicePixelRatio;
+      context.strokeStyle = colors.get(tracker);
+      context.beginPath();
+      context.moveTo(x - r, y - r); context.lineTo(x + r, y + r);
+      context.moveTo(x - r, y + r); context.lineTo(x + r, y - r);
+      context.stroke();
+    }
+    context.restore();
+  };
+  new uPlot({
+    width: Math.max(260, holder.clientWidth), height: 300, series, bands,
+    cursor: {show: false}, legend: {show: false},
+    scales: {
+      x: {time: false, range: [-0.4, xs.length - 0.6]},
+      y: {distr: logarithmic ? 3 : 1, range: logarithmic
+        ? (u, min, max) => (min > 0 ? [min / 1.5, max * 1.9] : [0.1, 10])
+        : (u, min, max) => [0, Math.max(1, max * 1.15)]},
+    },
+    axes: [
+      {stroke: ink, grid, ticks: grid, splits: () => xs, values: () => byDarkness.map((level) => level.name)},
+      {stroke: ink, grid, ticks: grid, size: 62, values: (u, splits) => splits.map((v) => (v === null ? '' : String(+v.toPrecision(3))))},
+    ],
+    hooks: {draw: [marks]},
+  }, columns, holder);
+  return true;
+};
+
+{
+  const plots = ['ate', 'point_error_median', 'observed_error_median', 'mean_track_length'];
+  const holders = new Map();
+  const grid = el('div', {class: 'pair'});
+  for (const metric of plots) {
+    const holder = el('div', {class: 'plot'});
+    const box = el('figure', {}, el('h3', {}, `${METRICS[metric].name} [${METRICS[metric].unit}]`), holder);
+    holders.set(metric, [box, holder]);
+    grid.append(box);
+  }
+  let backend = data.backends[0];
+  const draw = () => {
+    for (const [metric, [box, holder]] of holders) {
+      holder.replaceChildren();
+      box.hidden = false;
+      box.hidden = !darknessPlot(holder, backend, metric);
+    }
+  };
+  const buttons = data.backends.map((name) => {
+    const button = el('button', {type: 'button', 'aria-pressed': String(name === backend)}, name);
+    button.onclick = () => {
+      backend = name;
+      for (const other of buttons) other.setAttribute('aria-pressed', String(other === button));
+      draw();
+    };
+    return button;
+  });
+  section('Error against darkness',
+    el('p', {}, 'Median over clips and seeds, shaded from the first to the third quartile; a failed reconstruction counts as an infinite error. A cross at the top: most fail there. Errors on a logarithmic scale.'),
+    el('ul', {class: 'soft'}, byDarkness.map((level) => el('li', {}, el('b', {}, level.name), `: ${level.about}`))),
+    data.backends.length > 1 ? el('div', {class: 'choice', 'aria-label': 'reconstruction'}, buttons) : null,
+    trackerKey(data.trackers), grid);
+  themed.push(draw);
+}
+
+// ---- tracks over a dark frame ----
+
+if (data.pictures && data.pictures.trackers.length) {
+  const {sequence, level, seed, frame, has_truth: hasTruth, trackers} = data.pictures;
+  const dot = (color, text, kind = 'dot') =>
+    el('span', {}, el('i', {class: kind, style: kind === 'dot' ? `background:${color}` : `border-color:${color}`}), text);
+  section('The tracks over the darkest frame',
+    el('p', {}, `Clip ${sequence}, ${level}, seed ${seed}, frame ${frame}, contrast stretched so that you can see it. The first clip and the darkest level of the run, not chosen by result. A line is where the feature was in the last eight frames.`),
+    hasTruth
+      ? el('div', {class: 'key'}, dot('#14c896', 'within 1 px of the truth'), dot('#f0be28', 'within 3 px'), dot('#eb3c3c', 'further off'), dot('#14c896', 'predicted, not confirmed by this frame', 'ring'), el('span', {}, '+ true position'))
+      : el('div', {class: 'key'}, dot('#50c8e6', 'confirmed by this frame'), dot('#50c8e6', 'predicted, not confirmed', 'ring')),
+    el('div', {class: 'gallery'}, trackers.map((tracker) => el('figure', {},
+      el('img', {src: tracker.src, width: tracker.width, height: tracker.height, alt: `tracks of ${tracker.tracker}`, loading: 'lazy'}),
+      el('figcaption', {}, el('b', {}, tracker.tracker), `: ${plural(tracker.observed, 'observed position')}`,
+        hasTruth && tracker.observed ? `, ${Math.round(100 * tracker.near / tracker.observed)} % within 1 px, ${Math.round(100 * tracker.far / tracker.observed)} % beyond 3 px` : '',
+        tracker.predicted ? `; ${tracker.predicted} predicted` : '')))));
+}
+
+// ---- reconstructions ----
+
+const views = [];
+const vectors = (flat) => {
+  const result = [];
+  for (let i = 0; i + 2 < flat.length; i += 3) result.push(new Vector3(flat[i], flat[i + 1], flat[i + 2]));
+  return result;
+};
+const middleOf = (points) => {
+  const axis = (name) => quantile(points.map((point) => point[name]), 0.5) || 0;
+  return new Vector3(axis('x'), axis('y'), axis('z'));
+};
+const geometry = (flat) => {
+  const result = new BufferGeometry();
+  result.setAttribute('position', new BufferAttribute(new Float32Array(flat), 3));
+  return result;
+};
+
+// From behind and above the cameras, looking to where the points are.
+const viewpoint = (models) => {
+  const shown = models.models.find((model) => !model.failed && model.points.length);
+  if (!shown) return null;
+  const path = vectors(models.truth.length ? models.truth : shown.path);
+  const at = middleOf(path);
+  const points = middleOf(vectors(shown.points));
+  const span = Math.max(points.distanceTo(at), ...path.map((point) => point.distanceTo(at))) || 1;
+  const ahead = points.clone().sub(at).normalize();
+  return {
+    target: at.clone().addScaledVector(ahead, 0.55 * span),
+    position: at.clone().addScaledVector(ahead, -0.85 * span).add(new Vector3(0.45 * span, -0.75 * span, 0)),
+    span,
+  };
+};
+
+const makeView = (holder, model, truth, from) => {
+  let renderer;
+  try {
+    renderer = new WebGLRenderer({antialias: true, alpha: true, preserveDrawingBuffer: true});
+  } catch (error) {
+    holder.append(el('p', {}, 'This browser has no WebGL for the 3-D view.'));
+    return;
+  }
+  const scene = new Scene();
+  const camera = new PerspectiveCamera(50, 4 / 3, from.span / 100, from.span * 100);
+  camera.up.set(0, -1, 0);
+  camera.position.copy(from.position);
+  const controls = new OrbitControls(camera, renderer.domElement);
+  controls.target.copy(from.target);
+  controls.update();
+  const color = colors.get(model.tracker);
+  scene.add(new Points(geometry(model.points), new PointsMaterial({color, size: 2.2, sizeAttenuation: false})));
+  scene.add(new Line(geometry(model.path), new LineBasicMaterial({color})));
+  const pathPoints = new Points(geometry(model.path), new PointsMaterial({color, size: 4, sizeAttenuation: false}));
+  scene.add(pathPoints);
+  const truthMaterial = new LineDashedMaterial({dashSize: from.span / 60, gapSize: from.span / 90});
+  if (truth.length) {
+    const line = new Line(geometry(truth), truthMaterial);
+    line.computeLineDistances();
+    scene.add(line);
+  }
+  holder.append(renderer.domElement);
+  const view = {camera, controls, render: () => renderer.render(scene, camera)};
+  view.fit = () => {
+    truthMaterial.color = new Color(css('--true-path'));
+    const width = holder.clientWidth;
+    const height = holder.clientHeight;
+    renderer.setPixelRatio(devicePixelRatio);
+    renderer.setSize(width, height);
+    camera.aspect = width / height;
+    camera.updateProjectionMatrix();
+    view.render();
+  };
+  controls.addEventListener('change', () => {
+    view.render();
+    for (const other of views) {  // look at both from the same place
+      if (other === view) continue;
+      other.camera.position.copy(camera.position);
+      other.camera.quaternion.copy(camera.quaternion);
+      other.controls.target.copy(controls.target);
+      other.render();
+    }
+  });
+  views.push(view);
+  themed.push(view.fit);
+};
+
+if (data.models && data.models.models.length) {
+  const {sequence, level, seed, backend, truth, models} = data.models;
+  const from = viewpoint(data.models);
+  const boxes = models.map((model) => {
+    const holder = el('div', {class: 'view'});
+    return [el('figure', {}, holder, el('figcaption', {}, el('b', {}, model.tracker),
+      model.failed ? ': no reconstruction' : `: ${model.path.length / 3} cameras, ${model.points.length / 3} points shown`)), holder, model];
+  });
+  section('The reconstructions in 3-D',
+    el('p', {}, `Clip ${sequence}, ${level}, seed ${seed}, ${backend}: ${list(models.map((model) => model.tracker))}. Drag to turn, scroll or pinch to come nearer; both views turn together.`),
+    el('div', {class: 'key'}, models.map((model) => el('span', {}, el('i', {style: `color:${colors.get(model.tracker)}`}), `cameras and points of ${model.tracker}`)),
+      truth.length ? el('span', {}, el('i', {class: 'dashed', style: 'color:var(--true-path)'}), 'true path of the camera') : null),
+    el('div', {class: 'pair'}, boxes.map(([box]) => box)));
+  for (const [, holder, model] of boxes) {
+    if (model.failed || !from) holder.append(el('p', {}, `${model.tracker} has no reconstruction of this clip`));
+    else makeView(holder, model, truth, from);
+  }
+}
+
+// ---- calibration ----
+
+const calibrationPlot = (holder, entry) => {
+  const bins = entry.histogram.length;
+  const width = 2 * entry.sigmas / bins;
+  const xs = entry.histogram.map((_, i) => -entry.sigmas + (i + 0.5) * width);
+  const density = entry.histogram.map((count) => count / (entry.numbers * width));
+  const normal = xs.map((x) => Math.exp(-x * x / 2) / Math.sqrt(2 * Math.PI));
+  const ink = css('--soft');
+  const grid = {stroke: css('--line'), width: 1};
+  const color = colors.get(entry.tracker);
+  new uPlot({
+    width: Math.max(240, holder.clientWidth), height: 210,
+    cursor: {show: false}, legend: {show: false},
+    scales: {x: {time: false}, y: {range: (u, min, max) => [0, Math.max(0.45, max * 1.05)]}},
+    axes: [{stroke: ink, grid, ticks: grid}, {stroke: ink, grid, ticks: grid}],
+    series: [{}, {stroke: color, fill: color + '44', width: 1, paths: uPlot.paths.bars({size: [1, 100]}), points: {show: false}},
+      {stroke: css('--ink'), width: 2, dash: [6, 4], points: {show: false}}],
+  }, [xs, density, normal], holder);
+};
+
+if (data.calibration.length) {
+  const entries = data.calibration.filter((entry) => entry.tracker === cohort);
+  const shown = entries.length ? entries : data.calibration;
+  const holders = shown.map((entry) => {
+    const holder = el('div', {class: 'plot'});
+    return [el('figure', {}, el('h3', {}, `${entry.tracker}, ${entry.level}`), holder,
+      el('figcaption', {}, `median squared error ${digits(entry.nees_ratio)} times what the covariances say (1 is right); ${entry.numbers} numbers`)), holder, entry];
+  });
+  section('Does the tracker know how wrong it is?',
+    el('p', {}, 'Each measured position comes with a covariance. Errors against the truth, divided by what it says (whitened), should be standard normal: the dashed curve. Wider bars: the tracker is too sure of itself.'),
+    el('div', {class: 'gallery'}, holders.map(([box]) => box)));
+  themed.push(() => {
+    for (const [, holder, entry] of holders) {
+      holder.replaceChildren();
+      calibrationPlot(holder, entry);
+    }
+  });
+}
+
+// ---- every cell ----
+
+{
+  const columns = [
+    ['ate', 'ATE [mm]', 1000], ['rpe_rot', 'rotation [deg]', 1], ['point_error_median', 'point error [mm]', 1000],
+    ['points', 'points', 1], ['mean_reprojection', 'reprojection [px]', 1], ['mean_track_length', 'length [frames]', 1],
+    ['observed_error_median', 'track error [px]', 1], ['nees_ratio', 'NEES', 1],
+  ];
+  const lines = [];
+  const notAvailable = new Set(data.not_available.map(([sequence, level, tracker, backend]) => key(sequence, level, tracker, backend)));
+  for (const sequence of data.sequences) {
+    for (const level of byDarkness) {
+      for (const backend of data.backends) {
+        for (const tracker of data.trackers) {
+          const cell = [sequence.name, level.name, tracker, backend];
+          if (!runs(...cell) && !notAvailable.has(key(...cell))) continue;
+          const number = (metric) => {
+            const own = valuesOf(...cell, metric);
+            return own.length ? own : valuesOf(sequence.name, level.name, tracker, '', metric);
+          };
+          const failed = failures(...cell);
+          const count = (metric) => quantile(valuesOf(...cell, metric), 0.5);
+          const registered = notAvailable.has(key(...cell)) ? 'not available'
+            : `${failed ? `FAILED ${failed} of ${runs(...cell)}; ` : ''}${digits(count('registered'))}/${digits(count('frames'))}`;
+          lines.push(el('tr', {class: tracker === cohort ? 'is-cohort' : ''},
+            cell.map((name) => el('td', {class: 'name'}, name)),
+            el('td', {class: failed ? 'lose' : ''}, registered),
+            columns.map(([metric, , factor]) => {
+              const found = number(metric);
+              const median = quantile(found, 0.5);
+              const td = el('td', {}, digits(median === null ? null : median * factor));
+              if (median !== null) { td.dataset.metric = metric; td.dataset.value = String(median); }
+              if (found.length > 1) td.append(el('small', {}, `${digits(Math.min(...found) * factor)} to ${digits(Math.max(...found) * factor)}`));
+              return td;
+            })));
+        }
+      }
+    }
+  }
+  section('Every figure',
+    el('p', {}, data.seeds.length > 1 ? 'Medians over the seeds that did not fail, and their range.' : 'One seed.', ' The same, unrounded and for each seed, is in results.csv.'),
+    el('div', {class: 'scroll'}, el('table', {id: 'cells'},
+      el('thead', {}, el('tr', {}, ['clip', 'darkness', 'tracker', 'reconstruction'].map((name) => el('th', {class: 'name'}, name)), el('th', {}, 'registered'),
+        columns.map(([, title]) => el('th', {}, title)))),
+      el('tbody', {}, lines))));
+}
+
+// ---- failures ----
+
+const noteList = (notes) => el('ul', {}, notes.map(([sequence, level, tracker, backend, seed, reason]) =>
+  el('li', {}, el('b', {}, `${sequence}, ${level}, ${tracker}, ${backend || 'tracking'}, seed ${seed}`), `: ${reason}`)));
+section('Failures',
+  data.failures.length
+    ? [el('p', {}, `${plural(data.failures.length, 'run')} failed:`), noteList(data.failures)]
+    : el('p', {}, 'No run failed.'),
+  data.not_available.length
+    ? [el('p', {}, 'Not available, and no failure of a tracker:'), noteList(data.not_available)]
+    : null);
+
+// ---- words ----
+
+section('What was run, and what the words mean',
+  el('p', {}, `${data.program}; clips: ${list(data.sequences.map((sequence) => sequence.name))}${data.frames ? ` (frames ${data.frames})` : ''}; ${data.features} features alive at a time; seeds ${list(data.seeds)}.`),
+  el('dl', {},
+    data.trackers.flatMap((tracker) => {
+      const about = ABOUT_TRACKERS.find(([pattern]) => pattern.test(tracker));
+      return [el('dt', {}, tracker), el('dd', {}, about ? about[1] : 'a tracker with its own options')];
+    }),
+    data.backends.flatMap((backend) => [el('dt', {}, backend), el('dd', {}, ABOUT_BACKENDS[backend] || '')]),
+    [['camera error (ATE)', 'root mean square distance of the camera centres from the true ones, after the best similarity alignment (a video tells no absolute scale)'],
+      ['point error', 'median distance of the reconstructed points from the true surface, after that same alignment'],
+      ['registered', 'frames that got a camera; below 80 % the reconstruction counts as failed'],
+      ['track length', 'in how many frames the picture confirmed a feature, on average'],
+      ['track error', 'median distance of confirmed positions from where the surface point truly is'],
+      ['NEES', 'median squared error over what the tracker\u2019s covariances say; 1 is right'],
+      ['seed', 'another draw of the noise, and of COLMAP\u2019s random numbers'],
+    ].flatMap(([term, text]) => [el('dt', {}, term), el('dd', {}, text)])));
+
+const drawAll = () => { for (const draw of themed) draw(); };
+drawAll();
+matchMedia('(prefers-color-scheme: dark)').addEventListener('change', drawAll);
+let width = innerWidth;
+addEventListener('resize', () => {
+  if (innerWidth === width) return;  // a phone's address bar changes the height alone
+  width = innerWidth;
+  drawAll();
+});
+document.body.dataset.ready = 'true';

@@ -1,0 +1,131 @@
+#include "pipelines/report/track_picture.h"
+
+#include <algorithm>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+#include <optional>
+#include <vector>
+
+#include "frontend/core/error.h"
+#include "frontend/core/statistics.h"
+
+namespace cohort {
+namespace {
+
+constexpr std::uint32_t kTailFrames = 8;
+constexpr double kNearPx = 1.0;
+constexpr double kFarPx = 3.0;
+// Blue, green, red; told apart by the colour-blind too.
+const cv::Scalar kUnknownColor(230, 200, 80);
+const cv::Scalar kNearColor(150, 200, 20);
+const cv::Scalar kMiddleColor(40, 190, 240);
+const cv::Scalar kFarColor(60, 60, 235);
+const cv::Scalar kTruthColor(255, 255, 255);
+constexpr int kShift = 4;  // bits of a fraction in drawing coordinates
+
+cv::Point FixedPoint(const Eigen::Vector2d& xy) {
+  constexpr double kOne = 1 << kShift;
+  return {static_cast<int>(std::lround(kOne * xy.x())),
+          static_cast<int>(std::lround(kOne * xy.y()))};
+}
+
+// To colour; the darkest and brightest 0.5 % are cut.
+cv::Mat Stretched(const cv::Mat& gray) {
+  cv::Mat values;
+  gray.reshape(1, 1).convertTo(values, CV_64F);
+  const std::vector<double> list(values.begin<double>(), values.end<double>());
+  const double low = Quantile(list, 0.005);
+  const double high = std::max(Quantile(list, 0.995), low + 1.0);
+  cv::Mat eight_bit;
+  // Not to white: the marks must show.
+  gray.convertTo(eight_bit, CV_8U, 190.0 / (high - low), -low * 190.0 / (high - low));
+  cv::Mat color;
+  cv::cvtColor(eight_bit, color, cv::COLOR_GRAY2BGR);
+  return color;
+}
+
+std::optional<Eigen::Vector2d> TruePositionOf(std::span<const Observation> track,
+                                              FrameIndex frame,
+                                              TrackTruth* truth) {
+  if (truth == nullptr) return std::nullopt;
+  const auto anchor = truth->Pick(track.front().frame, track.front().xy);
+  if (!anchor) return std::nullopt;
+  const auto position = truth->Locate(*anchor, frame);
+  if (!position) return std::nullopt;
+  return position->xy;
+}
+
+}  // namespace
+
+TrackPicture DrawTracks(const Frame& frame, const TrackSet& tracks, TrackTruth* truth) {
+  TrackPicture result;
+  result.picture = Stretched(frame.gray);
+  for (const Observation* o : tracks.InFrame(frame.index)) {
+    const auto track = tracks.Track(o->feature);
+    const auto true_xy = TruePositionOf(track, frame.index, truth);
+    const bool is_observed = o->state == ObservationState::kObserved;
+    ++(is_observed ? result.observed : result.predicted);
+    cv::Scalar color = kUnknownColor;
+    if (true_xy) {
+      const double error_px = (o->xy - *true_xy).norm();
+      color = error_px <= kNearPx ? kNearColor : error_px <= kFarPx ? kMiddleColor : kFarColor;
+      if (is_observed && error_px <= kNearPx) ++result.near_truth;
+      if (is_observed && error_px > kFarPx) ++result.far;
+    }
+    const Observation* before = nullptr;
+    for (const Observation& other : track) {
+      if (other.frame > frame.index) break;
+      const bool is_recent = ToInt(other.frame) + kTailFrames >= ToInt(frame.index);
+      if (before != nullptr && is_recent) {
+        cv::line(result.picture,
+                 FixedPoint(before->xy),
+                 FixedPoint(other.xy),
+                 color,
+                 1,
+                 cv::LINE_AA,
+                 kShift);
+      }
+      before = &other;
+    }
+    const int radius = 3 << kShift;
+    cv::circle(result.picture,
+               FixedPoint(o->xy),
+               radius,
+               color,
+               is_observed ? cv::FILLED : 1,
+               cv::LINE_AA,
+               kShift);
+    if (true_xy) {
+      for (const Eigen::Vector2d& arm : {Eigen::Vector2d(2.5, 0.0), Eigen::Vector2d(0.0, 2.5)}) {
+        cv::line(result.picture,
+                 FixedPoint(*true_xy - arm),
+                 FixedPoint(*true_xy + arm),
+                 kTruthColor,
+                 1,
+                 cv::LINE_AA,
+                 kShift);
+      }
+    }
+  }
+  return result;
+}
+
+std::string JpegDataUri(const cv::Mat& picture) {
+  std::vector<std::uint8_t> jpeg;
+  if (!cv::imencode(".jpg", picture, jpeg, {cv::IMWRITE_JPEG_QUALITY, 80})) {
+    ThrowError("OpenCV cannot write JPEG");
+  }
+  constexpr const char* kDigits =
+      "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+  std::string uri = "data:image/jpeg;base64,";
+  for (std::size_t i = 0; i < jpeg.size(); i += 3) {
+    std::uint32_t bits = 0;
+    for (std::size_t k = 0; k < 3; ++k) bits = bits << 8 | (i + k < jpeg.size() ? jpeg[i + k] : 0U);
+    for (std::size_t k = 0; k < 4; ++k) {
+      uri += i + k <= jpeg.size() ? kDigits[bits >> (18 - 6 * k) & 63U] : '=';
+    }
+  }
+  return uri;
+}
+
+}  // namespace cohort

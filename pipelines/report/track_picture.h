@@ -1,0 +1,29 @@
+#pragma once
+
+#include <opencv2/core/mat.hpp>
+#include <string>
+
+#include "datasets/track_truth.h"
+#include "frontend/image/frame.h"
+#include "frontend/tracks/track_set.h"
+
+namespace cohort {
+
+// A frame with the tracks that are alive in it, and how many there are.
+struct TrackPicture {
+  cv::Mat picture;  // CV_8UC3
+  std::size_t observed = 0;
+  std::size_t predicted = 0;
+  std::size_t near_truth = 0;  // observed, at most 1 px from the truth
+  std::size_t far = 0;         // observed, more than 3 px from it
+};
+
+// The frame with its contrast stretched, and of every track its last positions as a line and the
+// present one as a dot: observed ones filled, predicted ones as a ring. With truth the colour tells
+// the error (up to 1 px, up to 3 px, beyond) and a white cross marks the true position.
+TrackPicture DrawTracks(const Frame& frame, const TrackSet& tracks, TrackTruth* truth);
+
+// As the value of an HTML image's src.
+std::string JpegDataUri(const cv::Mat& picture);
+
+}  // namespace cohort
