@@ -1,0 +1,245 @@
+// report.html in a real browser: it draws, it complains of nothing, it shows what results.csv has.
+
+#include <fmt/format.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+#include <set>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include "frontend/core/output.h"
+#include "frontend/core/statistics.h"
+#include "tests/support/program.h"
+#include "tests/support/temp_dir.h"
+
+namespace cohort {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::HasSubstr;
+using testing::IsEmpty;
+using testing::Not;
+
+std::string Replaced(std::string text, const std::string& what, const std::string& by) {
+  for (std::size_t at = text.find(what); at != std::string::npos; at = text.find(what, at)) {
+    text.replace(at, what.size(), by);
+    at += by.size();
+  }
+  return text;
+}
+
+// Put into a copy of the page: collects errors from the start, and at the end what there is to see.
+constexpr const char* kProbeHead = R"(<script>
+window.complaints = [];
+addEventListener('error', (event) => complaints.push(String(event.message)));
+for (const kind of ['error', 'warn']) {
+  console[kind] = (...what) => complaints.push(what.join(' '));
+}
+</script>)";
+constexpr const char* kProbeFoot = R"(<script>
+addEventListener('load', () => setTimeout(() => {
+  const coloursOf = (canvas) => {
+    const copy = document.createElement('canvas');
+    copy.width = canvas.width;
+    copy.height = canvas.height;
+    const context = copy.getContext('2d');
+    context.drawImage(canvas, 0, 0);
+    const words = new Uint32Array(context.getImageData(0, 0, copy.width, copy.height).data.buffer);
+    return new Set(words).size;
+  };
+  const text = (element) => element.textContent;
+  const probe = {
+    complaints,
+    ready: document.body.dataset.ready || null,
+    fetched: performance.getEntriesByType('resource').map((r) => r.name.slice(0, 80))
+        .filter((name) => !name.startsWith('data:')),
+    headings: [...document.querySelectorAll('h2')].map(text),
+    plots: [...document.querySelectorAll('.plot canvas')].map(coloursOf),
+    views: [...document.querySelectorAll('.view canvas')].map(coloursOf),
+    pictures: [...document.images].map((image) => image.naturalWidth),
+    headline: [...document.querySelectorAll('#headline tbody tr')].map(text),
+    cells: [...document.querySelectorAll('#cells tbody tr')].map((row) => ({
+      names: [...row.querySelectorAll('td.name')].map(text),
+      values: Object.fromEntries([...row.querySelectorAll('td[data-metric]')].map(
+          (td) => [td.dataset.metric, [Number(td.dataset.value), td.firstChild.textContent]])),
+    })),
+    wider: document.documentElement.scrollWidth - innerWidth,
+  };
+  const out = document.createElement('pre');
+  out.id = 'probe';
+  out.textContent = JSON.stringify(probe);
+  document.body.append(out);
+}, 500));
+</script>)";
+
+class Report : public testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    dir_ = new test::TempDir;
+    ASSERT_EQ(test::RunCohort("synth " + Path("clip") +
+                              " --frames 16 --width-px 320 --height-px 240 --focal-px 260 --quiet")
+                  .exit_code,
+              0);
+    const test::ProgramEnd end = test::RunCohort(Compare("out"));
+    ASSERT_EQ(end.exit_code, 0) << end.err;
+  }
+  static void TearDownTestSuite() {
+    delete dir_;
+    dir_ = nullptr;
+  }
+
+  static std::string Path(const std::string& name) { return *dir_ / name; }
+  static std::string Compare(const std::string& out) {
+    return "compare " + Path("clip") +
+           " --levels clean,medium --seeds 1,2 --trackers klt15,klt21,anchored-klt15,subspace,"
+           "ceiling --backends ceres,triangulation --features 150 --jobs 2 --quiet --resume "
+           "--out " +
+           Path(out);
+  }
+
+  static std::string Browser() {
+    for (const char* name : {"chromium", "chromium-browser", "google-chrome"}) {
+      if (test::RunShell(fmt::format("command -v {}", name)).exit_code == 0) return name;
+    }
+    return "";
+  }
+
+  // The page in a browser without a network.
+  static test::ProgramEnd Browse(const std::string& page, const std::string& what) {
+    return test::RunShell(
+        fmt::format("HOME={} timeout 100 {} --headless=new --no-sandbox --disable-gpu "
+                    "--enable-unsafe-swiftshader --disable-dev-shm-usage --hide-scrollbars "
+                    "--host-resolver-rules='MAP * ~NOTFOUND' --virtual-time-budget=20000 {} "
+                    "'file://{}'",
+                    dir_->path().string(),
+                    Browser(),
+                    what,
+                    page));
+  }
+
+  static nlohmann::json Probe(const std::string& window) {
+    std::string page = ReadBytes(Path("out/report.html"));
+    page.replace(page.find("<head>"), 6, std::string("<head>") + kProbeHead);
+    page.replace(page.rfind("</body>"), 7, std::string(kProbeFoot) + "</body>");
+    WriteBytes(Path("probed.html"), page);
+    const test::ProgramEnd end =
+        Browse(Path("probed.html"), "--window-size=" + window + " --dump-dom");
+    const std::string open = "<pre id=\"probe\">";
+    const std::size_t begin = end.out.find(open);
+    const std::size_t close = end.out.find("</pre>", begin);
+    if (begin == std::string::npos || close == std::string::npos) {
+      ADD_FAILURE() << "the page did not come to its end\n" << end.err;
+      return {};
+    }
+    std::string json = end.out.substr(begin + open.size(), close - begin - open.size());
+    json = Replaced(Replaced(Replaced(json, "&lt;", "<"), "&gt;", ">"), "&amp;", "&");
+    return nlohmann::json::parse(json);
+  }
+
+  static test::TempDir* dir_;
+};
+test::TempDir* Report::dir_ = nullptr;
+
+// sequence, level, tracker, backend, metric -> values over seeds
+using Figures = std::map<std::vector<std::string>, std::vector<double>>;
+
+Figures ReadCsv(const fs::path& path) {
+  Figures figures;
+  std::istringstream in(ReadBytes(path));
+  std::string line;
+  std::getline(in, line);
+  while (std::getline(in, line)) {
+    std::vector<std::string> words;
+    std::istringstream row(line);
+    for (std::string word; std::getline(row, word, ',');) words.push_back(word);
+    figures[{words[0], words[1], words[2], words[3], words[5]}].push_back(std::stod(words[6]));
+  }
+  return figures;
+}
+
+TEST_F(Report, OpensOfflineAndDrawsEverythingWithoutComplaint) {
+  if (Browser().empty()) GTEST_SKIP() << "no chromium";
+  const auto probe = Probe("1200,900");
+  ASSERT_FALSE(probe.is_null());
+  EXPECT_EQ(probe["ready"], "true");
+  EXPECT_THAT(probe["complaints"].get<std::vector<std::string>>(), IsEmpty());
+  EXPECT_THAT(probe["fetched"].get<std::vector<std::string>>(), IsEmpty());
+  for (const char* heading : {"Who won, and by how much",
+                              "Where cohort does not win",
+                              "Error against darkness",
+                              "The tracks over the darkest frame",
+                              "The reconstructions in 3-D",
+                              "Does the tracker know how wrong it is?",
+                              "Every figure",
+                              "Failures"}) {
+    EXPECT_THAT(probe["headings"].get<std::vector<std::string>>(), testing::Contains(heading));
+  }
+  ASSERT_EQ(probe["plots"].size(), 4u + 2u);  // curves, histograms of two levels
+  for (const int colours : probe["plots"]) EXPECT_GT(colours, 50);
+  ASSERT_EQ(probe["views"].size(), 2u);
+  for (const int colours : probe["views"]) EXPECT_GT(colours, 3);  // ground, points, two paths
+  ASSERT_EQ(probe["pictures"].size(), 5u);
+  for (const int width : probe["pictures"]) EXPECT_EQ(width, 320);
+  EXPECT_EQ(probe["headline"].size(), 4u);  // levels x backends
+}
+
+TEST_F(Report, ShowsWhatResultsCsvHas) {
+  if (Browser().empty()) GTEST_SKIP() << "no chromium";
+  const auto probe = Probe("1200,900");
+  ASSERT_FALSE(probe.is_null());
+  const Figures figures = ReadCsv(Path("out/results.csv"));
+  EXPECT_EQ(probe["cells"].size(), 2u * 2u * 5u);
+  std::size_t compared = 0;
+  for (const auto& cell : probe["cells"]) {
+    const auto names = cell["names"].get<std::vector<std::string>>();
+    ASSERT_EQ(names.size(), 4u);
+    for (const auto& [metric, shown] : cell["values"].items()) {
+      std::vector<std::string> key(names);
+      key.push_back(metric);
+      if (!figures.contains(key)) key[3].clear();  // a figure of the tracks
+      ASSERT_TRUE(figures.contains(key)) << metric;
+      const double median = InterpolatedMedian(figures.at(key));
+      EXPECT_NEAR(shown[0].get<double>(), median, 1e-12 * median);
+      const bool is_length = metric == "ate" || metric == "point_error_median";
+      const double printed = std::stod(shown[1].get<std::string>()) / (is_length ? 1000.0 : 1.0);
+      EXPECT_NEAR(printed, median, 0.01 * median + 1e-4) << metric;  // three digits
+      ++compared;
+    }
+  }
+  EXPECT_GT(compared, 100u);
+}
+
+TEST_F(Report, FitsAPhoneAndIsNotBlankThere) {
+  if (Browser().empty()) GTEST_SKIP() << "no chromium";
+  const auto probe = Probe("500,900");  // the least that headless Chromium takes
+  ASSERT_FALSE(probe.is_null());
+  EXPECT_LE(probe["wider"], 0);
+  Browse(Path("out/report.html"), "--window-size=500,3000 --screenshot=" + Path("phone.png"));
+  const cv::Mat picture = cv::imread(Path("phone.png"), cv::IMREAD_GRAYSCALE);
+  ASSERT_FALSE(picture.empty());
+  for (int y = 0; y + 600 <= picture.rows; y += 600) {
+    cv::Scalar mean;
+    cv::Scalar deviation;
+    cv::meanStdDev(picture(cv::Rect(0, y, picture.cols, 600)), mean, deviation);
+    EXPECT_GT(deviation[0], 5.0) << "rows from " << y;
+  }
+}
+
+TEST_F(Report, SameExperimentSameBytes) {
+  ASSERT_EQ(test::RunCohort(Compare("again")).exit_code, 0);
+  const std::string page = ReadBytes(Path("out/report.html"));
+  EXPECT_TRUE(page == ReadBytes(Path("again/report.html")));
+  EXPECT_THAT(page, Not(HasSubstr("@@COHORT_DATA@@")));
+  EXPECT_THAT(page, Not(HasSubstr(dir_->path().string())));
+}
+
+}  // namespace
+}  // namespace cohort
