@@ -218,7 +218,7 @@ class Adjuster {
     solver.function_tolerance = options_.function_tolerance;
     solver.gradient_tolerance = 1e-10;
     solver.parameter_tolerance = 1e-9;
-    solver.num_threads = options_.threads;
+    solver.num_threads = 1;  // more add in an order of their own: not the same bytes twice
     solver.logging_type = ceres::SILENT;
     ChooseLinearSolver(solver);
 

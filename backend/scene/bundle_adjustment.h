@@ -46,7 +46,6 @@ struct BundleOptions {
   double loss_scale = 1.0;  // in standard deviations of an observation
   int max_iterations = 50;
   double function_tolerance = 1e-6;  // relative decrease of the cost at which it has converged
-  int threads = 1;
   bool refine_focal = false;
   bool refine_principal_point = false;
   bool refine_radial = false;
@@ -63,7 +62,6 @@ struct BundleOptions {
     v.Number("loss_scale", o.loss_scale, 1e-3, 1e3, "where the loss turns [standard deviations]");
     v.Number("max_iterations", o.max_iterations, 1, 10000, "at most so many steps");
     v.Number("function_tolerance", o.function_tolerance, 0.0, 1.0, "relative decrease to stop at");
-    v.Number("threads", o.threads, 1, 1024, "of the solver; more than 1 does not repeat exactly");
     v.Flag("refine_focal", o.refine_focal, "refine the focal length");
     v.Flag("refine_principal_point", o.refine_principal_point, "refine the principal point");
     v.Flag("refine_radial", o.refine_radial, "refine k1 and k2");

@@ -155,7 +155,6 @@ class Mapper {
     bundle.loss_scale = std::max(kMinNoise, options_.loss_scale * model.loss_turn());
     bundle.max_iterations = max_iterations;
     bundle.function_tolerance = tolerance;
-    bundle.threads = options_.threads;
     bundle.refine_focal = RefinesFocal();
     bundle.refine_radial = !camera_.known && options_.refine_radial;
     bundle.refine_principal_point = !camera_.known && options_.refine_principal_point;

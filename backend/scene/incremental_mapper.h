@@ -26,7 +26,6 @@ struct MapperOptions {
   bool refine_radial = true;
   bool refine_principal_point = false;
   bool covariances = false;
-  int threads = 1;
 
   template <typename Self, typename Visitor>
   static void Visit(Self& o, Visitor& v) {
@@ -66,7 +65,6 @@ struct MapperOptions {
            o.refine_principal_point,
            "refine the principal point of a guessed camera");
     v.Flag("covariances", o.covariances, "estimate covariances of cameras and points");
-    v.Number("threads", o.threads, 1, 1024, "of the solver; more than 1 does not repeat exactly");
   }
 };
 
