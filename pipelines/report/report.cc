@@ -64,15 +64,14 @@ Json LevelOf(const std::string& level) {
                          100.0 * sensor.gain)}};
   }
   const PaperLevel paper = PaperLevelOf(ParseLevel(level));
-  return {{"name", level},
-          {"darkness", ParseLevel(level)},
-          {"about",
-           fmt::format("{:.0f} % of the light, noise of {:.1f} % of the full range, blur of {:.1f} "
-                       "px, noise of {:.1f} %",
-                       100.0 * paper.gain,
-                       100.0 * paper.noise_before,
-                       paper.blur_px,
-                       100.0 * paper.noise_after)}};
+  std::string about = fmt::format("{:.0f} % of the light, noise of {:.1f} % of the full range",
+                                  100.0 * paper.gain,
+                                  100.0 * paper.noise_before);
+  if (paper.blur_px > 0.0) {
+    about += fmt::format(
+        ", blur of {:.1f} px, noise of {:.1f} % again", paper.blur_px, 100.0 * paper.noise_after);
+  }
+  return {{"name", level}, {"darkness", ParseLevel(level)}, {"about", about}};
 }
 
 Json RatioOf(const std::optional<HeadlineRatio>& ratio) {
@@ -204,9 +203,33 @@ Json PathOf(const std::map<FrameIndex, Rigid3>& cam_from_world, const Sim3& show
   return path;
 }
 
+// How far a point is off, as a share of its distance from the camera that saw it first: 0 up to 1
+// %, 1 up to 5 %, 2 beyond, 3 where the truth does not know.
+int ErrorClassOf(const ScenePoint& point,
+                 const Sim3& truth_from_world,
+                 const std::map<FrameIndex, Rigid3>& true_poses,
+                 TrackTruth* truth) {
+  if (truth == nullptr || point.views.empty()) return 3;
+  const PointView& first = point.views.front();
+  const auto pose = true_poses.find(first.frame);
+  const auto anchor = truth->Pick(first.frame, first.xy);
+  if (!anchor || pose == true_poses.end()) return 3;
+  const double error = (truth_from_world * point.in_world - anchor->in_world).norm();
+  const double distance = (pose->second * anchor->in_world).norm();
+  return error <= 0.01 * distance ? 0 : error <= 0.05 * distance ? 1 : 2;
+}
+
+struct ShownPoints {
+  Json xyz = Json::array();
+  Json error_classes = Json::array();
+};
+
 // Every n-th point, without the 2 % that lie farthest from the cameras, which would shrink the
 // rest.
-Json PointsOf(const Reconstruction& model, const Sim3& shown_from_world) {
+ShownPoints PointsOf(const Reconstruction& model,
+                     const Sim3& shown_from_world,
+                     const std::map<FrameIndex, Rigid3>& true_poses,
+                     TrackTruth* truth) {
   constexpr std::size_t kMostPoints = 4000;
   Eigen::Vector3d middle = Eigen::Vector3d::Zero();
   for (const auto& [frame, pose] : model.cam_from_world) middle += pose.Inverse().translation;
@@ -217,11 +240,12 @@ Json PointsOf(const Reconstruction& model, const Sim3& shown_from_world) {
   }
   const double limit = 1.5 * Quantile(distances, 0.98);
   const std::size_t step = 1 + model.points.size() / kMostPoints;
-  Json points = Json::array();
+  ShownPoints points;
   std::size_t i = 0;
   for (const auto& [feature, point] : model.points) {
     if (i++ % step != 0 || (point.in_world - middle).norm() > limit) continue;
-    Append(shown_from_world * point.in_world, points);
+    Append(shown_from_world * point.in_world, points.xyz);
+    points.error_classes.push_back(ErrorClassOf(point, shown_from_world, true_poses, truth));
   }
   return points;
 }
@@ -243,6 +267,7 @@ std::optional<Sim3> AlignmentWith(const std::map<FrameIndex, Rigid3>& truth,
 Json ModelOf(const TrackCell& cell,
              GridBackend backend,
              const std::map<FrameIndex, Rigid3>& truth,
+             TrackTruth* point_truth,
              std::optional<Reconstruction>& reference) {
   Json json{{"tracker", cell.tracker.name}};
   const fs::path folder = cell.Model(backend);
@@ -255,7 +280,9 @@ Json ModelOf(const TrackCell& cell,
       AlignmentWith(!truth.empty() || !reference ? truth : reference->cam_from_world, model);
   const Sim3 shown_from_world = alignment.value_or(Sim3{});
   json["path"] = PathOf(model.cam_from_world, shown_from_world);
-  json["points"] = PointsOf(model, shown_from_world);
+  ShownPoints points = PointsOf(model, shown_from_world, truth, point_truth);
+  json["points"] = std::move(points.xyz);
+  json["error_classes"] = std::move(points.error_classes);
   if (!reference) reference = model;
   return json;
 }
@@ -265,6 +292,28 @@ const TrackCell* Find(const std::vector<const TrackCell*>& cells, const std::str
     return cell->tracker.name == tracker;
   });
   return it == cells.end() ? nullptr : *it;
+}
+
+// The cells of these trackers at the same clip and level; of the first seed in which all have a
+// model, if there is one.
+std::vector<const TrackCell*> WithModels(const ExperimentResults& results,
+                                         const std::vector<const TrackCell*>& cells,
+                                         GridBackend backend) {
+  std::map<unsigned, std::vector<const TrackCell*>> by_seed;
+  for (const TrackCell* shown : cells) {
+    for (const TrackCell& cell : results.cells) {
+      const Condition& a = cell.condition;
+      const Condition& b = shown->condition;
+      if (cell.tracker.name == shown->tracker.name && a.clip.name == b.clip.name &&
+          a.level == b.level && fs::exists(cell.Model(backend) / "images.bin")) {
+        by_seed[a.seed].push_back(&cell);
+      }
+    }
+  }
+  for (const auto& [seed, of_seed] : by_seed) {
+    if (of_seed.size() == cells.size()) return of_seed;
+  }
+  return cells;
 }
 
 // The best KLT's reconstruction and the cohort's; without these the first two trackers'.
@@ -297,7 +346,14 @@ Json ModelsOf(const ExperimentResults& results,
     }
     right = Find(cells, headline->cohort);
   }
-  const auto sequence = OpenInput(cells.front()->frames);
+  std::vector<const TrackCell*> pair;
+  for (const TrackCell* cell : {left, right}) {
+    if (cell != nullptr && cell->Has(backend)) pair.push_back(cell);
+  }
+  if (pair.empty()) return nullptr;
+  pair = WithModels(results, pair, backend);
+  const InputOptions& frames = pair.front()->frames;
+  const auto sequence = OpenInput(frames);
   std::map<FrameIndex, Rigid3> truth;
   const std::map<FrameIndex, Rigid3>& all = sequence->TrueCamFromWorld();
   if (!all.empty()) {
@@ -306,16 +362,15 @@ Json ModelsOf(const ExperimentResults& results,
       if (pose != all.end()) truth.insert(*pose);
     }
   }
+  const auto point_truth = OpenTrackTruth(*sequence, frames.input);
   std::optional<Reconstruction> reference;
   Json models = Json::array();
-  for (const TrackCell* cell : {left, right}) {
-    if (cell != nullptr && cell->Has(backend)) {
-      models.push_back(ModelOf(*cell, backend, truth, reference));
-    }
+  for (const TrackCell* cell : pair) {
+    models.push_back(ModelOf(*cell, backend, truth, point_truth.get(), reference));
   }
   return {{"sequence", condition.clip.name},
           {"level", condition.level},
-          {"seed", condition.seed},
+          {"seed", pair.front()->condition.seed},
           {"backend", NameOf(kGridBackendNames, backend)},
           {"truth", PathOf(truth, Sim3{})},
           {"models", models}};

@@ -7,7 +7,7 @@ import uPlot from 'uplot';
 
 const data = JSON.parse(document.getElementById('data').textContent);
 const page = document.getElementById('page');
-const cohort = data.headline ? data.headline.cohort : null;
+const cohort = data.headline ? data.headline.cohort : data.trackers.includes('subspace') ? 'subspace' : null;
 
 // ---- small helpers ----
 
@@ -40,6 +40,7 @@ const digits = (value) => {
   const places = Math.max(0, Math.min(4, 2 - Math.floor(Math.log10(Math.abs(value)))));
   return value.toFixed(places);
 };
+const percent = (share) => (share === null ? '\u2013' : `${Math.round(100 * share)}\u00a0%`);
 // As numpy's percentile, also of lists with Infinity.
 const quantile = (values, share) => {
   if (!values.length) return null;
@@ -121,7 +122,7 @@ const ratioSpan = (ratio, better = (value) => value > 1) => {
 };
 
 page.append(
-  el('h1', {}, cohort ? 'Tracking in the dark: cohort against KLT' : 'Comparison of trackers'),
+  el('h1', {}, data.headline ? 'Tracking in the dark: cohort against KLT' : 'Comparison of trackers'),
   el('p', {class: 'lead'},
     'Feature points were tracked through video, and cameras and points were reconstructed from the tracks. ',
     `${plural(data.sequences.length, 'clip')}, ${plural(data.levels.length, 'level')} of darkness, `,
@@ -154,9 +155,8 @@ if (data.headline) {
     ['point error: best KLT / cohort', (row) => ratioSpan(row.points_klt), 'points_klt'],
     ['best anchored KLT / cohort', (row) => ratioSpan(row.points_anchored), 'points_anchored'],
     ['track length: cohort / best KLT', (row) => ratioSpan(row.length_klt), 'length_klt'],
-    ['frames registered by cohort', (row) => `${Math.round(100 * row.registered)} %`, 'registered'],
-    ['by KLT', (row) => `${Math.round(100 * row.registered_klt)} %`, 'registered_klt'],
-    ['clips failed: cohort / KLT / anchored', (row) => `${row.failed} / ${row.failed_klt} / ${row.failed_anchored}`, 'failed'],
+    ['frames registered: cohort / KLT', (row) => `${percent(row.registered)} / ${percent(row.registered_klt)}`, 'registered'],
+    ['failed: cohort, KLT, anchored', (row) => `${row.failed} / ${row.failed_klt} / ${row.failed_anchored}`, 'failed'],
   ].filter(([, , name]) => rows.some((row) => row[name] !== null));
   section('Who won, and by how much',
     openingCards(),
@@ -198,6 +198,19 @@ const byDarkness = [...data.levels].sort((a, b) => {
   const place = (level) => (level.name === 'as-is' ? -1 : level.darkness ?? 99);
   return place(a) - place(b);
 });
+
+// 1, 2, 5, 10 ... between two bounds, or 1, 10, 100 ... where these would be too many.
+const roundNumbers = (min, max) => {
+  const steps = max / min > 300 ? [1] : [1, 2, 5];
+  const numbers = [];
+  for (let power = Math.floor(Math.log10(min)); power <= Math.log10(max); ++power) {
+    for (const step of steps) {
+      const number = Number(`${step}e${power}`);
+      if (number >= min && number <= max) numbers.push(number);
+    }
+  }
+  return numbers;
+};
 
 const darknessPlot = (holder, backend, metric) => {
   const xs = byDarkness.map((_, i) => i);
@@ -270,7 +283,7 @@ const darknessPlot = (holder, backend, metric) => {
     },
     axes: [
       {stroke: ink, grid, ticks: grid, splits: () => xs, values: () => byDarkness.map((level) => level.name)},
-      {stroke: ink, grid, ticks: grid, size: 62, values: (u, splits) => splits.map((v) => (v === null ? '' : String(+v.toPrecision(3))))},
+      {stroke: ink, grid, ticks: grid, size: 62, ...(logarithmic ? {splits: (u, i, min, max) => roundNumbers(min, max)} : {}), values: (u, splits) => splits.map((v) => (v === null ? '' : String(+v.toPrecision(3))))},
     ],
     hooks: {draw: [marks]},
   }, columns, holder);
@@ -332,6 +345,9 @@ if (data.pictures && data.pictures.trackers.length) {
 
 // ---- reconstructions ----
 
+const ERROR_COLORS = [  // by a point's error as a share of its distance
+  ['#12a37a', 'within 1 % of its distance'], ['#e0a100', 'within 5 %'], ['#e03131', 'further off']];
+
 const views = [];
 const vectors = (flat) => {
   const result = [];
@@ -348,7 +364,14 @@ const geometry = (flat) => {
   return result;
 };
 
-// From behind and above the cameras, looking to where the points are.
+const shares = (model) => {
+  const known = model.error_classes.filter((i) => i < 3);
+  if (!known.length) return '';
+  const share = (i) => Math.round(100 * known.filter((other) => other === i).length / known.length);
+  return `, ${share(0)} % within 1 %, ${share(2)} % beyond 5 %`;
+};
+
+// From behind, above and beside the cameras, looking to where the points are: depths show.
 const viewpoint = (models) => {
   const shown = models.models.find((model) => !model.failed && model.points.length);
   if (!shown) return null;
@@ -357,9 +380,10 @@ const viewpoint = (models) => {
   const points = middleOf(vectors(shown.points));
   const span = Math.max(points.distanceTo(at), ...path.map((point) => point.distanceTo(at))) || 1;
   const ahead = points.clone().sub(at).normalize();
+  const aside = new Vector3(0, -1, 0).cross(ahead).normalize();  // world y points down
   return {
-    target: at.clone().addScaledVector(ahead, 0.55 * span),
-    position: at.clone().addScaledVector(ahead, -0.85 * span).add(new Vector3(0.45 * span, -0.75 * span, 0)),
+    target: at.clone().addScaledVector(ahead, 0.75 * span),
+    position: at.clone().addScaledVector(ahead, -0.35 * span).addScaledVector(aside, 0.75 * span).add(new Vector3(0, -0.7 * span, 0)),
     span,
   };
 };
@@ -380,9 +404,12 @@ const makeView = (holder, model, truth, from) => {
   controls.target.copy(from.target);
   controls.update();
   const color = colors.get(model.tracker);
-  scene.add(new Points(geometry(model.points), new PointsMaterial({color, size: 2.2, sizeAttenuation: false})));
+  const cloud = geometry(model.points);
+  const shades = [...ERROR_COLORS.map(([shade]) => new Color(shade)), new Color(color)];
+  cloud.setAttribute('color', new BufferAttribute(new Float32Array(model.error_classes.flatMap((i) => shades[i].toArray())), 3));
+  scene.add(new Points(cloud, new PointsMaterial({vertexColors: true, size: 3 * devicePixelRatio, sizeAttenuation: false})));
   scene.add(new Line(geometry(model.path), new LineBasicMaterial({color})));
-  const pathPoints = new Points(geometry(model.path), new PointsMaterial({color, size: 4, sizeAttenuation: false}));
+  const pathPoints = new Points(geometry(model.path), new PointsMaterial({color, size: 4 * devicePixelRatio, sizeAttenuation: false}));
   scene.add(pathPoints);
   const truthMaterial = new LineDashedMaterial({dashSize: from.span / 60, gapSize: from.span / 90});
   if (truth.length) {
@@ -422,11 +449,14 @@ if (data.models && data.models.models.length) {
   const boxes = models.map((model) => {
     const holder = el('div', {class: 'view'});
     return [el('figure', {}, holder, el('figcaption', {}, el('b', {}, model.tracker),
-      model.failed ? ': no reconstruction' : `: ${model.path.length / 3} cameras, ${model.points.length / 3} points shown`)), holder, model];
+      model.failed ? ': no reconstruction' : `: ${model.path.length / 3} cameras, ${model.points.length / 3} points shown${shares(model)}`)), holder, model];
   });
   section('The reconstructions in 3-D',
-    el('p', {}, `Clip ${sequence}, ${level}, seed ${seed}, ${backend}: ${list(models.map((model) => model.tracker))}. Drag to turn, scroll or pinch to come nearer; both views turn together.`),
-    el('div', {class: 'key'}, models.map((model) => el('span', {}, el('i', {style: `color:${colors.get(model.tracker)}`}), `cameras and points of ${model.tracker}`)),
+    el('p', {}, `Clip ${sequence}, ${level}, ${backend}: ${list(models.map((model) => model.tracker))}; seed ${seed}, the first for which each has a reconstruction, if any. Drag to turn, scroll or pinch to come nearer; both views turn together.`),
+    el('div', {class: 'key'},
+      models.some((model) => model.error_classes && model.error_classes.some((i) => i < 3))
+        ? [el('span', {}, 'point:'), ...ERROR_COLORS.map(([shade, text]) => el('span', {}, el('i', {class: 'dot', style: `background:${shade}`}), text))] : null,
+      models.map((model) => el('span', {}, el('i', {style: `color:${colors.get(model.tracker)}`}), `cameras of ${model.tracker}`)),
       truth.length ? el('span', {}, el('i', {class: 'dashed', style: 'color:var(--true-path)'}), 'true path of the camera') : null),
     el('div', {class: 'pair'}, boxes.map(([box]) => box)));
   for (const [, holder, model] of boxes) {
