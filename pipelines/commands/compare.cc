@@ -3,6 +3,7 @@
 #include <nlohmann/json.hpp>
 
 #include "pipelines/console/version.h"
+#include "pipelines/experiment/file_lock.h"
 #include "pipelines/experiment/paper_tables.h"
 #include "pipelines/report/headline.h"
 #include "pipelines/report/report.h"
@@ -28,6 +29,7 @@ void PrintNotes(const char* what, const std::vector<CellNote>& notes) {
 void RunCompare(const ExperimentOptions& options) {
   const ExperimentResults results = RunExperiment(options);
   const std::filesystem::path out = options.out;
+  const FileLock lock(out / "cells" / "results.lock");  // shards may end together
   WriteResultsCsv(out / "results.csv", results);
   WriteResultsJson(out / "results.json",
                    results,

@@ -196,11 +196,14 @@ class Experiment {
 
   // Opening a clip may start OpenCV's threads, so that this process leaves it to another.
   void ProbeClips() {
+    // Every shard asks for itself.
+    std::string shard_suffix = options_.shard.empty() ? "" : "_shard_" + options_.shard;
+    std::replace(shard_suffix.begin(), shard_suffix.end(), '/', '_');
     std::vector<Task> tasks;
     for (std::size_t i = 0; i < options_.inputs.size(); ++i) {
       const InputOptions input{options_.inputs[i], options_.layout, options_.frames, ""};
       tasks.push_back({"open " + input.input,
-                       cells_folder_ / fmt::format("clip{}.json", i),
+                       cells_folder_ / fmt::format("clip{}{}.json", i, shard_suffix),
                        ToJson(input).dump(),
                        [input] {
                          const auto sequence = OpenInput(input);
@@ -268,7 +271,8 @@ class Experiment {
                        [degrade] {
                          RunDegrade(degrade);
                          return Json::object();
-                       }});
+                       },
+                       !options_.shard.empty()});
     }
     return tasks;
   }

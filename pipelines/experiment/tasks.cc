@@ -13,11 +13,13 @@
 #include <cstring>
 #include <map>
 #include <nlohmann/json.hpp>
+#include <optional>
 
 #include "frontend/core/error.h"
 #include "pipelines/console/interrupt.h"
 #include "pipelines/console/json_file.h"
 #include "pipelines/console/progress_bar.h"
+#include "pipelines/experiment/file_lock.h"
 
 namespace cohort {
 namespace {
@@ -51,14 +53,19 @@ bool IsDone(const Task& task) {
   const auto start = Clock::now();
   int exit_code = 0;
   try {
-    Json figures;
-    Json error;
-    try {
-      figures = task.run();
-    } catch (const std::exception& e) {
-      error = e.what();
+    std::optional<FileLock> lock;
+    if (task.shared) lock.emplace(task.result.string() + ".lock");
+    if (!task.shared || !IsDone(task)) {
+      Json figures;
+      Json error;
+      try {
+        figures = task.run();
+      } catch (const std::exception& e) {
+        error = e.what();
+      }
+      WriteResult(
+          task, figures, error, std::chrono::duration<double>(Clock::now() - start).count());
     }
-    WriteResult(task, figures, error, std::chrono::duration<double>(Clock::now() - start).count());
   } catch (const std::exception& e) {
     fmt::print(stderr, "cohort: error: {}\n", e.what());
     exit_code = 1;
@@ -70,7 +77,7 @@ bool IsDone(const Task& task) {
 pid_t Start(const Task& task) {
   fs::create_directories(task.result.parent_path());
   std::error_code ignored;
-  fs::remove(task.result, ignored);
+  if (!task.shared) fs::remove(task.result, ignored);
   std::fflush(stdout);
   std::fflush(stderr);
   const pid_t child = fork();
@@ -94,7 +101,7 @@ void RecordEnd(const Task& task, int status) {
 void RunTasks(const std::string& stage, const std::vector<Task>& tasks, int jobs, bool resume) {
   std::vector<const Task*> open;
   for (const Task& task : tasks) {
-    if (!resume || !IsDone(task)) open.push_back(&task);
+    if (!(resume || task.shared) || !IsDone(task)) open.push_back(&task);
   }
   if (open.size() < tasks.size()) {
     spdlog::info("{}: {} of {} are done already", stage, tasks.size() - open.size(), tasks.size());

@@ -17,6 +17,8 @@ struct Task {
   std::filesystem::path result;
   std::string options;  // JSON of all it depends on; a result with others is not reused
   std::function<nlohmann::ordered_json()> run;
+  // Other processes may have the same task: one of them does it, the others wait for it.
+  bool shared = false;
 };
 
 // Does the tasks, `jobs` at a time. With `resume`, one whose result is there without an error and
