@@ -1,6 +1,7 @@
 #include "frontend/track/measurement.h"
 
 #include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
@@ -110,7 +111,7 @@ std::optional<Eigen::Vector2d> Align(const cv::Mat& picture,
                                      const Window& window,
                                      int n,
                                      int max_iterations,
-                                     double prior_weight,
+                                     const Eigen::Matrix2d& prior,
                                      Eigen::Vector2d x) {
   const Eigen::Vector2d guide = x;
   const int area = n * n;
@@ -129,9 +130,10 @@ std::optional<Eigen::Vector2d> Align(const cv::Mat& picture,
       hyy += gy * gy;
     }
     Eigen::Matrix2d H;
-    H << hxx + prior_weight, hxy, hxy, hyy + prior_weight;
+    H << hxx, hxy, hxy, hyy;
+    H += prior;
     if (!(H.determinant() > 1e-12)) return std::nullopt;
-    Eigen::Vector2d step = -H.inverse() * (Eigen::Vector2d(bx, by) + prior_weight * (x - guide));
+    Eigen::Vector2d step = -H.inverse() * (Eigen::Vector2d(bx, by) + prior * (x - guide));
     const double length = step.norm();
     if (!std::isfinite(length)) return std::nullopt;
     if (length > 2.0) step *= 2.0 / length;
@@ -141,6 +143,27 @@ std::optional<Eigen::Vector2d> Align(const cv::Mat& picture,
   return x;
 }
 
+// Noise has gradients too. They make a patch look sharper than it is, and add to the noise: with H
+// the moments of the gradients seen and T those of the true ones (of anchor times picture, whose
+// noises know nothing of each other), the variance is not 1 / H but T^-1 H T^-1.
+Eigen::Matrix2d Sandwich(const Eigen::Matrix2d& shape,
+                         const Eigen::Matrix2d& seen,
+                         const Eigen::Matrix2d& cross) {
+  constexpr double kLeastShare = 0.05;
+  const Eigen::LLT<Eigen::Matrix2d> root(seen);
+  if (root.info() != Eigen::Success) return shape;
+  // Eigenvalues of the true share of each direction.
+  const Eigen::Matrix2d L = root.matrixL();
+  const Eigen::Matrix2d L_inverse = L.inverse();
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> eigen(L_inverse * cross *
+                                                             L_inverse.transpose());
+  const Eigen::Matrix2d share =
+      eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(kLeastShare).cwiseInverse().asDiagonal() *
+      eigen.eigenvectors().transpose();
+  const Eigen::Matrix2d T = L_inverse.transpose() * share * L.transpose();  // T^-1 H
+  return T * shape * T.transpose();
+}
+
 // Anchor against picture at x: the statistics, and the joint step of translation and warp.
 void Conclude(const cv::Mat& picture,
               const Window& window,
@@ -148,7 +171,7 @@ void Conclude(const cv::Mat& picture,
               double noise_factor,
               const AnchorPatch& anchor,
               const Eigen::Vector2d& guide,
-              double prior_information,
+              const Eigen::Matrix2d& prior,
               Measurement& m) {
   const int area = n * n;
   Window seen;
@@ -178,6 +201,7 @@ void Conclude(const cv::Mat& picture,
   using Vector7f = Eigen::Matrix<float, 7, 1>;
   Matrix7f normal = Matrix7f::Zero();
   Vector7f rhs = Vector7f::Zero();
+  float cross_xx = 0, cross_xy = 0, cross_yy = 0;
   const int half = n / 2;
   int k = 0;
   for (int v = -half; v <= half; ++v) {
@@ -188,6 +212,9 @@ void Conclude(const cv::Mat& picture,
       const float gx = 0.5F * (window.dx[k] + seen.dx[k]);
       const float gy = 0.5F * (window.dy[k] + seen.dy[k]);
       j << gx, gy, gx * uf, gx * vf, gy * uf, gy * vf, 1.0F;
+      cross_xx += window.dx[k] * seen.dx[k];
+      cross_xy += 0.5F * (window.dx[k] * seen.dy[k] + window.dy[k] * seen.dx[k]);
+      cross_yy += window.dy[k] * seen.dy[k];
       const float r = seen.values[k] - window.values[k];
       normal.noalias() += j * j.transpose();
       rhs.noalias() -= r * j;
@@ -198,14 +225,24 @@ void Conclude(const cv::Mat& picture,
   Eigen::Matrix<double, 7, 1> b = rhs.cast<double>() / variance;
   information.block<4, 4>(2, 2) +=
       (anchor.warp_covariance + 1e-10 * Eigen::Matrix4d::Identity()).inverse();
-  information.diagonal().head<2>().array() += prior_information;
-  b.head<2>() += prior_information * (guide - m.xy);
-  const Eigen::Matrix<double, 7, 7> covariance =
-      information.ldlt().solve(Eigen::Matrix<double, 7, 7>::Identity());
+  using Matrix7d = Eigen::Matrix<double, 7, 7>;
+  const Matrix7d likelihood = information.ldlt().solve(Matrix7d::Identity());
+  Eigen::Matrix2d cross;
+  cross << cross_xx, cross_xy, cross_xy, cross_yy;
+  m.gradients =
+      (anchor.gradients_count * anchor.gradients + cross / area) / (anchor.gradients_count + 1.0);
+  m.shape = Sandwich(likelihood.topLeftCorner<2, 2>() / noise_factor,
+                     normal.topLeftCorner<2, 2>().cast<double>() / area,
+                     m.gradients);
+  Matrix7d covariance = likelihood;
+  if (prior.trace() > 0.0) {
+    information.topLeftCorner<2, 2>() += prior;
+    b.head<2>() += prior * (guide - m.xy);
+    covariance = information.ldlt().solve(Matrix7d::Identity());
+  }
   const Eigen::Matrix<double, 7, 1> step = covariance * b;
   m.warp = anchor.warp;
   m.warp_covariance = anchor.warp_covariance;
-  m.shape = covariance.topLeftCorner<2, 2>() / noise_factor;
   if (!step.allFinite() || step.head<2>().norm() > 1.0 || step.segment<4>(2).norm() > 0.2) return;
   m.xy += step.head<2>();
   Eigen::Matrix2d D;
@@ -248,26 +285,25 @@ Measurement MeasurePatch(const Pyramid& current,
                          int window_px,
                          double noise_factor,
                          double noise_variance,
-                         double prior_sigma_px) {
+                         const Eigen::Matrix2d& prior) {
   Check(window_px <= kMaxPatchSide, "the window fits the patch buffers");
-  const bool with_prior = prior_sigma_px > 0.0;
-  const double information = with_prior ? 1.0 / (prior_sigma_px * prior_sigma_px) : 0.0;
+  const bool with_prior = prior.trace() > 0.0;
   Measurement m;
   m.xy = guide;
   Window window;
   if (!with_prior && !anchor.half.empty()) {
     AnchorWindow(anchor.half, anchor.warp, window_px, window);
-    const auto half = Align(current.levels[1], window, window_px, 10, 0.0, guide / 2);
+    const auto half = Align(current.levels[1], window, window_px, 10, prior, guide / 2);
     // Where the half resolution leads astray, the full one starts from the guide.
     if (half && (2 * *half - guide).norm() < 6.0) m.xy = 2 * *half;
   }
   AnchorWindow(anchor.full, anchor.warp, window_px, window);
-  const double weight = noise_variance * noise_factor * information;
-  const auto full = Align(current.levels[0], window, window_px, 15, weight, m.xy);
+  const double variance = noise_variance * noise_factor;
+  const auto full = Align(current.levels[0], window, window_px, 15, variance * prior, m.xy);
   if (!full) return m;
   m.xy = *full;
   m.converged = true;
-  Conclude(current.levels[0], window, window_px, noise_factor, anchor, guide, information, m);
+  Conclude(current.levels[0], window, window_px, noise_factor, anchor, guide, prior, m);
   return m;
 }
 

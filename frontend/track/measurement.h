@@ -22,6 +22,9 @@ struct AnchorPatch {
   Eigen::Matrix2d warp = Eigen::Matrix2d::Identity();
   // Of the error of warp's entries (11, 12, 21, 22), relative: (I + d) warp.
   Eigen::Matrix4d warp_covariance = Eigen::Matrix4d::Zero();
+  // Moments of the true gradients, a pixel [1/px^2], as the mean over so many measurements.
+  Eigen::Matrix2d gradients = Eigen::Matrix2d::Zero();
+  double gradients_count = 0.0;
 };
 AnchorPatch TakeAnchor(const Pyramid& pyramid, const Eigen::Vector2d& xy, int window_px);
 
@@ -34,6 +37,7 @@ struct Measurement {
   Eigen::Matrix2d shape = Eigen::Matrix2d::Identity();  // covariance of xy for white noise [px^2]
   Eigen::Matrix2d warp = Eigen::Matrix2d::Identity();   // after this frame
   Eigen::Matrix4d warp_covariance = Eigen::Matrix4d::Zero();
+  Eigen::Matrix2d gradients = Eigen::Matrix2d::Zero();  // after this frame
 };
 
 // One unconstrained alignment. First the translation x that minimises
@@ -43,7 +47,7 @@ struct Measurement {
 // its covariance as prior: a bright patch measures its deformation, a dark one keeps what it was
 // told. `noise_factor` is how much less the window's pixels say than as many independent ones
 // would.
-// With a `prior_sigma_px` the guide itself counts as a measurement with this deviation (a maximum a
+// With a prior (its information, [1/px^2]) the guide itself counts as a measurement (a maximum a
 // posteriori position); then only the full resolution is used.
 Measurement MeasurePatch(const Pyramid& current,
                          const AnchorPatch& anchor,
@@ -51,7 +55,7 @@ Measurement MeasurePatch(const Pyramid& current,
                          int window_px,
                          double noise_factor,
                          double noise_variance = 0.0,
-                         double prior_sigma_px = 0.0);
+                         const Eigen::Matrix2d& prior = Eigen::Matrix2d::Zero());
 
 // Picture - anchor over the innermost pixels of the window, with the feature at `xy`: tells whether
 // something stands before the feature itself, when the rim of its window may show other surfaces.

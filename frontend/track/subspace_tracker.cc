@@ -15,16 +15,16 @@
 #include "frontend/image/sampling.h"
 #include "frontend/track/measurement.h"
 #include "frontend/track/optimizer.h"
-#include "frontend/track/prediction.h"
+#include "frontend/track/trajectory_model.h"
 
 namespace cohort {
 namespace {
 
-// How many frames a feature may be hidden and still be predicted from its own course before that.
-constexpr int kMemoryFrames = 30;
-// Not confirmed for so many frames in a row, and hidden by nothing: it is not what it was taken
-// for.
-constexpr int kMaxUnexplainedFrames = 4;
+// Of so many frames the model of the courses is made; a feature may be hidden for as many.
+constexpr std::size_t kModelFrames = 31;
+constexpr int kMaxRank = 8;
+// An anchor is where its corner was found, up to this [px]; it defines the point.
+constexpr double kAnchorSigmaPx = 0.05;
 // What is hidden changes at once. What has changed slowly, by this factor over what noise explains,
 // is a corner where two surfaces overlap, no point of either: it does not come back.
 constexpr double kSlowChange = 1.25;
@@ -61,8 +61,6 @@ class SubspaceMover final : public FeatureMover {
 
  private:
   Eigen::Index features() const { return static_cast<Eigen::Index>(appearance_.size()); }
-  // Of so many frames a feature's own course is made.
-  std::size_t OwnFrames() const { return 2 * static_cast<std::size_t>(options_.history_length); }
   Eigen::MatrixXd History() const;  // 2 L x F, newest first
   Appearance TakeAppearance(const Pyramid& pyramid,
                             const Pyramid& smooth,
@@ -72,18 +70,21 @@ class SubspaceMover final : public FeatureMover {
   void DeformAnchors(const Eigen::Matrix2Xd& x);
   class Differences;
   std::vector<Move> Measure(const Pyramid& current, const Eigen::Matrix2Xd& guide);
-  double MaxDisagreement(double sigma_px) const;
+  bool Agrees(std::size_t f,
+              const Measurement& m,
+              const TrajectoryModel::Estimate& predicted) const;
+  TrajectoryModel::Observation Seen(const Measurement& m) const;
   void Observe(std::size_t f, const Measurement& m, const Differences& differences, Move& move);
-  void Doubt(std::size_t f,
-             const Pyramid& current,
-             const Eigen::Vector2d& guide,
-             const Measurement& large,
-             const Eigen::Matrix2Xd& x,
-             const std::vector<std::uint8_t>& trusted,
-             bool strong,
-             const Differences& differences,
-             Move& move);
-  void CalibrateCovariances(std::vector<Move>& moves, const CohortPrediction& prediction);
+  Measurement Doubt(std::size_t f,
+                    const Pyramid& current,
+                    const Eigen::Vector2d& guide,
+                    const TrajectoryModel::Estimate* own,
+                    bool strong,
+                    const Differences& differences,
+                    Move& move);
+  void Calibrate(const std::vector<Measurement>& measured,
+                 const std::vector<std::uint8_t>& trusted,
+                 const std::vector<TrajectoryModel::Estimate>& predicted);
   void FillHistory(Eigen::Index first_new);
   void Remember(const Pyramid& current, Pyramid smooth);
 
@@ -93,22 +94,23 @@ class SubspaceMover final : public FeatureMover {
   Penalty penalty_;
 
   std::vector<Appearance> appearance_;
-  std::vector<std::uint8_t> confirmed_;  // in the last frame
-  std::vector<int> unexplained_;         // frames in a row: not confirmed, and hidden by nothing
-  CohortHistory history_;
+  std::vector<std::uint8_t> confirmed_;   // in the last frame
+  std::vector<int> unexplained_;          // frames in a row: not confirmed, and hidden by nothing
+  std::deque<Eigen::Matrix2Xd> history_;  // where they were in the L newest frames, newest first
+  TrajectoryModel model_{kModelFrames, kMaxRank};
   Pyramid previous_;                // of the newest of these frames
   std::deque<Pyramid> smooth_;      // of the L newest, for measuring
   double covariance_scale_ = 10.0;  // until the cohort tells
-  bool calibrated_ = false;
+  int calibrations_ = 0;
   double contrast_ = 0.0;  // energy that a displaced template gains [1/px]
 };
 
 Eigen::MatrixXd SubspaceMover::History() const {
   const std::size_t L =
-      std::min(static_cast<std::size_t>(options_.history_length), history_.frames());
+      std::min(static_cast<std::size_t>(options_.history_length), history_.size());
   Eigen::MatrixXd history(2 * static_cast<Eigen::Index>(L), features());
   for (std::size_t l = 0; l < L; ++l) {
-    history.middleRows(2 * static_cast<Eigen::Index>(l), 2) = history_.positions[l];
+    history.middleRows(2 * static_cast<Eigen::Index>(l), 2) = history_[l];
   }
   return history;
 }
@@ -154,13 +156,15 @@ double SubspaceMover::Contrast(const Pyramid& current, const Eigen::Matrix2Xd& x
 
 Eigen::Matrix2Xd SubspaceMover::Guide(const Pyramid& current) const {
   const Eigen::Vector2d offset = RegisterFrames(previous_, current);
-  Eigen::Matrix2Xd x = history_.positions.front().colwise() + offset;
+  Eigen::Matrix2Xd x = history_.front().colwise() + offset;
   const Eigen::MatrixXd history = History();
 
-  const bool penalized = joint_ && options_.penalty_weight > 0.0 && contrast_ > 0.0;
+  const double m =
+      options_.penalty_weight * CalibratedWeight(options_.penalty, options_.constraint);
+  const bool penalized = joint_ && m > 0.0 && contrast_ > 0.0;
   Eigen::VectorXd weights = Eigen::VectorXd::Ones(features());
   if (penalized) {
-    double share = 1.0 / (options_.penalty_weight * contrast_);
+    double share = 1.0 / (m * contrast_);
     if (options_.constraint == Constraint::kStrong) share /= static_cast<double>(features());
     for (Eigen::Index f = 0; f < features(); ++f) {
       // What the last frame contradicted is led by the others until the image confirms it again.
@@ -198,7 +202,7 @@ Eigen::Matrix2Xd SubspaceMover::Guide(const Pyramid& current) const {
 // The cohort's similarity (scale and rotation) from the last frame to this one carries every
 // anchor's warp along; what it misses is left to the measurement.
 void SubspaceMover::DeformAnchors(const Eigen::Matrix2Xd& x) {
-  const Eigen::Matrix2Xd& before = history_.positions.front();
+  const Eigen::Matrix2Xd& before = history_.front();
   Eigen::VectorXd weights = Eigen::VectorXd::Zero(features());
   for (Eigen::Index f = 0; f < features(); ++f) {
     weights[f] = confirmed_[static_cast<std::size_t>(f)] ? 1.0 : 0.0;
@@ -271,6 +275,14 @@ class SubspaceMover::Differences {
            m.residual_variance <= options.max_residual_ratio * expected &&
            OfCenter(f, Center(f, m.xy), 0.0) <= options.max_center_ratio;
   }
+  // An occluder pushes a patch before it, to where the feature's surroundings still look like it.
+  // Then its prediction shows more than a displacement by so much explains.
+  bool Pushed(std::size_t f,
+              const Measurement& m,
+              const Eigen::Vector2d& predicted,
+              const MeasurementOptions& options) const {
+    return OfCenter(f, Center(f, predicted), (m.xy - predicted).norm()) > options.max_center_ratio;
+  }
   // The mean square of the innermost pixels, as a multiple of what is expected at a position known
   // to sigma_px.
   double OfCenter(std::size_t f, const CenterDifference& d, double sigma_px) const {
@@ -294,69 +306,98 @@ class SubspaceMover::Differences {
   double center_noise_ = 0.0;
 };
 
+// A measurement as the model takes it: half of its variance is the picture's, half the anchor's,
+// which all of the track's measurements share.
+TrajectoryModel::Observation SubspaceMover::Seen(const Measurement& m) const {
+  return {m.xy, (0.5 * covariance_scale_ * m.shape).inverse(), false};
+}
+
 // Guide, then measure. A position is observed if the image confirms it: the large patch aligns with
 // the anchor near the guide, looks like it, and arrives where the other features say that this one
 // is. If not, a small patch is measured there, with the prediction as prior: the rim of the large
 // one may lie on another surface or behind an occluder. What neither confirms is predicted.
 std::vector<Move> SubspaceMover::Measure(const Pyramid& current, const Eigen::Matrix2Xd& guide) {
   const auto F = static_cast<std::size_t>(features());
-  std::vector<Measurement> measured;
+  std::vector<Measurement> measured(F);
   for (std::size_t f = 0; f < F; ++f) {
-    measured.push_back(MeasurePatch(current,
-                                    appearance_[f].anchor,
-                                    guide.col(static_cast<Eigen::Index>(f)),
-                                    measure_.window_px,
-                                    covariance_scale_));
+    if (!confirmed_[f]) continue;  // led by nothing but the others: see Doubt
+    measured[f] = MeasurePatch(current,
+                               appearance_[f].anchor,
+                               guide.col(static_cast<Eigen::Index>(f)),
+                               measure_.window_px,
+                               covariance_scale_);
   }
   const Differences differences(current, appearance_, measured, confirmed_);
 
-  Eigen::Matrix2Xd x = guide;
   std::vector<std::uint8_t> trusted(F, 0);
+  std::vector<TrajectoryModel::Observation> now(F);
   for (std::size_t f = 0; f < F; ++f) {
-    const auto i = static_cast<Eigen::Index>(f);
     const Measurement& m = measured[f];
-    trusted[f] = (m.xy - guide.col(i)).norm() <= measure_.max_distance_px &&
-                 differences.LooksRight(f, m, measure_);
-    if (trusted[f]) x.col(i) = m.xy;
+    trusted[f] =
+        confirmed_[f] &&
+        (m.xy - guide.col(static_cast<Eigen::Index>(f))).norm() <= measure_.max_distance_px &&
+        differences.LooksRight(f, m, measure_);
+    if (trusted[f]) now[f] = Seen(m);
   }
-  const auto cohort =
-      PredictCohort(history_, static_cast<std::size_t>(options_.history_length), x, trusted);
-  const bool strong = options_.constraint == Constraint::kStrong && cohort &&
-                      static_cast<int>(history_.frames()) >= std::min(4, options_.history_length);
-  std::vector<std::size_t> doubtful;
+  std::vector<TrajectoryModel::Estimate> predicted = model_.Predict(now);
+  const bool strong = options_.constraint == Constraint::kStrong && !predicted.empty() &&
+                      static_cast<int>(history_.size()) >= std::min(4, options_.history_length);
   for (std::size_t f = 0; f < F; ++f) {
-    const auto i = static_cast<Eigen::Index>(f);
-    if (trusted[f] && strong && confirmed_[f]) {
-      const double sigma = cohort->spread_px * std::sqrt(1.0 + cohort->leverage[i]);
-      trusted[f] = (x.col(i) - cohort->x.col(i)).norm() <= MaxDisagreement(sigma);
+    if (trusted[f] && strong) {
+      trusted[f] = Agrees(f, measured[f], predicted[f]) &&
+                   !differences.Pushed(f, measured[f], predicted[f].measured_xy, measure_);
+      if (!trusted[f]) now[f] = {};
     }
-    // One that comes back must prove it against its own course: the cohort's window holds its
-    // predictions.
-    if (!trusted[f] || (strong && !confirmed_[f])) doubtful.push_back(f);
+    // An occluder that arrives at the rim has moved the last position already.
+    if (!trusted[f] && confirmed_[f] && history_.size() > 4) model_.Forget(f);
+  }
+  if (!predicted.empty()) {
+    Calibrate(measured, trusted, predicted);
+    predicted = model_.Predict(now);
   }
 
   std::vector<Move> moves(F);
   for (std::size_t f = 0; f < F; ++f) {
-    moves[f].residual = measured[f].residual;
-    if (trusted[f]) Observe(f, measured[f], differences, moves[f]);
+    if (trusted[f]) {
+      Observe(f, measured[f], differences, moves[f]);
+      continue;
+    }
+    measured[f] = Doubt(f,
+                        current,
+                        guide.col(static_cast<Eigen::Index>(f)),
+                        predicted.empty() ? nullptr : &predicted[f],
+                        strong,
+                        differences,
+                        moves[f]);
+    if (moves[f].state == ObservationState::kObserved) now[f] = Seen(measured[f]);
   }
-  for (const std::size_t f : doubtful) {
-    Doubt(f,
-          current,
-          guide.col(static_cast<Eigen::Index>(f)),
-          measured[f],
-          x,
-          trusted,
-          strong,
-          differences,
-          moves[f]);
+  const std::vector<TrajectoryModel::Estimate> fused = model_.Update(now);
+  Eigen::Matrix2Xd x(2, features());
+  for (std::size_t f = 0; f < F; ++f) {
+    Move& move = moves[f];
+    x.col(static_cast<Eigen::Index>(f)) = move.xy;
+    if (fused.empty()) continue;
+    x.col(static_cast<Eigen::Index>(f)) = fused[f].xy;
+    if (measure_.fuse || move.state == ObservationState::kPredicted) move.xy = fused[f].xy;
   }
-  if (cohort) CalibrateCovariances(moves, *cohort);
+  history_.push_front(std::move(x));
   return moves;
 }
 
-double SubspaceMover::MaxDisagreement(double sigma_px) const {
-  return std::max(measure_.max_disagreement_px, measure_.max_disagreement_sigmas * sigma_px);
+// The distance from the prediction against what both leave open. What was not seen in the last
+// frame must show more to be believed.
+bool SubspaceMover::Agrees(std::size_t f,
+                           const Measurement& m,
+                           const TrajectoryModel::Estimate& predicted) const {
+  const double max_sigma_px = confirmed_[f] ? measure_.max_sigma_px : 0.5 * measure_.max_sigma_px;
+  const Eigen::Matrix2d noise = 0.5 * covariance_scale_ * m.shape;
+  if (noise.trace() > max_sigma_px * max_sigma_px) return false;
+  const double most = measure_.max_disagreement_sigmas;
+  const double least_sigma_px = measure_.max_disagreement_px / most;
+  const Eigen::Matrix2d S = predicted.measured_covariance + noise +
+                            least_sigma_px * least_sigma_px * Eigen::Matrix2d::Identity();
+  const Eigen::Vector2d d = m.xy - predicted.measured_xy;
+  return d.dot(S.inverse() * d) <= most * most;
 }
 
 void SubspaceMover::Observe(std::size_t f,
@@ -365,124 +406,112 @@ void SubspaceMover::Observe(std::size_t f,
                             Move& move) {
   constexpr double kChangeRate = 0.1;
   constexpr double kLightRate = 0.3;
+  constexpr double kGradientsMemory = 20.0;
   move.state = ObservationState::kObserved;
   move.xy = m.xy;
-  move.covariance = PixelCovariance{static_cast<float>(m.shape(0, 0)),
-                                    static_cast<float>(m.shape(0, 1)),
-                                    static_cast<float>(m.shape(1, 1))};
+  move.residual = m.residual;
+  const Eigen::Matrix2d covariance = covariance_scale_ * m.shape;
+  move.covariance = PixelCovariance{static_cast<float>(covariance(0, 0)),
+                                    static_cast<float>(covariance(0, 1)),
+                                    static_cast<float>(covariance(1, 1))};
   Appearance& appearance = appearance_[f];
   appearance.anchor.warp = m.warp;
   appearance.anchor.warp_covariance = m.warp_covariance;
+  appearance.anchor.gradients = m.gradients;
+  appearance.anchor.gradients_count =
+      std::min(appearance.anchor.gradients_count + 1.0, kGradientsMemory);
   const CenterDifference center = differences.Center(f, m.xy);
   appearance.change += kChangeRate * (differences.OfCenter(f, center, 0.0) - appearance.change);
   appearance.light += kLightRate * (center.mean - appearance.light);
   unexplained_[f] = 0;
 }
 
-// What the large patch did not confirm, or what was not seen in the last frame.
-void SubspaceMover::Doubt(std::size_t f,
-                          const Pyramid& current,
-                          const Eigen::Vector2d& guide,
-                          const Measurement& large,
-                          const Eigen::Matrix2Xd& x,
-                          const std::vector<std::uint8_t>& trusted,
-                          bool strong,
-                          const Differences& differences,
-                          Move& move) {
-  // An occluder that arrives at the rim has moved the last position already.
-  if (confirmed_[f] && history_.frames() > 4) history_.seen.front()[f] = 0;
-  const auto own = PredictFeature(history_, OwnFrames(), x, trusted, static_cast<Eigen::Index>(f));
+// What the large patch did not confirm, or what was not seen in the last frame. Returns the
+// measurement if there is one.
+Measurement SubspaceMover::Doubt(std::size_t f,
+                                 const Pyramid& current,
+                                 const Eigen::Vector2d& guide,
+                                 const TrajectoryModel::Estimate* own,
+                                 bool strong,
+                                 const Differences& differences,
+                                 Move& move) {
   int unexplained = unexplained_[f] + 1;
   move.state = ObservationState::kPredicted;
-  move.covariance.reset();
-  if (own) {
-    const double gate = strong ? MaxDisagreement(own->sigma_px) : measure_.max_distance_px;
-    if (trusted[f] && (large.xy - own->xy).norm() <= gate) {
+  move.xy = guide;
+  if (own != nullptr) {
+    const Eigen::Vector2d at = own->measured_xy;
+    const double sigma = std::sqrt(0.5 * own->measured_covariance.trace());
+    const Measurement large =
+        MeasurePatch(current, appearance_[f].anchor, at, measure_.window_px, covariance_scale_);
+    const auto agrees = [&](const Measurement& m) {
+      return strong ? Agrees(f, m, *own) : (m.xy - at).norm() <= measure_.max_distance_px;
+    };
+    if (agrees(large) && differences.LooksRight(f, large, measure_) &&
+        !(strong && differences.Pushed(f, large, at, measure_))) {
       Observe(f, large, differences, move);
-      return;
+      return large;
     }
-    if ((guide - own->xy).norm() > kAstrayPx) {
-      const Measurement again = MeasurePatch(
-          current, appearance_[f].anchor, own->xy, measure_.window_px, covariance_scale_);
-      if ((again.xy - own->xy).norm() <= gate && differences.LooksRight(f, again, measure_)) {
-        Observe(f, again, differences, move);
-        return;
-      }
-    }
+    const double prior_px = std::max(kPriorFactor * sigma, kLeastPriorPx);
     const Measurement small = MeasurePatch(current,
                                            appearance_[f].anchor,
-                                           own->xy,
+                                           at,
                                            measure_.small_window_px,
                                            covariance_scale_,
                                            differences.noise_variance(),
-                                           std::max(kPriorFactor * own->sigma_px, kLeastPriorPx));
-    if (small.converged && (small.xy - own->xy).norm() <= gate &&
-        small.correlation >= kLeastSmallCorrelation &&
+                                           Eigen::Matrix2d::Identity() / (prior_px * prior_px));
+    if (small.converged && agrees(small) && small.correlation >= kLeastSmallCorrelation &&
         differences.OfCenter(f, differences.Center(f, small.xy), 0.0) <=
             measure_.max_center_ratio) {
       Observe(f, small, differences, move);
-    } else {
-      move.xy = own->xy;
-      const bool hidden = differences.OfCenter(f, differences.Center(f, own->xy), own->sigma_px) >
-                          measure_.max_center_ratio;
-      if (hidden) unexplained = 0;
-      if (own->sigma_px > measure_.max_distance_px) move.loss = LossReason::kContradicted;
+      return small;
     }
-  } else {
-    move.xy = guide;
+    move.xy = own->xy;
+    const bool hidden =
+        differences.OfCenter(f, differences.Center(f, at), sigma) > measure_.max_center_ratio;
+    if (hidden) unexplained = 0;
+    if (measure_.max_unexplained_frames > 0 && sigma > measure_.max_distance_px) {
+      move.loss = LossReason::kContradicted;
+    }
   }
   unexplained_[f] = unexplained;
-  if (unexplained > kMaxUnexplainedFrames || appearance_[f].change > kSlowChange) {
+  if (measure_.max_unexplained_frames > 0 &&
+      (unexplained > measure_.max_unexplained_frames || appearance_[f].change > kSlowChange)) {
     move.loss = LossReason::kContradicted;
   }
+  return {};
 }
 
 // The inverse gradient energy gives a covariance its shape; its size depends on how the noise is
 // correlated, which the blur of the lens or of the codec decides. So it is taken from the cohort:
-// the distance of a measured position from its prediction has the measurement's own variance plus
-// what the prediction takes over from the history.
-void SubspaceMover::CalibrateCovariances(std::vector<Move>& moves,
-                                         const CohortPrediction& prediction) {
-  constexpr std::size_t kLeastHistory = 5;
-  if (history_.frames() >= kLeastHistory) {
-    std::vector<double> squares;
-    for (std::size_t f = 0; f < moves.size(); ++f) {
-      if (!moves[f].covariance) continue;
-      const PixelCovariance& c = *moves[f].covariance;
-      const Eigen::Vector2d d = moves[f].xy - prediction.x.col(static_cast<Eigen::Index>(f));
-      const double determinant = double{c.xx} * c.yy - double{c.xy} * c.xy;
-      if (!(determinant > 0.0)) continue;
-      squares.push_back((c.yy * d.x() * d.x() - 2.0 * c.xy * d.x() * d.y() + c.xx * d.y() * d.y()) /
-                        determinant);
-    }
-    if (squares.size() >= 8) {
-      // The median of a chi-square with two degrees of freedom is 2 ln 2. An anchor's own noise
-      // shifts all positions of its track alike: the prediction does not see it, the truth does.
-      const double scale =
-          2.0 * Median(std::move(squares)) / (2.0 * std::log(2.0)) / (1.0 + prediction.noise_gain);
-      covariance_scale_ = calibrated_ ? 0.9 * covariance_scale_ + 0.1 * scale : scale;
-      calibrated_ = true;
-    }
+// the distance of a measured position from its prediction has the prediction's variance and the
+// picture's half of the measurement's own.
+void SubspaceMover::Calibrate(const std::vector<Measurement>& measured,
+                              const std::vector<std::uint8_t>& trusted,
+                              const std::vector<TrajectoryModel::Estimate>& predicted) {
+  constexpr std::size_t kLeastHistory = 4;
+  constexpr std::size_t kLeastMeasured = 8;
+  constexpr int kQuickCalibrations = 5;
+  if (history_.size() < kLeastHistory) return;
+  std::vector<double> squares;
+  for (std::size_t f = 0; f < measured.size(); ++f) {
+    if (!trusted[f]) continue;
+    const Eigen::Vector2d d = measured[f].xy - predicted[f].measured_xy;
+    const Eigen::Matrix2d S =
+        predicted[f].measured_covariance + 0.5 * covariance_scale_ * measured[f].shape;
+    squares.push_back(d.dot(S.inverse() * d));
   }
-  for (Move& move : moves) {
-    if (!move.covariance) continue;
-    PixelCovariance& c = *move.covariance;
-    c.xx = static_cast<float>(c.xx * covariance_scale_);
-    c.xy = static_cast<float>(c.xy * covariance_scale_);
-    c.yy = static_cast<float>(c.yy * covariance_scale_);
-  }
+  if (squares.size() < kLeastMeasured) return;
+  // The median of a chi-square with two degrees of freedom is 2 ln 2.
+  const double ratio = Median(std::move(squares)) / (2.0 * std::log(2.0));
+  const double rate = ++calibrations_ <= kQuickCalibrations ? 0.7 : 0.1;
+  covariance_scale_ *= std::pow(ratio, rate);
 }
 
 std::vector<Move> SubspaceMover::MoveFeatures(const Pyramid& current) {
   Pyramid smooth = SmoothPyramid(current, measure_.denoise_sigma_px);
-  Eigen::Matrix2Xd guide = Guide(current);
+  const Eigen::Matrix2Xd guide = Guide(current);
   std::vector<Move> moves;
   if (joint_ && measure_.enabled) {
-    for (Eigen::Index f = 0; f < features(); ++f) {
-      if (confirmed_[static_cast<std::size_t>(f)]) continue;
-      const auto own = PredictFeature(history_, OwnFrames(), guide, confirmed_, f);
-      if (own) guide.col(f) = own->xy;
-    }
     DeformAnchors(guide);
     moves = Measure(smooth, guide);
   } else {
@@ -495,20 +524,15 @@ std::vector<Move> SubspaceMover::MoveFeatures(const Pyramid& current) {
                                   options_.template_px);
       moves.push_back(move);
     }
+    history_.push_front(guide);
   }
-  for (Move& move : moves) {
-    if (!move.xy.allFinite()) move.loss = LossReason::kDiverged;
-  }
-  Eigen::Matrix2Xd x(2, features());
   for (Eigen::Index f = 0; f < features(); ++f) {
-    const Move& move = moves[static_cast<std::size_t>(f)];
-    x.col(f) = move.xy;
+    Move& move = moves[static_cast<std::size_t>(f)];
+    if (!move.xy.allFinite()) move.loss = LossReason::kDiverged;
     confirmed_[static_cast<std::size_t>(f)] = move.state == ObservationState::kObserved;
   }
-  const double contrast = Contrast(current, x);
+  const double contrast = Contrast(current, history_.front());
   if (contrast > 0.0) contrast_ = 0.8 * contrast_ + 0.2 * contrast;
-  history_.positions.push_front(std::move(x));
-  history_.seen.push_front(confirmed_);
   Remember(current, std::move(smooth));
   return moves;
 }
@@ -517,10 +541,7 @@ void SubspaceMover::Remember(const Pyramid& current, Pyramid smooth) {
   previous_ = current;
   smooth_.push_front(std::move(smooth));
   const auto length = static_cast<std::size_t>(options_.history_length);
-  if (history_.frames() > length + static_cast<std::size_t>(kMemoryFrames)) {
-    history_.positions.pop_back();
-    history_.seen.pop_back();
-  }
+  if (history_.size() > length) history_.pop_back();
   if (smooth_.size() > length) smooth_.pop_back();
 }
 
@@ -532,8 +553,7 @@ void SubspaceMover::Keep(std::span<const std::uint8_t> keep) {
       appearance_[kept] = std::move(appearance_[f]);
       confirmed_[kept] = confirmed_[f];
       unexplained_[kept] = unexplained_[f];
-      for (auto& seen : history_.seen) seen[kept] = seen[f];
-      for (auto& x : history_.positions) {
+      for (auto& x : history_) {
         x.col(static_cast<Eigen::Index>(kept)) = x.col(static_cast<Eigen::Index>(f));
       }
     }
@@ -542,46 +562,43 @@ void SubspaceMover::Keep(std::span<const std::uint8_t> keep) {
   appearance_.resize(kept);
   confirmed_.resize(kept);
   unexplained_.resize(kept);
-  for (auto& seen : history_.seen) seen.resize(kept);
-  for (auto& x : history_.positions) x.conservativeResize(2, static_cast<Eigen::Index>(kept));
+  for (auto& x : history_) x.conservativeResize(2, static_cast<Eigen::Index>(kept));
+  model_.Keep(keep);
 }
 
 void SubspaceMover::Add(std::span<const Eigen::Vector2d> born, const Pyramid& current) {
   if (appearance_.empty()) {
     // The first features, or none survived: the window starts here.
-    history_ = {};
+    history_.clear();
     smooth_.clear();
-    history_.positions.emplace_front(2, 0);
-    history_.seen.emplace_front();
+    model_ = TrajectoryModel(kModelFrames, kMaxRank);
+    model_.Update({});
+    history_.emplace_front(2, 0);
     Remember(current, SmoothPyramid(current, measure_.denoise_sigma_px));
   }
   const Eigen::Index first_new = features();
-  for (auto& seen : history_.seen) seen.resize(seen.size() + born.size(), 0);
-  for (auto& x : history_.positions) {
+  for (auto& x : history_) {
     x.conservativeResize(2, first_new + static_cast<Eigen::Index>(born.size()));
   }
   for (std::size_t i = 0; i < born.size(); ++i) {
     appearance_.push_back(TakeAppearance(current, smooth_.front(), born[i]));
     confirmed_.push_back(1);
     unexplained_.push_back(0);
-    history_.positions.front().col(first_new + static_cast<Eigen::Index>(i)) = born[i];
+    history_.front().col(first_new + static_cast<Eigen::Index>(i)) = born[i];
   }
-  std::fill(history_.seen.front().end() - static_cast<std::ptrdiff_t>(born.size()),
-            history_.seen.front().end(),
-            std::uint8_t{1});
   if (joint_) FillHistory(first_new);  // descent has no use for it
-  if (contrast_ == 0.0) contrast_ = Contrast(current, history_.positions.front());
+  if (contrast_ == 0.0) contrast_ = Contrast(current, history_.front());
 }
 
 void SubspaceMover::FillHistory(Eigen::Index first_new) {
   constexpr int kNeighbours = 8;
   for (Eigen::Index f = first_new; f < features(); ++f) {
-    const Eigen::Vector2d at = history_.positions.front().col(f);
+    const Eigen::Vector2d at = history_.front().col(f);
     // The nearest old features, by distance and then by birth.
     std::vector<Eigen::Index> near(static_cast<std::size_t>(first_new));
     std::iota(near.begin(), near.end(), Eigen::Index{0});
     const auto distance = [&](Eigen::Index g) {
-      return (history_.positions.front().col(g) - at).squaredNorm();
+      return (history_.front().col(g) - at).squaredNorm();
     };
     const auto count = std::min<std::size_t>(kNeighbours, near.size());
     std::partial_sort(near.begin(),
@@ -590,33 +607,33 @@ void SubspaceMover::FillHistory(Eigen::Index first_new) {
                       [&](Eigen::Index a, Eigen::Index b) {
                         return std::pair(distance(a), a) < std::pair(distance(b), b);
                       });
-    for (std::size_t l = 1; l < history_.frames(); ++l) {
-      if (l >= smooth_.size()) {  // beyond the window of the energy: not known
-        history_.positions[l].col(f) = history_.positions[l - 1].col(f);
-        continue;
-      }
+    std::vector<TrajectoryModel::Observation> course;
+    course.push_back({at, Eigen::Matrix2d::Identity() / (kAnchorSigmaPx * kAnchorSigmaPx), true});
+    for (std::size_t l = 1; l < history_.size(); ++l) {
       Eigen::Vector2d motion = Eigen::Vector2d::Zero();
       double total = 0.0;
       for (std::size_t k = 0; k < count; ++k) {
         const Eigen::Index g = near[k];
         const double weight = 1.0 / (100.0 + distance(g));  // [1/px^2]
-        motion += weight * (history_.positions[l].col(g) - history_.positions[l - 1].col(g));
+        motion += weight * (history_[l].col(g) - history_[l - 1].col(g));
         total += weight;
       }
-      Eigen::Vector2d x = history_.positions[l - 1].col(f);
+      Eigen::Vector2d x = history_[l - 1].col(f);
       if (total > 0.0) x += motion / total;
       const Measurement m = MeasurePatch(smooth_[l],
                                          appearance_[static_cast<std::size_t>(f)].anchor,
                                          x,
                                          measure_.window_px,
                                          covariance_scale_);
+      course.emplace_back();
       if (m.converged && m.correlation >= measure_.min_correlation &&
           (m.xy - x).norm() <= measure_.max_distance_px) {
         x = m.xy;
-        history_.seen[l][static_cast<std::size_t>(f)] = 1;
+        course.back() = Seen(m);
       }
-      history_.positions[l].col(f) = x;
+      history_[l].col(f) = x;
     }
+    model_.Add(course);
   }
 }
 

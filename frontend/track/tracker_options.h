@@ -175,6 +175,21 @@ enum class OptimizerKind {
 inline constexpr ChoiceNames<OptimizerKind, 2> kOptimizerNames{
     {{"algorithm-1", OptimizerKind::kAlgorithm1}, {"joint-newton", OptimizerKind::kJointNewton}}};
 
+// m of eq. (7) relative to the picture's contrast: that with which the guide's worst level of
+// darkness is nearest to that level's own best (docs/paper.md).
+inline double CalibratedWeight(PenaltyKind penalty, Constraint constraint) {
+  const bool strong = constraint == Constraint::kStrong;
+  switch (penalty) {
+    case PenaltyKind::kExplicitFactorization:
+      return strong ? 0.02 : 0.8;
+    case PenaltyKind::kNuclearNorm:
+      return strong ? 0.0084 : 0.34;
+    case PenaltyKind::kEmpiricalDimension:
+      break;
+  }
+  return strong ? 1.0 : 40.0;
+}
+
 // The paper's joint tracker. Its first-order single-feature tracker (`descent`) shares the template
 // size.
 struct SubspaceOptions {
@@ -183,7 +198,7 @@ struct SubspaceOptions {
   bool uncentered = false;
   int history_length = 10;
   int template_px = 11;
-  double penalty_weight = 0.05;
+  double penalty_weight = 1.0;
   double epsilon = 0.6;
   double smoothing_px = 0.15;
   OptimizerKind optimizer = OptimizerKind::kJointNewton;
@@ -197,8 +212,11 @@ struct SubspaceOptions {
     v.Flag("uncentered", o.uncentered, "do not subtract the mean trajectory");
     v.Number("history_length", o.history_length, 1, 60, "L: past frames in the sliding window");
     v.Number("template_px", o.template_px, 3, 63, "n: side of the template [px], odd");
-    v.Number(
-        "penalty_weight", o.penalty_weight, 0.0, 1e9, "m of eq. (7), relative to the contrast");
+    v.Number("penalty_weight",
+             o.penalty_weight,
+             0.0,
+             1e9,
+             "m of eq. (7), as a multiple of the calibrated one");
     v.Number("epsilon", o.epsilon, 0.01, 1.0, "of the empirical dimension, eq. (6)");
     v.Number("smoothing_px",
              o.smoothing_px,
@@ -217,7 +235,6 @@ inline SubspaceOptions PaperSubspaceOptions() {
   SubspaceOptions options;
   options.constraint = Constraint::kWeak;
   options.template_px = 7;
-  options.penalty_weight = 40.0;
   options.optimizer = OptimizerKind::kAlgorithm1;
   return options;
 }
@@ -233,8 +250,11 @@ struct MeasurementOptions {
   double max_residual_ratio = 2.0;
   double max_center_ratio = 4.0;
   int small_window_px = 11;
+  double max_sigma_px = 4.0;
   double max_disagreement_px = 3.0;
   double max_disagreement_sigmas = 5.0;
+  int max_unexplained_frames = 4;
+  bool fuse = false;
   double warp_noise = 0.003;
 
   template <typename Self, typename Visitor>
@@ -270,17 +290,34 @@ struct MeasurementOptions {
              5,
              63,
              "side of the patch that is tried where the large one fails [px], odd");
+    v.Number("max_sigma_px",
+             o.max_sigma_px,
+             0.1,
+             1000.0,
+             "of a measurement (strong mode); a worse one is unconfirmed; half of it for a feature "
+             "that comes back [px]");
     v.Number("max_disagreement_px",
              o.max_disagreement_px,
              0.1,
              1000.0,
              "from where the other features say it is (strong mode) [px]; further is unconfirmed; "
-             "the larger of this and:");
+             "what measurement and prediction leave open is allowed in addition:");
     v.Number("max_disagreement_sigmas",
              o.max_disagreement_sigmas,
              1.0,
              1000.0,
-             "the same as a multiple of what the prediction expects");
+             "the same as a multiple of their deviation");
+    v.Number("max_unexplained_frames",
+             o.max_unexplained_frames,
+             0,
+             100000,
+             "a feature ends that for more frames in a row is not confirmed although nothing hides "
+             "it, or that changes slowly; 0: no check");
+    v.Flag(
+        "fuse",
+        o.fuse,
+        "write the most probable positions, of the measurement and the other features: nearer to "
+        "the truth, but no longer independent of each other, as bundle adjustment expects");
   }
 };
 

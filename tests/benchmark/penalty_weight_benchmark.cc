@@ -90,7 +90,7 @@ std::vector<Curves> Run(ExperimentOptions options, const OptimizerKind optimizer
                       {{"penalty", NameOf(kPenaltyNames, c.penalty)},
                        {"constraint", NameOf(kConstraintNames, c.constraint)},
                        {"optimizer", NameOf(kOptimizerNames, optimizer)},
-                       {"penalty_weight", weight}}},
+                       {"penalty_weight", weight / CalibratedWeight(c.penalty, c.constraint)}}},
                      {"measurement", {{"enabled", false}}}});
       options.trackers.push_back(file.string());
     }

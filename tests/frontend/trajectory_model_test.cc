@@ -1,0 +1,225 @@
+// The probabilistic model of the courses on trajectories in closed form: points at several depths
+// before a camera that moves sideways and shakes, under which image positions are exactly affine in
+// 1/depth.
+
+#include "frontend/track/trajectory_model.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+
+#include "frontend/core/random_stream.h"
+
+namespace cohort {
+namespace {
+
+constexpr Eigen::Index kFeatures = 120;
+
+struct Scene {
+  Eigen::Matrix2Xd rest{2, kFeatures};       // where a far point is seen in frame 0 [px]
+  Eigen::VectorXd inverse_depth{kFeatures};  // 0.1 .. 1
+};
+
+Scene MakeScene() {
+  RandomStream random(5, "test/trajectory_model/scene");
+  Scene scene;
+  for (Eigen::Index f = 0; f < kFeatures; ++f) {
+    scene.rest.col(f) = Eigen::Vector2d(random.Uniform(0, 640), random.Uniform(0, 480));
+    scene.inverse_depth[f] = random.Uniform(0.1, 1.0);
+  }
+  return scene;
+}
+
+// Lateral motion by 6 px a frame at inverse depth 1, and shake of the whole picture.
+Eigen::Matrix2Xd At(const Scene& scene, double t) {
+  Eigen::Matrix2Xd x = scene.rest;
+  x.row(0) += (6.0 * t * scene.inverse_depth).transpose();
+  x.colwise() += Eigen::Vector2d(8.0 * std::sin(1.3 * t), 6.0 * std::cos(0.7 * t));
+  return x;
+}
+
+constexpr std::size_t kFrames = 31;
+constexpr int kMaxRank = 8;
+
+using Observation = TrajectoryModel::Observation;
+
+Observation Seen(const Eigen::Vector2d& xy, double sigma_px) {
+  return {xy, Eigen::Matrix2d::Identity() / (sigma_px * sigma_px), false};
+}
+
+// Positions of frame t, measured with noise; every feature's anchor is as noisy as any picture.
+class Measured {
+ public:
+  Measured(const Scene& scene, double noise_px)
+      : scene_(scene), noise_px_(noise_px), anchor_error_(2, scene.rest.cols()) {
+    for (Eigen::Index i = 0; i < anchor_error_.size(); ++i) {
+      anchor_error_.data()[i] = noise_px * random_.Gaussian();
+    }
+  }
+  std::vector<Observation> operator()(double t) {
+    const Eigen::Matrix2Xd x = At(scene_, t) + anchor_error_;
+    std::vector<Observation> now;
+    for (Eigen::Index f = 0; f < x.cols(); ++f) {
+      const Eigen::Vector2d noise(noise_px_ * random_.Gaussian(), noise_px_ * random_.Gaussian());
+      now.push_back(Seen(x.col(f) + noise, std::max(noise_px_, 0.02)));
+    }
+    return now;
+  }
+
+ private:
+  const Scene& scene_;
+  double noise_px_;
+  Eigen::Matrix2Xd anchor_error_;
+  RandomStream random_{6, "test/trajectory_model/noise"};
+};
+
+// After frame 0, where all features are born.
+TrajectoryModel Begun(const Scene& scene) {
+  TrajectoryModel model(kFrames, kMaxRank);
+  model.Update({});
+  const Eigen::Matrix2Xd x = At(scene, 0);
+  for (Eigen::Index f = 0; f < x.cols(); ++f) {
+    Observation anchor = Seen(x.col(f), 0.05);
+    anchor.anchor = true;
+    model.Add(std::vector<Observation>{anchor});
+  }
+  return model;
+}
+
+double RootMeanSquare(const std::vector<TrajectoryModel::Estimate>& estimates,
+                      const Eigen::Matrix2Xd& truth) {
+  double square = 0.0;
+  for (std::size_t f = 0; f < estimates.size(); ++f) {
+    square += (estimates[f].xy - truth.col(static_cast<Eigen::Index>(f))).squaredNorm();
+  }
+  return std::sqrt(square / (2.0 * static_cast<double>(estimates.size())));
+}
+
+TEST(TrajectoryModel, OfARigidSceneIsExactWithoutNoise) {
+  const Scene scene = MakeScene();
+  Measured measured(scene, 0.0);
+  TrajectoryModel model = Begun(scene);
+  for (int t = 1; t < 10; ++t) model.Update(measured(t));
+  EXPECT_LT(RootMeanSquare(model.Predict(measured(10)), At(scene, 10)), 0.05);
+  EXPECT_GE(model.rank(), 3);  // two of the picture, one of depth
+  EXPECT_LE(model.rank(), 4);
+}
+
+TEST(TrajectoryModel, IsNearerToTheTruthThanTheMeasurementsAndKnowsHowNear) {
+  const Scene scene = MakeScene();
+  constexpr double kNoisePx = 0.5;
+  Measured measured(scene, kNoisePx);
+  TrajectoryModel model = Begun(scene);
+  std::vector<TrajectoryModel::Estimate> fused;
+  for (int t = 1; t <= 20; ++t) fused = model.Update(measured(t));
+  const Eigen::Matrix2Xd truth = At(scene, 20);
+  // Measured: the noise of the picture and of the anchor.
+  EXPECT_LT(RootMeanSquare(fused, truth), 0.6 * std::sqrt(2.0) * kNoisePx);
+  double normalised = 0.0;
+  for (std::size_t f = 0; f < fused.size(); ++f) {
+    const Eigen::Vector2d d = fused[f].xy - truth.col(static_cast<Eigen::Index>(f));
+    normalised += d.dot(fused[f].covariance.inverse() * d) / 2.0;
+  }
+  normalised /= static_cast<double>(fused.size());
+  EXPECT_GT(normalised, 0.5);
+  EXPECT_LT(normalised, 2.5);
+}
+
+TEST(TrajectoryModel, TellsFeaturesThatGoTheirOwnWay) {
+  const Scene scene = MakeScene();
+  Measured measured(scene, 0.2);
+  TrajectoryModel model = Begun(scene);
+  for (int t = 1; t < 10; ++t) model.Update(measured(t));
+  std::vector<Observation> now = measured(10);
+  for (std::size_t f = 0; f < 30; ++f) now[f].xy += Eigen::Vector2d(7.0, -5.0);
+  EXPECT_LT(RootMeanSquare(model.Predict(now), At(scene, 10)), 0.4);
+}
+
+TEST(TrajectoryModel, NeedsEightFeatures) {
+  const Scene scene = MakeScene();
+  Measured measured(scene, 0.0);
+  TrajectoryModel model = Begun(scene);
+  std::vector<Observation> now = measured(1);
+  std::fill(now.begin() + 7, now.end(), Observation{});
+  EXPECT_TRUE(model.Predict(now).empty());
+  now[7] = measured(1)[7];
+  EXPECT_FALSE(model.Predict(now).empty());
+}
+
+TEST(TrajectoryModel, HoldsAHiddenFeatureByItsCourseBeforeThat) {
+  const Scene scene = MakeScene();
+  constexpr double kNoisePx = 0.3;
+  constexpr std::size_t kHidden = 40;
+  Measured measured(scene, kNoisePx);
+  TrajectoryModel model = Begun(scene);
+  for (int t = 1; t <= 20; ++t) {
+    std::vector<Observation> now = measured(t);
+    if (t == 10) {  // what stands in front of them is taken for them, and found out
+      for (std::size_t f = 0; f < kHidden; ++f) now[f].xy += Eigen::Vector2d(3.0, 1.0);
+    }
+    if (t > 10) std::fill(now.begin(), now.begin() + kHidden, Observation{});
+    if (t == 11) {
+      for (std::size_t f = 0; f < kHidden; ++f) model.Forget(f);
+    }
+    const auto fused = model.Update(now);
+    if (t != 11 && t != 15 && t != 20) continue;
+    double square = 0.0;
+    double expected = 0.0;
+    for (std::size_t f = 0; f < kHidden; ++f) {
+      square += (fused[f].xy - At(scene, t).col(static_cast<Eigen::Index>(f))).squaredNorm();
+      expected += fused[f].covariance.trace();
+    }
+    EXPECT_LT(std::sqrt(square / kHidden), 3.0 * kNoisePx) << "frame " << t;
+    EXPECT_LT(square, 2.5 * expected) << "the expected error is too small, frame " << t;
+    EXPECT_GT(square, 0.3 * expected) << "the expected error is too large, frame " << t;
+  }
+}
+
+TEST(TrajectoryModel, ANewFeatureFollowsTheOthersUntilItIsSeen) {
+  const Scene scene = MakeScene();
+  Measured measured(scene, 0.1);
+  TrajectoryModel model = Begun(scene);
+  for (int t = 1; t < 10; ++t) model.Update(measured(t));
+  Observation anchor = Seen(At(scene, 9).col(0), 0.05);
+  anchor.anchor = true;
+  model.Add(std::vector<Observation>{anchor});
+  std::vector<Observation> now = measured(10);
+  now.emplace_back();
+  const auto predicted = model.Predict(now);
+  ASSERT_EQ(predicted.size(), static_cast<std::size_t>(kFeatures) + 1);
+  // Its depth is not known yet: parallax is up to 6 px a frame.
+  const Eigen::Vector2d error = predicted.back().xy - At(scene, 10).col(0);
+  EXPECT_LT(error.norm(), 5.0);
+  EXPECT_LT(error.dot(predicted.back().covariance.inverse() * error), 9.0);
+}
+
+TEST(TrajectoryModel, GrowsToWhatTwoBodiesNeed) {
+  // The second half of the features moves on its own.
+  const Scene scene = MakeScene();
+  Measured measured(scene, 0.1);
+  TrajectoryModel model = Begun(scene);
+  const auto turn = [&](double t, std::size_t f) -> Eigen::Vector2d {
+    const double y = scene.rest(1, static_cast<Eigen::Index>(f)) / 480.0;
+    return {5.0 * t * y, -4.0 * std::sin(0.9 * t) * (1.0 - y)};
+  };
+  std::vector<TrajectoryModel::Estimate> fused;
+  double square = 0.0;
+  for (int t = 1; t <= 20; ++t) {
+    std::vector<Observation> now = measured(t);
+    for (std::size_t f = kFeatures / 2; f < kFeatures; ++f) now[f].xy += turn(t, f);
+    fused = model.Update(now);
+  }
+  const Eigen::Matrix2Xd truth = At(scene, 20);
+  for (std::size_t f = 0; f < kFeatures; ++f) {
+    Eigen::Vector2d at = truth.col(static_cast<Eigen::Index>(f));
+    if (f >= kFeatures / 2) at += turn(20, f);
+    square += (fused[f].xy - at).squaredNorm();
+  }
+  EXPECT_GT(model.rank(), 3);
+  EXPECT_LT(std::sqrt(square / kFeatures), 0.5);
+}
+
+}  // namespace
+}  // namespace cohort
