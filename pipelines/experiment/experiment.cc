@@ -25,6 +25,7 @@
 #include "pipelines/experiment/cell_rows.h"
 #include "pipelines/experiment/cells.h"
 #include "pipelines/experiment/tasks.h"
+#include "pipelines/experiment/undegraded.h"
 
 namespace cohort {
 namespace {
@@ -585,9 +586,43 @@ class Experiment {
       for (const GridBackend backend : backends_) {  // what is not there is another shard's
         if (!fs::exists(cell.Result(backend))) continue;
         AddModelRows(cell, backend, ReadJsonFile(cell.Result(backend)), results);
+        AddUndegradedRow(cell, backend, results);
       }
     }
     return results;
+  }
+
+  // Real clips: also against the reconstruction of the undegraded frames, where the grid has them.
+  // One for all trackers, and the opponent's: that of the last plain KLT.
+  void AddUndegradedRow(const TrackCell& cell,
+                        GridBackend backend,
+                        ExperimentResults& results) const {
+    const GridClip& clip = cell.condition.clip;
+    if (!clip.has_poses || clip.has_track_truth || !cell.condition.IsDegraded() ||
+        backend == GridBackend::kTriangulation) {
+      return;
+    }
+    const TrackCell* reference = nullptr;
+    for (const TrackCell& other : cells_) {
+      if (!other.condition.IsDegraded() && other.condition.clip.name == clip.name &&
+          other.condition.seed == seeds_.front() && other.tracker.source == TrackSource::kTracker &&
+          other.tracker.options.tracker == TrackerKind::kKlt) {
+        reference = &other;
+      }
+    }
+    if (reference == nullptr) return;
+    const auto frames = OpenInput(reference->frames);
+    const auto error = ErrorToUndegraded(
+        cell.Model(backend), reference->Model(backend), frames->TrueCamFromWorld());
+    if (!error) return;
+    results.rows.push_back({clip.name,
+                            cell.condition.level,
+                            cell.tracker.name,
+                            std::string(NameOf(kGridBackendNames, backend)),
+                            cell.condition.seed,
+                            "ate_to_undegraded",
+                            *error,
+                            "m"});
   }
 
   const ExperimentOptions& options_;

@@ -57,6 +57,7 @@ void WriteResultsJson(const std::filesystem::path& path,
 // where a cell did. Errors are medians over the seeds that did not fail:
 //   registered        frames with a pose, of all
 //   ATE               rmse of camera centres after the Sim(3) alignment with the truth
+//   to undegraded     the same against the reconstruction of the undegraded frames (undegraded.h)
 //   rotation          rmse of the relative rotation of neighbouring frames
 //   point error       median distance to the true surface point, after that alignment
 //   reprojection      mean over the model's observations: no error, but what the model admits to

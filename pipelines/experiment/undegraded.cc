@@ -1,0 +1,85 @@
+#include "pipelines/experiment/undegraded.h"
+
+#include <nlohmann/json.hpp>
+#include <vector>
+
+#include "backend/colmap/model_io.h"
+#include "datasets/sequence.h"
+#include "pipelines/console/json_file.h"
+#include "pipelines/evaluation/alignment.h"
+#include "pipelines/evaluation/trajectory_error.h"
+
+namespace cohort {
+namespace {
+
+namespace fs = std::filesystem;
+using Centres = std::map<std::uint32_t, Eigen::Vector3d>;  // by place in the clip
+
+struct Poses {
+  FrameRange range;
+  std::map<FrameIndex, Rigid3> cam_from_world;
+
+  std::uint32_t PlaceOf(FrameIndex frame) const {
+    return (ToInt(frame) - range.first) / range.stride;
+  }
+};
+
+// None where there is no model to compare.
+std::optional<Poses> ReadPoses(const fs::path& folder) {
+  const fs::path summary = folder / "summary.json";
+  if (!fs::exists(summary) || !fs::exists(folder / "images.bin")) return std::nullopt;
+  const nlohmann::ordered_json json = ReadJsonFile(summary);
+  if (json.at("failed").get<bool>()) return std::nullopt;
+  return Poses{FrameRange::Parse(json.at("frame_range").get<std::string>()),
+               ReadReconstruction(folder).cam_from_world};
+}
+
+Centres CentresOf(const Poses& poses, const std::map<FrameIndex, Rigid3>& cam_from_world) {
+  Centres centres;
+  for (const auto& [frame, pose] : cam_from_world) {
+    if (frame < FrameIndex{poses.range.first}) continue;
+    centres[poses.PlaceOf(frame)] = pose.Inverse().translation;
+  }
+  return centres;
+}
+
+struct Paired {
+  std::vector<Eigen::Vector3d> source;
+  std::vector<Eigen::Vector3d> target;
+};
+Paired Pair(const Centres& source, const Centres& target) {
+  Paired paired;
+  for (const auto& [place, centre] : source) {
+    const auto it = target.find(place);
+    if (it == target.end()) continue;
+    paired.source.push_back(centre);
+    paired.target.push_back(it->second);
+  }
+  return paired;
+}
+
+}  // namespace
+
+std::optional<double> ErrorToUndegraded(const fs::path& model,
+                                        const fs::path& reference,
+                                        const std::map<FrameIndex, Rigid3>& true_cam_from_world) {
+  const auto dark = ReadPoses(model);
+  const auto light = ReadPoses(reference);
+  if (!dark || !light) return std::nullopt;
+  Centres reference_centres = CentresOf(*light, light->cam_from_world);
+  const Paired with_truth = Pair(reference_centres, CentresOf(*light, true_cam_from_world));
+  const auto metric = AlignPoints(with_truth.source, with_truth.target, AlignmentScale::kEstimated);
+  if (!metric) return std::nullopt;
+  for (auto& [place, centre] : reference_centres) centre = *metric * centre;
+
+  const Paired paired = Pair(CentresOf(*dark, dark->cam_from_world), reference_centres);
+  const auto alignment = AlignPoints(paired.source, paired.target, AlignmentScale::kEstimated);
+  if (!alignment) return std::nullopt;
+  std::vector<double> errors;
+  for (std::size_t i = 0; i < paired.source.size(); ++i) {
+    errors.push_back((*alignment * paired.source[i] - paired.target[i]).norm());
+  }
+  return ComputeStatistics(std::move(errors))->rmse;
+}
+
+}  // namespace cohort
