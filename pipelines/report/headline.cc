@@ -148,7 +148,8 @@ double GeometricMean(const std::vector<double>& values) {
   return std::exp(sum / static_cast<double>(values.size()));
 }
 
-// upper / lower over the clips. `rival_on_top`: rival / cohort.
+// Over the clips, rival / cohort or, with `rival_on_top` false, cohort / rival. The ceiling has no
+// second pass: what two passes reach is compared with the ceiling of one.
 std::optional<HeadlineRatio> Ratio(const Values& values,
                                    const std::string& cohort,
                                    const std::string& level,
@@ -156,12 +157,13 @@ std::optional<HeadlineRatio> Ratio(const Values& values,
                                    const std::string& metric,
                                    const std::string& family,
                                    bool rival_on_top) {
+  const std::string rival_backend = family == kCeiling && backend == "refined" ? "ceres" : backend;
   std::vector<double> ratios;
   std::map<unsigned, std::vector<double>> ratios_of_seed;
   for (const std::string& sequence : values.sequences()) {
-    const auto rival = Best(values, sequence, level, backend, metric, family);
+    const auto rival = Best(values, sequence, level, rival_backend, metric, family);
     if (!rival || values.Failed(sequence, level, cohort, backend)) continue;
-    const Key rival_key = KeyOf(values, sequence, level, *rival, backend, metric);
+    const Key rival_key = KeyOf(values, sequence, level, *rival, rival_backend, metric);
     const Key cohort_key = KeyOf(values, sequence, level, cohort, backend, metric);
     const auto theirs = values.Median(rival_key);
     const auto ours = values.Median(cohort_key);

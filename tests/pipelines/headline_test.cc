@@ -120,6 +120,17 @@ TEST_F(HeadlineOf, TheCeilingAndOtherTrackersAreNoRivals) {
   EXPECT_THAT(HeadlineTable(*headline), HasSubstr("0/0/0"));
 }
 
+TEST_F(HeadlineOf, TwoPassesAreComparedWithTheCeilingOfOne) {
+  Add("a", "klt", 1, 4.0, "refined");
+  Add("a", "subspace", 1, 3.0, "refined");
+  Add("a", "ceiling", 1, 2.0, "ceres");
+  const auto headline = MakeHeadline(results_);
+  ASSERT_TRUE(headline);
+  ASSERT_EQ(headline->rows.size(), 1u);
+  EXPECT_EQ(headline->rows[0].backend, "refined");
+  EXPECT_NEAR(headline->rows[0].camera_ceiling->value, 1.5, 1e-12);
+}
+
 TEST_F(HeadlineOf, ThereIsNoneWithoutARivalOrTruth) {
   Add("a", "subspace", 1, 2.0);
   EXPECT_FALSE(MakeHeadline(results_));
