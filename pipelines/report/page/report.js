@@ -135,11 +135,16 @@ const openingCards = () => {
   for (const row of data.headline.rows) {
     const ratio = row.camera_klt || row.points_klt;
     if (!ratio) continue;
+    const anchored = row.camera_klt ? row.camera_anchored : row.points_anchored;
     const what = row.camera_klt ? 'camera error' : 'point error';
+    const wins = ratio.value > 1;
     cards.append(el('div', {class: 'card'},
-      el('b', {class: ratio.value > 1 ? 'win' : 'lose'}, `${digits(ratio.value)}\u00d7`),
-      ratio.value > 1 ? `smaller ${what} than the best KLT` : `the ${what} of the best KLT over cohort\u2019s: KLT wins`,
-      el('div', {class: 'soft'}, `${row.level}, ${row.backend}`)));
+      el('div', {class: 'soft'}, `${row.level}, ${row.backend}`),
+      el('b', {class: wins ? 'win' : 'lose'}, `${digits(wins ? ratio.value : 1 / ratio.value)}\u00d7`),
+      `${wins ? 'smaller' : 'larger'} ${what} than the best KLT`,
+      anchored ? el('div', {class: 'soft'}, anchored.value > 1
+        ? `${digits(anchored.value)}\u00d7 smaller than anchored KLT\u2019s`
+        : `${digits(1 / anchored.value)}\u00d7 larger than anchored KLT\u2019s`) : null));
   }
   return cards.children.length ? cards : null;
 };
@@ -160,7 +165,7 @@ if (data.headline) {
   ].filter(([, , name]) => rows.some((row) => row[name] !== null));
   section('Who won, and by how much',
     openingCards(),
-    el('p', {}, 'Above 1\u00d7, cohort is better by that factor. Each is the geometric mean over the clips in which both have a reconstruction, of the median over seeds; small print: the least and the largest of a single seed. ',
+    el('p', {}, 'In the table, above 1\u00d7 cohort is better by that factor. Each is the geometric mean over the clips in which both have a reconstruction, of the median over seeds; small print: the least and the largest of a single seed. ',
       'KLT stands for the best of its settings in each clip, chosen after the fact, in its favour. ',
       'A clip that fails, because fewer than 80 % of its frames get a camera, has no error to compare: it is counted on the right. ',
       'The ceiling, true tracks with the least noise possible, is what perfect tracking would reach.'),
