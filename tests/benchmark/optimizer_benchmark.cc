@@ -1,0 +1,588 @@
+// The paper's Algorithm 1 against joint Newton steps: the energy reached from the same starts, what
+// it costs, and where whole runs end.   optimizer_benchmark CLIP... [--levels L,...] [--page FILE]
+// The guide alone, as tracker `subspace` runs it: no measurement, no births, no deaths. Clips are
+// those of `cohort synth`; they are degraded here. Times are processor time of one thread.
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <deque>
+#include <filesystem>
+#include <map>
+#include <opencv2/core/utility.hpp>
+#include <vector>
+
+#include "datasets/degrade.h"
+#include "datasets/track_truth.h"
+#include "frontend/core/output.h"
+#include "frontend/core/statistics.h"
+#include "frontend/energy/patch_energy.h"
+#include "frontend/energy/total_energy.h"
+#include "frontend/image/frame_offset.h"
+#include "frontend/image/sampling.h"
+#include "frontend/track/optimizer.h"
+#include "pipelines/experiment/paper_protocol.h"
+#include "tests/support/cpu_clock.h"
+
+namespace cohort {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Case {
+  PenaltyKind penalty;
+  Constraint constraint;
+  double strength = 1.0;  // m over the calibrated one
+
+  double Weight() const { return strength * CalibratedWeight(penalty, constraint); }
+  std::string Name() const {
+    return fmt::format(
+        "{}, {}", NameOf(kPenaltyNames, penalty), NameOf(kConstraintNames, constraint));
+  }
+};
+const std::vector<Case> kCases{
+    {PenaltyKind::kEmpiricalDimension, Constraint::kStrong},
+    {PenaltyKind::kNuclearNorm, Constraint::kStrong},
+    {PenaltyKind::kExplicitFactorization, Constraint::kStrong},
+    {PenaltyKind::kEmpiricalDimension, Constraint::kWeak},
+    {PenaltyKind::kNuclearNorm, Constraint::kWeak},
+    {PenaltyKind::kExplicitFactorization, Constraint::kWeak},
+};
+// Of the calibrated m: what fits, and a penalty far too strong, to see what gives way first.
+constexpr std::array<double, 2> kStrengths{1.0, 10.0};
+constexpr std::array<OptimizerKind, 2> kOptimizers{OptimizerKind::kAlgorithm1,
+                                                   OptimizerKind::kJointNewton};
+constexpr std::size_t kFrames = 30;
+// Energies that differ by less than this share are called equal.
+constexpr double kSameEnergy = 1e-3;
+// Over so many frames the features' motion relative to each other is compared with the true one.
+constexpr std::size_t kFreezeFrames = 10;
+constexpr double kFrozenBelow = 0.3;
+constexpr double kDriftedAbovePx = 10.0;  // the paper's limit
+
+// A degraded clip and its points.
+struct Film {
+  std::vector<Pyramid> pictures;
+  std::vector<Eigen::Matrix2Xd> truth;  // 2 x F each
+};
+
+Film MakeFilm(const fs::path& clip, const std::string& level, unsigned seed) {
+  const auto sequence = OpenSequence(clip, Layout::kAuto, FrameRange{0, kFrames + 1, 1});
+  const auto true_course = OpenTrackTruth(*sequence, clip);
+  Check(true_course != nullptr, "a clip of `cohort synth` has truth");
+  PaperProtocolOptions protocol;
+  protocol.window_frames = static_cast<int>(kFrames);
+  const auto points = ChoosePoints(*sequence, *true_course, {}, protocol);
+  if (points.empty()) ThrowError("{}: no point is visible for {} frames", clip.string(), kFrames);
+  DegradeOptions degrade;
+  degrade.level = ParseLevel(level);
+  degrade.seed = seed;
+  Film film;
+  sequence->Rewind();
+  while (const auto frame = sequence->Next()) {
+    const std::size_t i = film.pictures.size();
+    film.pictures.push_back(
+        BuildPyramid(DegradeFrame(frame->gray, degrade, static_cast<std::uint32_t>(frame->index))));
+    Eigen::Matrix2Xd truth(2, static_cast<Eigen::Index>(points.size()));
+    for (std::size_t f = 0; f < points.size(); ++f) {
+      truth.col(static_cast<Eigen::Index>(f)) = points[f].xy[i];
+    }
+    film.truth.push_back(std::move(truth));
+  }
+  return film;
+}
+
+// Where an optimiser ended in a frame, through all levels of the pyramid.
+struct Reached {
+  Eigen::Matrix2Xd x;
+  double start = 0.0;  // energies at full resolution: at the whole-frame shift,
+  double energy = 0.0;
+  double truth = 0.0;  // and at the true positions
+  int evaluations = 0;
+  int steps = 0;
+  double ms = 0.0;
+};
+
+// The guide of tracker `subspace` with the features of frame 0.
+class Cohort {
+ public:
+  // No case: every feature for itself.
+  Cohort(const Film& film, const Case* with) : film_(film), case_(with) {
+    const Pyramid& first = film.pictures.front();
+    const Eigen::Matrix2Xd& x = film.truth.front();
+    const int n = options_.template_px;
+    for (std::size_t k = 0; k < first.levels.size(); ++k) {
+      std::vector<std::vector<float>> patches;
+      for (Eigen::Index f = 0; f < x.cols(); ++f) {
+        patches.emplace_back(static_cast<std::size_t>(n) * n);
+        const Eigen::Vector2d at = std::ldexp(1.0, -static_cast<int>(k)) * x.col(f);
+        SamplePatch(first.levels[k], at.x(), at.y(), n, patches.back().data());
+      }
+      patches_.push_back(std::move(patches));
+    }
+    history_.push_front(x);
+    contrast_ = Contrast(0, x);
+  }
+
+  Reached Move(std::size_t frame, OptimizerKind optimizer) const {
+    const Pyramid& current = film_.pictures[frame];
+    Reached reached;
+    reached.x = history_.front().colwise() + RegisterFrames(film_.pictures[frame - 1], current);
+    const Eigen::Index F = reached.x.cols();
+    Eigen::MatrixXd history(2 * static_cast<Eigen::Index>(history_.size()), F);
+    for (std::size_t l = 0; l < history_.size(); ++l) {
+      history.middleRows(2 * static_cast<Eigen::Index>(l), 2) = history_[l];
+    }
+    Eigen::VectorXd weights = Eigen::VectorXd::Ones(F);
+    if (case_ != nullptr) {
+      weights /= case_->Weight() * contrast_;
+      if (case_->constraint == Constraint::kStrong) weights /= static_cast<double>(F);
+    }
+    const Eigen::Matrix2Xd shifted = reached.x;
+    std::vector<const float*> patches(static_cast<std::size_t>(F));
+    for (int level = static_cast<int>(current.levels.size()) - 1; level >= 0; --level) {
+      const double scale = std::ldexp(1.0, -level);
+      const auto k = static_cast<std::size_t>(level);
+      for (std::size_t f = 0; f < patches.size(); ++f) patches[f] = patches_[k][f].data();
+      const TrajectoryMatrix trajectories(scale * history, true);
+      Penalty penalty;
+      penalty.epsilon = options_.epsilon;
+      penalty.smoothing = static_cast<double>(F) * std::pow(options_.smoothing_px * scale, 2);
+      if (case_ != nullptr) penalty.kind = case_->penalty;
+      const TotalEnergy energy(current.levels[k],
+                               patches,
+                               options_.template_px,
+                               weights,
+                               case_ != nullptr ? &trajectories : nullptr,
+                               case_ != nullptr ? &penalty : nullptr);
+      const double before_ms = test::CpuMs();
+      const OptimizerResult result = Minimize(energy, scale * reached.x, penalty.rank, optimizer);
+      reached.ms += test::CpuMs() - before_ms;
+      reached.x = result.x / scale;
+      reached.evaluations += result.evaluations;
+      reached.steps += result.iterations;
+      if (level > 0) continue;
+      reached.start = energy.Value(shifted);
+      reached.energy = energy.Value(reached.x);
+      reached.truth = energy.Value(film_.truth[frame]);
+    }
+    return reached;
+  }
+
+  // `x` becomes the past.
+  void Keep(std::size_t frame, const Eigen::Matrix2Xd& x) {
+    const double contrast = Contrast(frame, x);
+    if (contrast > 0.0) contrast_ = 0.8 * contrast_ + 0.2 * contrast;
+    history_.push_front(x);
+    if (static_cast<int>(history_.size()) > options_.history_length) history_.pop_back();
+  }
+
+ private:
+  OptimizerResult Minimize(const TotalEnergy& energy,
+                           const Eigen::Matrix2Xd& x,
+                           int rank,
+                           OptimizerKind optimizer) const {
+    const SubspaceOptions& o = options_;
+    if (case_ == nullptr) return MinimizeSeparately(energy, x, o.max_iterations);
+    return optimizer == OptimizerKind::kAlgorithm1
+               ? MinimizeAlgorithm1(energy, x, o.min_iterations, o.max_iterations)
+               : MinimizeJointly(energy, x, rank, o.max_iterations);
+  }
+
+  // What a template's energy gains at 1.5 px, per px: m is relative to it.
+  double Contrast(std::size_t frame, const Eigen::Matrix2Xd& x) const {
+    constexpr double kDistancePx = 1.5;
+    const cv::Mat& picture = film_.pictures[frame].levels.front();
+    std::vector<double> rises;
+    for (Eigen::Index f = 0; f < x.cols(); ++f) {
+      const auto& patch = patches_.front()[static_cast<std::size_t>(f)];
+      const auto at = [&](double dx, double dy) {
+        return PatchEnergy(
+            picture, x.col(f) + Eigen::Vector2d(dx, dy), patch, options_.template_px);
+      };
+      const double around =
+          at(kDistancePx, 0) + at(-kDistancePx, 0) + at(0, kDistancePx) + at(0, -kDistancePx);
+      rises.push_back((around / 4 - at(0, 0)) / kDistancePx);
+    }
+    return Median(std::move(rises));
+  }
+
+  const Film& film_;
+  const Case* case_;
+  const SubspaceOptions options_;
+  std::vector<std::vector<std::vector<float>>> patches_;  // by level, by feature
+  std::deque<Eigen::Matrix2Xd> history_;                  // newest first
+  double contrast_ = 0.0;
+};
+
+double MedianError(const Eigen::Matrix2Xd& x, const Eigen::Matrix2Xd& truth) {
+  const Eigen::VectorXd errors = (x - truth).colwise().norm();
+  return InterpolatedMedian({errors.begin(), errors.end()});
+}
+
+// How differently the features move: median distance of their displacements from the mean one.
+double Spread(const Eigen::Matrix2Xd& before, const Eigen::Matrix2Xd& now) {
+  const Eigen::Matrix2Xd moved = now - before;
+  const Eigen::VectorXd own = (moved.colwise() - moved.rowwise().mean()).colwise().norm();
+  return InterpolatedMedian({own.begin(), own.end()});
+}
+
+// A whole run over a clip.
+struct Run {
+  double l1_px = 0.0;   // mean over features of the sum over frames
+  double spread = 0.0;  // of the last frames' displacements, over the true one
+  double end_px = 0.0;  // median error in the last frame
+
+  bool Frozen() const { return spread < kFrozenBelow; }
+  bool Drifted() const { return !Frozen() && end_px > kDriftedAbovePx; }
+};
+
+// Both optimisers' results in the same frame, from the same history and start.
+using Pair = std::array<Reached, 2>;
+
+struct Results {
+  std::vector<Pair> pairs;
+  std::vector<std::array<double, 2>> errors_px;  // of the pairs
+  std::array<std::vector<Run>, 2> runs;          // by optimiser, one a clip
+};
+
+// Each optimiser leads once: its positions become the history. The other one is tried as well, in
+// every frame, so that neither is judged by the other's past alone.
+Run RunCase(const Film& film, const Case* with, std::size_t leader, Results* results) {
+  Cohort cohort(film, with);
+  std::vector<Eigen::Matrix2Xd> course{film.truth.front()};
+  Run run;
+  for (std::size_t i = 1; i <= kFrames; ++i) {
+    Pair pair;
+    for (std::size_t turn = 0; turn < (results != nullptr ? 2 : 1); ++turn) {
+      const std::size_t o = results != nullptr ? (i + turn) % 2 : leader;
+      pair[o] = cohort.Move(i, kOptimizers[o]);
+    }
+    if (results != nullptr) {
+      results->errors_px.push_back(
+          {MedianError(pair[0].x, film.truth[i]), MedianError(pair[1].x, film.truth[i])});
+      results->pairs.push_back(pair);
+    }
+    course.push_back(pair[leader].x);
+    cohort.Keep(i, pair[leader].x);
+    run.l1_px += (course.back() - film.truth[i]).cwiseAbs().sum() /
+                 static_cast<double>(film.truth[i].cols());
+  }
+  run.end_px = MedianError(course[kFrames], film.truth[kFrames]);
+  run.spread = Spread(course[kFrames - kFreezeFrames], course[kFrames]) /
+               Spread(film.truth[kFrames - kFreezeFrames], film.truth[kFrames]);
+  return run;
+}
+
+template <typename Items, typename Function>
+double MedianOf(const Items& items, const Function& value) {
+  std::vector<double> values;
+  for (const auto& item : items) values.push_back(value(item));
+  return InterpolatedMedian(std::move(values));
+}
+
+template <typename Items, typename Function>
+double ShareOf(const Items& items, const Function& holds) {
+  return static_cast<double>(std::count_if(items.begin(), items.end(), holds)) /
+         static_cast<double>(items.size());
+}
+
+double AboveBetter(const Pair& pair, std::size_t o) {
+  return pair[o].energy / std::min(pair[0].energy, pair[1].energy) - 1.0;
+}
+
+bool IsLower(const Pair& pair, std::size_t o) {
+  return pair[o].energy < (1.0 - kSameEnergy) * pair[1 - o].energy;
+}
+
+double TimeRatio(const Results& r) {
+  const auto ms = [](std::size_t o) { return [o](const Pair& p) { return p[o].ms; }; };
+  return MedianOf(r.pairs, ms(0)) / MedianOf(r.pairs, ms(1));
+}
+
+std::string SameStartRow(const std::string& name, const Results& r) {
+  std::string row = fmt::format("| {} |", name);
+  const auto both = [&](const char* format, const auto& value) {
+    row += fmt::format(" {} / {} |",
+                       fmt::format(fmt::runtime(format), value(0)),
+                       fmt::format(fmt::runtime(format), value(1)));
+  };
+  const auto median = [&](const auto& value) {
+    return [&](std::size_t o) {
+      return MedianOf(r.pairs, [&](const Pair& p) { return value(p, o); });
+    };
+  };
+  both("{:.3f}", median([](const Pair& p, std::size_t o) { return p[o].energy / p[o].start; }));
+  row += fmt::format(" {:.3f} |",
+                     MedianOf(r.pairs, [](const Pair& p) { return p[0].truth / p[0].start; }));
+  both("{:.2f}", median([](const Pair& p, std::size_t o) { return 100.0 * AboveBetter(p, o); }));
+  both("{:.0f}", [&](std::size_t o) {
+    return 100.0 * ShareOf(r.pairs, [&](const Pair& p) { return IsLower(p, o); });
+  });
+  both("{:.0f}", median([](const Pair& p, std::size_t o) { return double(p[o].evaluations); }));
+  both("{:.0f}", median([](const Pair& p, std::size_t o) { return double(p[o].steps); }));
+  both("{:.1f}", median([](const Pair& p, std::size_t o) { return p[o].ms; }));
+  row += fmt::format(" {:.1f} |", TimeRatio(r));
+  both("{:.2f}", [&](std::size_t o) {
+    return MedianOf(r.errors_px, [&](const std::array<double, 2>& e) { return e[o]; });
+  });
+  return row + "\n";
+}
+
+using LevelResults = std::map<std::string, std::vector<Results>>;  // by level, by case
+
+struct Benchmark {
+  std::vector<std::string> clips;
+  std::vector<std::string> levels{"clean", "medium", "hard"};
+  unsigned seed = 1;
+  std::string page;
+
+  std::vector<LevelResults> results;              // by strength
+  std::map<std::string, std::vector<Run>> alone;  // by level: no penalty, one a clip
+};
+
+void RunAll(Benchmark& b) {
+  b.results.resize(kStrengths.size());
+  for (const std::string& level : b.levels) {
+    for (const std::string& clip : b.clips) {
+      const Film film = MakeFilm(clip, level, b.seed);
+      fmt::print(stderr, "{}, {}: {} features\n", clip, level, film.truth.front().cols());
+      b.alone[level].push_back(RunCase(film, nullptr, 0, nullptr));
+      for (std::size_t s = 0; s < kStrengths.size(); ++s) {
+        b.results[s][level].resize(kCases.size());
+        for (std::size_t c = 0; c < kCases.size(); ++c) {
+          Case with = kCases[c];
+          with.strength = kStrengths[s];
+          Results& results = b.results[s][level][c];
+          for (std::size_t o = 0; o < 2; ++o) {
+            results.runs[o].push_back(RunCase(film, &with, o, &results));
+          }
+        }
+      }
+    }
+  }
+}
+
+std::string SameStartTables(const Benchmark& b, const LevelResults& results) {
+  std::string text;
+  for (const std::string& level : b.levels) {
+    text += fmt::format(
+        "{}:\n\n| penalty | energy / start | at the truth | above the better [%] | lower in [% of "
+        "frames] | evaluations | steps | time [ms] | ratio of times | error [px] |\n"
+        "|---|---|---|---|---|---|---|---|---|---|\n",
+        level);
+    for (std::size_t c = 0; c < kCases.size(); ++c) {
+      text += SameStartRow(kCases[c].Name(), results.at(level)[c]);
+    }
+    text += "\n";
+  }
+  return text;
+}
+
+std::string RunCells(const std::vector<Run>& runs) {
+  double worst_px = 0.0;
+  for (const Run& run : runs) worst_px = std::max(worst_px, run.l1_px);
+  const auto count = [&](const auto& holds) {
+    return std::count_if(runs.begin(), runs.end(), holds);
+  };
+  return fmt::format(" {:.1f} | {:.1f} | {:.2f} | {} | {} |",
+                     MedianOf(runs, [](const Run& r) { return r.l1_px; }),
+                     worst_px,
+                     MedianOf(runs, [](const Run& r) { return r.spread; }),
+                     count([](const Run& r) { return r.Frozen(); }),
+                     count([](const Run& r) { return r.Drifted(); }));
+}
+
+std::string RunTable(const Benchmark& b, const LevelResults& results) {
+  std::string text =
+      "| level | penalty | optimiser | L1 error [px] | worst clip | spread / true | frozen | "
+      "drifted "
+      "|\n|---|---|---|---|---|---|---|---|\n";
+  for (const std::string& level : b.levels) {
+    text +=
+        fmt::format("| {} | none | every feature alone |{}\n", level, RunCells(b.alone.at(level)));
+    for (std::size_t c = 0; c < kCases.size(); ++c) {
+      for (std::size_t o = 0; o < 2; ++o) {
+        text += fmt::format("| {} | {} | `{}` |{}\n",
+                            level,
+                            kCases[c].Name(),
+                            NameOf(kOptimizerNames, kOptimizers[o]),
+                            RunCells(results.at(level)[c].runs[o]));
+      }
+    }
+  }
+  return text;
+}
+
+// What the tables say, from the same numbers.
+std::string InShort(const Benchmark& b, const LevelResults& results) {
+  std::vector<Pair> all;
+  double least_ratio = INFINITY;
+  double largest_ratio = 0.0;
+  std::size_t runs = 0;
+  std::array<std::size_t, 2> failed{};
+  std::array<std::vector<std::string>, 2> failures;
+  std::string levels;
+  for (const std::string& level : b.levels) {
+    std::vector<Pair> pairs;
+    std::vector<double> logs;
+    for (std::size_t c = 0; c < kCases.size(); ++c) {
+      const Results& r = results.at(level)[c];
+      pairs.insert(pairs.end(), r.pairs.begin(), r.pairs.end());
+      least_ratio = std::min(least_ratio, TimeRatio(r));
+      largest_ratio = std::max(largest_ratio, TimeRatio(r));
+      runs += r.runs[0].size();
+      for (std::size_t i = 0; i < r.runs[0].size(); ++i) {
+        logs.push_back(std::log(r.runs[0][i].l1_px / r.runs[1][i].l1_px));
+      }
+      for (std::size_t o = 0; o < 2; ++o) {
+        const auto count = static_cast<std::size_t>(
+            std::count_if(r.runs[o].begin(), r.runs[o].end(), [](const Run& run) {
+              return run.Frozen() || run.Drifted();
+            }));
+        failed[o] += count;
+        if (count > 0) {
+          failures[o].push_back(fmt::format("{}, {}: {}", level, kCases[c].Name(), count));
+        }
+      }
+    }
+    const auto overshoots = [](const Pair& p) {
+      return std::max(p[0].energy, p[1].energy) < p[0].truth;
+    };
+    levels += fmt::format("| {} | {:.0f} | {:.0f} | {:.0f} | {:.2f} |\n",
+                          level,
+                          100.0 * ShareOf(pairs, [](const Pair& p) { return IsLower(p, 0); }),
+                          100.0 * ShareOf(pairs, [](const Pair& p) { return IsLower(p, 1); }),
+                          100.0 * ShareOf(pairs, overshoots),
+                          std::exp(InterpolatedMedian(logs)));
+    all.insert(all.end(), pairs.begin(), pairs.end());
+  }
+  std::string text = fmt::format(
+      "| level | lower energy with `algorithm-1` | with `joint-newton` | both below the truth's | "
+      "L1 error of "
+      "a run, `algorithm-1` / `joint-newton` (median) |\n|---|---|---|---|---|\n{}\n",
+      levels);
+  const auto evaluations = [&](std::size_t o) {
+    return MedianOf(all, [o](const Pair& p) { return static_cast<double>(p[o].evaluations); });
+  };
+  text += fmt::format(
+      "Shares of frames [%]; in the others the energies differ by less than {:.1f} %. "
+      "`joint-newton` evaluates the "
+      "energy {:.0f} times a frame, `algorithm-1`\n{:.0f} times (medians); by penalty and level it "
+      "is {:.1f} to {:.1f} times as fast.\n\n",
+      100.0 * kSameEnergy,
+      evaluations(1),
+      evaluations(0),
+      least_ratio,
+      largest_ratio);
+  for (std::size_t o = 0; o < 2; ++o) {
+    text +=
+        fmt::format("Of {} whole runs with `{}` {} freeze or drift{}.\n",
+                    runs,
+                    NameOf(kOptimizerNames, kOptimizers[o]),
+                    failed[o],
+                    failures[o].empty() ? "" : fmt::format(" ({})", fmt::join(failures[o], "; ")));
+  }
+  return text;
+}
+
+std::string Sections(const Benchmark& b) {
+  std::string text;
+  for (std::size_t s = 0; s < kStrengths.size(); ++s) {
+    const LevelResults& results = b.results[s];
+    text += fmt::format("## {:g} m\n\n{}\n", kStrengths[s], InShort(b, results));
+    if (kStrengths[s] == 1.0) {
+      text += "The same frames, histories and starts, " + SameStartTables(b, results);
+    }
+    text += fmt::format("Whole runs:\n\n{}\n", RunTable(b, results));
+  }
+  return text;
+}
+
+std::string Page(const Benchmark& b) {
+  std::vector<std::string> names;
+  for (const std::string& clip : b.clips) names.push_back(fs::path(clip).filename().string());
+  std::vector<std::string> weights;
+  for (const Case& c : kCases) weights.push_back(fmt::format("{} {:g}", c.Name(), c.Weight()));
+  const SubspaceOptions options;
+  return fmt::format(
+      R"(# Two optimisers for one energy
+
+The total energy (eq. 3 of the paper) is minimised by the paper's Algorithm 1 (`--subspace.optimizer algorithm-1`) or by Newton steps
+that move all features together (`joint-newton`, the default; `frontend/track/optimizer.h` says how). This page is written by
+
+```console
+$ optimizer_benchmark WORK/clips/{{{}}} --page docs/optimizers.md
+```
+
+which is built in `build/tests/benchmark`; the clips are those of [paper.md](paper.md).
+
+## What is measured
+
+The first {} frames of {} clips ({}), degraded to the levels clean, medium and hard (seed {}), with the points of the paper's protocol:
+{} x {} px templates of frame 0, L = {}, centred, epsilon {}, four pyramid levels, {} to {} steps a level, the guide alone (no measurement). m of eq. (7) is that of
+the sensitivity curves ({}), and ten times that: a penalty far too strong, to see what gives way first.
+
+**The same frames, histories and starts.** Each optimiser leads one run over each clip: its positions become the history. In every frame of either
+run both start from the last positions plus the whole-frame shift and go through all levels of the pyramid. Cells are `algorithm-1` / `joint-newton`, medians over frames:
+
+- *energy / start*: total energy at full resolution at the end, over that at the start; *at the truth*: the same at the true positions,
+- *above the better*: how far an energy lies above the lower one of the two; *lower in*: frames in which it is lower by more than {:.1f} %,
+- *evaluations* of the energy along lines, and *steps* (gradients), over all levels; *time* of one thread's processor, both in turn in one process,
+- *error*: median distance of the features from the truth after that frame; it holds what the history brought along.
+
+**Whole runs.** Each optimiser for itself over {} frames. *L1 error*: mean over features of the sum over the frames of |dx| + |dy|, median over clips.
+*Spread / true*: how differently the features moved in the last {} frames (median distance of their displacements from the mean one), over the true one;
+noise adds to it. *Frozen*: runs in which it is below {}: every feature repeats the last frame plus the whole-frame shift.
+*Drifted*: others that end with a median error above {:.0f} px.
+
+{})",
+      fmt::join(names, ","),
+      kFrames,
+      names.size(),
+      fmt::join(names, ", "),
+      b.seed,
+      options.template_px,
+      options.template_px,
+      options.history_length,
+      options.epsilon,
+      options.min_iterations,
+      options.max_iterations,
+      fmt::join(weights, "; "),
+      100.0 * kSameEnergy,
+      kFrames,
+      kFreezeFrames,
+      kFrozenBelow,
+      kDriftedAbovePx,
+      Sections(b));
+}
+
+}  // namespace
+}  // namespace cohort
+
+int main(int argc, char** argv) {
+  CLI::App app("Algorithm 1 against joint Newton steps");
+  cohort::Benchmark benchmark;
+  app.add_option("clips", benchmark.clips, "clips of `cohort synth`")->required();
+  app.add_option("--levels", benchmark.levels, "of degradation")->delimiter(',');
+  app.add_option("--seed", benchmark.seed, "of the noise");
+  app.add_option("--page", benchmark.page, "file for the page");
+  CLI11_PARSE(app, argc, argv);
+  try {
+    cv::setNumThreads(1);
+    cohort::RunAll(benchmark);
+    fmt::print("{}", cohort::Sections(benchmark));
+    if (!benchmark.page.empty()) {
+      cohort::OutputFile file(benchmark.page);
+      cohort::WriteBytes(file.partial(), cohort::Page(benchmark));
+      file.Commit();
+    }
+  } catch (const std::exception& e) {
+    fmt::print(stderr, "error: {}\n", e.what());
+    return 1;
+  }
+  return 0;
+}

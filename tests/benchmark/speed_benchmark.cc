@@ -1,0 +1,301 @@
+// Frames per second of tracker `subspace` beside KLT 21x21, and where its time goes.
+//   speed_benchmark CLIP... [--level medium] [--frames N] [--page FILE]
+// All trackers take turns frame by frame in one process and one thread; times are processor time,
+// without decoding and without the search for corners (the same for all). Clips are those of
+// `cohort synth`; they are degraded here.
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <filesystem>
+#include <memory>
+#include <opencv2/core/utility.hpp>
+#include <vector>
+
+#include "datasets/degrade.h"
+#include "frontend/core/output.h"
+#include "frontend/core/statistics.h"
+#include "frontend/detect/corners.h"
+#include "frontend/image/frame_offset.h"
+#include "frontend/track/track_loop.h"
+#include "tests/support/cpu_clock.h"
+
+namespace cohort {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Setting {
+  int features;
+  int history_length;
+  double target_fps;
+};
+constexpr Setting kSettings[] = {{35, 5, 150.0}, {35, 10, 80.0}, {300, 10, 25.0}};
+// The window of every tracker is full.
+constexpr std::size_t kFirstTimedFrame = 12;
+
+// A mover and its features, kept as TrackLoop keeps them.
+class Racer {
+ public:
+  explicit Racer(const TrackerOptions& options) : options_(options), mover_(MakeMover(options)) {}
+
+  // Returns the processor time of all but the search for corners.
+  double Step(const cv::Mat& gray) {
+    double start_ms = test::CpuMs();
+    const Pyramid pyramid = BuildPyramid(gray);
+    if (!features_.empty()) Move(pyramid);
+    double ms = test::CpuMs() - start_ms;
+    const auto confirmed = std::count_if(
+        features_.begin(), features_.end(), [](const Feature& f) { return f.unconfirmed == 0; });
+    const DetectorOptions& detector = options_.detector;
+    if (static_cast<double>(confirmed) >= detector.redetect_below * detector.max_features) {
+      return ms;
+    }
+    std::vector<Eigen::Vector2d> occupied;
+    for (const Feature& feature : features_) occupied.push_back(feature.xy);
+    const auto born = DetectCorners(pyramid.levels.front(),
+                                    occupied,
+                                    {},
+                                    options_.birth_border_px,
+                                    detector.max_features - static_cast<int>(confirmed),
+                                    detector);
+    start_ms = test::CpuMs();
+    if (!born.empty()) mover_->Add(born, pyramid);
+    ms += test::CpuMs() - start_ms;
+    for (const Eigen::Vector2d& xy : born) features_.push_back({xy, 0});
+    return ms;
+  }
+
+  std::size_t features() const { return features_.size(); }
+
+ private:
+  struct Feature {
+    Eigen::Vector2d xy;
+    int unconfirmed;  // frames in a row
+  };
+
+  void Move(const Pyramid& pyramid) {
+    const auto moves = mover_->MoveFeatures(pyramid);
+    std::vector<std::uint8_t> keep;
+    std::vector<Feature> kept;
+    const double border = options_.border_px;
+    for (std::size_t f = 0; f < moves.size(); ++f) {
+      const Eigen::Vector2d& xy = moves[f].xy;
+      const int unconfirmed =
+          moves[f].state == ObservationState::kPredicted ? features_[f].unconfirmed + 1 : 0;
+      const bool stays = !moves[f].loss && unconfirmed <= options_.max_unconfirmed_frames &&
+                         xy.x() >= border && xy.y() >= border &&
+                         xy.x() <= pyramid.width() - 1 - border &&
+                         xy.y() <= pyramid.height() - 1 - border;
+      keep.push_back(stays ? 1 : 0);
+      if (stays) kept.push_back({xy, unconfirmed});
+    }
+    features_ = std::move(kept);
+    mover_->Keep(keep);
+  }
+
+  TrackerOptions options_;
+  std::unique_ptr<FeatureMover> mover_;
+  std::vector<Feature> features_;
+};
+
+struct Times {
+  std::vector<double> ms;
+  std::vector<double> features;
+
+  double MedianMs() const { return InterpolatedMedian(ms); }
+  double MeanMs() const { return Mean(ms); }
+  double MeanFeatures() const { return Mean(features); }
+
+ private:
+  static double Mean(const std::vector<double>& values) {
+    double sum = 0.0;
+    for (const double value : values) sum += value;
+    return sum / static_cast<double>(values.size());
+  }
+};
+
+enum Racers : std::size_t { kOurs, kGuideOnly, kKlt, kKltUnchecked, kRacers };
+
+struct Results {
+  Times racers[kRacers];
+  Times pyramid;
+  Times registration;
+};
+
+std::vector<std::unique_ptr<Racer>> MakeRacers(const Setting& setting) {
+  TrackerOptions options;
+  options.detector.max_features = setting.features;
+  options.subspace.history_length = setting.history_length;
+  TrackerOptions guide = options;
+  guide.measurement.enabled = false;
+  TrackerOptions klt = options;
+  klt.tracker = TrackerKind::kKlt;
+  TrackerOptions unchecked = klt;
+  unchecked.klt.forward_backward_px = 0.0;
+  std::vector<std::unique_ptr<Racer>> racers;
+  for (const TrackerOptions& o : {options, guide, klt, unchecked}) {
+    racers.push_back(std::make_unique<Racer>(o));
+  }
+  return racers;
+}
+
+void Race(const std::vector<cv::Mat>& film, const Setting& setting, Results& results) {
+  const auto racers = MakeRacers(setting);
+  Pyramid previous;
+  for (std::size_t i = 0; i < film.size(); ++i) {
+    const bool timed = i >= kFirstTimedFrame;
+    for (std::size_t turn = 0; turn < kRacers; ++turn) {
+      const std::size_t r = (i + turn) % kRacers;
+      const double ms = racers[r]->Step(film[i]);
+      if (!timed) continue;
+      results.racers[r].ms.push_back(ms);
+      results.racers[r].features.push_back(static_cast<double>(racers[r]->features()));
+    }
+    const double start_ms = test::CpuMs();
+    const Pyramid current = BuildPyramid(film[i]);
+    const double built_ms = test::CpuMs();
+    if (timed) {
+      RegisterFrames(previous, current);
+      results.pyramid.ms.push_back(built_ms - start_ms);
+      results.registration.ms.push_back(test::CpuMs() - built_ms);
+    }
+    previous = current;
+  }
+}
+
+std::string SpeedTable(const std::vector<Results>& all) {
+  std::string text =
+      "| F, L | features alive, ours / `klt` | median [ms] | frames per second | target | mean "
+      "frames per second "
+      "| "
+      "`klt` [ms] | `klt` / ours | `klt` without its check [ms] | the same / ours |\n"
+      "|---|---|---|---|---|---|---|---|---|---|\n";
+  for (std::size_t s = 0; s < all.size(); ++s) {
+    const Times& ours = all[s].racers[kOurs];
+    const double klt_ms = all[s].racers[kKlt].MedianMs();
+    const double unchecked_ms = all[s].racers[kKltUnchecked].MedianMs();
+    text += fmt::format(
+        "| {}, {} | {:.0f} / {:.0f} | {:.2f} | {:.0f} | {:.0f} | {:.0f} | {:.2f} | {:.2f} | {:.2f} "
+        "| {:.2f} "
+        "|\n",
+        kSettings[s].features,
+        kSettings[s].history_length,
+        ours.MeanFeatures(),
+        all[s].racers[kKlt].MeanFeatures(),
+        ours.MedianMs(),
+        1e3 / ours.MedianMs(),
+        kSettings[s].target_fps,
+        1e3 / ours.MeanMs(),
+        klt_ms,
+        klt_ms / ours.MedianMs(),
+        unchecked_ms,
+        unchecked_ms / ours.MedianMs());
+  }
+  return text;
+}
+
+std::string ShareTable(const std::vector<Results>& all) {
+  std::string text =
+      "| F, L | pyramid | whole-frame shift | guide | measurement and trajectory model | together "
+      "|\n|---|---|---|---|---|---|\n";
+  for (std::size_t s = 0; s < all.size(); ++s) {
+    const Results& r = all[s];
+    const double pyramid = r.pyramid.MedianMs();
+    const double shift = r.registration.MedianMs();
+    const double guide = r.racers[kGuideOnly].MedianMs();
+    const double whole = r.racers[kOurs].MedianMs();
+    text += fmt::format("| {}, {} | {:.2f} | {:.2f} | {:.2f} | {:.2f} | {:.2f} |\n",
+                        kSettings[s].features,
+                        kSettings[s].history_length,
+                        pyramid,
+                        shift,
+                        guide - shift - pyramid,
+                        whole - guide,
+                        whole);
+  }
+  return text;
+}
+
+std::string Page(const std::vector<std::string>& clips,
+                 const std::string& level,
+                 const std::vector<Results>& all) {
+  std::vector<std::string> names;
+  for (const std::string& clip : clips) names.push_back(fs::path(clip).filename().string());
+  return fmt::format(
+      R"(# Frames per second
+
+Tracker `subspace` beside `klt` (OpenCV's pyramidal Lucas-Kanade, 21 x 21 px, four levels), 640 x 480 px, one thread. This page is written by
+
+```console
+$ speed_benchmark WORK/clips/{{{}}} --page docs/speed.md
+```
+
+which is built in `build/tests/benchmark`; the clips are those of [paper.md](paper.md), degraded to the level {}. The trackers take turns
+frame by frame in one process, so that their ratio holds where the milliseconds do not. Times are processor time of a frame, from the decoded picture to
+the features' positions (pyramid included; decoding and the search for corners, which is common to all, excluded): medians over the frames
+of all clips from frame {} on. The mean holds in addition what births cost. F features are asked for; those that end are replaced as `cohort track` does.
+`klt` tracks every feature back as a check; the last columns are without.
+
+{}
+Where it goes [ms], medians: the pyramid and the whole-frame shift by themselves; the guide (minimum of the total energy over four levels, with the blurred
+pictures for the measurement) from a run without measurement; the rest is the measurement and the trajectory model.
+
+{})",
+      fmt::join(names, ","),
+      level,
+      kFirstTimedFrame,
+      SpeedTable(all),
+      ShareTable(all));
+}
+
+std::vector<cv::Mat> MakeFilm(const std::string& clip, const std::string& level, unsigned frames) {
+  const auto sequence = OpenSequence(clip, Layout::kAuto, FrameRange{0, frames, 1});
+  DegradeOptions degrade;
+  degrade.level = ParseLevel(level);
+  std::vector<cv::Mat> film;
+  while (const auto frame = sequence->Next()) {
+    film.push_back(DegradeFrame(frame->gray, degrade, static_cast<std::uint32_t>(frame->index)));
+  }
+  if (film.size() <= kFirstTimedFrame) {
+    ThrowError("{}: {} frames; give a clip of more than {}", clip, film.size(), kFirstTimedFrame);
+  }
+  return film;
+}
+
+}  // namespace
+}  // namespace cohort
+
+int main(int argc, char** argv) {
+  CLI::App app("Frames per second of tracker subspace");
+  std::vector<std::string> clips;
+  std::string level = "medium";
+  unsigned frames = 40;
+  std::string page;
+  app.add_option("clips", clips, "clips of `cohort synth`")->required();
+  app.add_option("--level", level, "of degradation");
+  app.add_option("--frames", frames, "of each clip, at most");
+  app.add_option("--page", page, "file for the page");
+  CLI11_PARSE(app, argc, argv);
+  try {
+    cv::setNumThreads(1);
+    std::vector<cohort::Results> all(std::size(cohort::kSettings));
+    for (const std::string& clip : clips) {
+      const auto film = cohort::MakeFilm(clip, level, frames);
+      for (std::size_t s = 0; s < all.size(); ++s) {
+        cohort::Race(film, cohort::kSettings[s], all[s]);
+      }
+    }
+    fmt::print("{}\n{}", cohort::SpeedTable(all), cohort::ShareTable(all));
+    if (!page.empty()) {
+      cohort::OutputFile file(page);
+      cohort::WriteBytes(file.partial(), cohort::Page(clips, level, all));
+      file.Commit();
+    }
+  } catch (const std::exception& e) {
+    fmt::print(stderr, "error: {}\n", e.what());
+    return 1;
+  }
+  return 0;
+}

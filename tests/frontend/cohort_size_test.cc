@@ -1,0 +1,198 @@
+// Few features and very many.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <vector>
+
+#include "frontend/core/statistics.h"
+#include "frontend/detect/corners.h"
+#include "frontend/track/track_loop.h"
+#include "tests/support/cpu_clock.h"
+#include "tests/support/plane_scene.h"
+
+namespace cohort {
+namespace {
+
+// Corners of the first frame that show one point of the scene, seen until the last: the first, and
+// then again and again that which is farthest from all before, in the picture and in depth.
+std::vector<Eigen::Vector3d> LastingPoints(const test::PlaneScene& scene,
+                                           const cv::Mat& first,
+                                           int frames,
+                                           std::size_t count) {
+  const auto seen_whole = [&](int frame, const Eigen::Vector3d& point) {
+    constexpr double kMarginPx = 12.0;
+    const Rigid3 cam_from_world = test::PlaneScene::CamFromWorld(frame);
+    if (!scene.IsVisible(cam_from_world, point)) return false;
+    const Eigen::Vector2d xy = *scene.camera().Project(cam_from_world * point);
+    return std::ranges::all_of(std::vector{-kMarginPx, kMarginPx}, [&](double d) {
+      const Eigen::Vector2d side = xy + Eigen::Vector2d(d, 0);
+      const auto shown = scene.PointAt(cam_from_world, side);
+      return scene.camera().Contains(xy + Eigen::Vector2d(d, d)) && shown &&
+             std::abs(shown->z() - point.z()) < 0.01;
+    });
+  };
+  std::vector<Eigen::Vector3d> points;
+  for (const Eigen::Vector2d& xy : DetectCorners(first, {}, {}, 16, 200, {})) {
+    const auto point = scene.PointAt(test::PlaneScene::CamFromWorld(0), xy);
+    bool lasts = point.has_value();
+    for (int t = 0; t < frames && lasts; ++t) lasts = seen_whole(t, *point);
+    if (lasts) points.push_back(*point);
+  }
+  const auto distance = [](const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
+    const Eigen::Vector3d d(a.x() / a.z() - b.x() / b.z(),
+                            a.y() / a.z() - b.y() / b.z(),
+                            4.0 * (1.0 / a.z() - 1.0 / b.z()));
+    return d.norm();
+  };
+  for (std::size_t i = 1; i < std::min(count, points.size()); ++i) {
+    const auto chosen = points.begin() + static_cast<std::ptrdiff_t>(i);
+    std::iter_swap(
+        chosen, std::ranges::max_element(chosen, points.end(), {}, [&](const Eigen::Vector3d& p) {
+          double nearest = 1e9;
+          for (std::size_t k = 0; k < i; ++k) nearest = std::min(nearest, distance(p, points[k]));
+          return nearest;
+        }));
+  }
+  points.resize(std::min(count, points.size()));
+  return points;
+}
+
+TEST(CohortSize, AFewFeaturesAreFollowedAsOne) {
+  constexpr int kFrames = 25;
+  constexpr std::size_t kFeatures = 12;
+  const test::PlaneScene scene;
+  const auto picture = [&](int t) {
+    return BuildPyramid(scene.Render(test::PlaneScene::CamFromWorld(t)));
+  };
+  const Pyramid first = picture(0);
+  const auto points = LastingPoints(scene, first.levels.front(), kFrames, kFeatures);
+  ASSERT_EQ(points.size(), kFeatures);
+  const auto truth = [&](int t, std::size_t f) {
+    return *scene.camera().Project(test::PlaneScene::CamFromWorld(t) * points[f]);
+  };
+  std::vector<Eigen::Vector2d> born;
+  for (std::size_t f = 0; f < points.size(); ++f) born.push_back(truth(0, f));
+  for (const auto& [name, constraint] : kConstraintNames) {
+    SCOPED_TRACE(name);
+    TrackerOptions options;
+    options.subspace.constraint = constraint;
+    const auto mover = MakeMover(options);
+    mover->Add(born, first);
+    std::vector<double> errors;
+    for (int t = 1; t < kFrames; ++t) {
+      const std::vector<Move> moves = mover->MoveFeatures(picture(t));
+      for (std::size_t f = 0; f < moves.size(); ++f) {
+        ASSERT_FALSE(moves[f].loss) << "feature " << f << " in frame " << t;
+        EXPECT_EQ(moves[f].state, ObservationState::kObserved)
+            << "feature " << f << " in frame " << t;
+        errors.push_back((moves[f].xy - truth(t, f)).norm());
+      }
+    }
+    std::printf("%zu features, %s: %.3f px median, %.3f px at most\n",
+                points.size(),
+                std::string(name).c_str(),
+                Median(errors),
+                Quantile(errors, 1.0));
+    EXPECT_LT(Median(errors), 0.1);
+    EXPECT_LT(Quantile(errors, 1.0), 0.5);
+  }
+}
+
+// A textured plane that turns and comes nearer.
+class TexturedPlane {
+ public:
+  static constexpr int kWidth = 1280;
+  static constexpr int kHeight = 960;
+
+  static Eigen::Vector2d Position(int t, const Eigen::Vector2d& first_xy) {
+    return Turned(t) * (first_xy - Centre()) + Centre() + Shift(t);
+  }
+  static cv::Mat Picture(int t) {
+    const Eigen::Matrix2d back = Turned(t).inverse();
+    return test::ImageOf(
+        [&](double x, double y) {
+          const Eigen::Vector2d first =
+              back * (Eigen::Vector2d(x, y) - Centre() - Shift(t)) + Centre();
+          return test::NoiseAt(first.x() + 3000, first.y() + 3000);
+        },
+        kWidth,
+        kHeight,
+        CV_8U);
+  }
+
+ private:
+  static Eigen::Vector2d Centre() { return {0.5 * (kWidth - 1), 0.5 * (kHeight - 1)}; }
+  static Eigen::Vector2d Shift(int t) { return {1.7 * t, -0.9 * t}; }
+  static Eigen::Matrix2d Turned(int t) {
+    return (1.0 + 0.004 * t) * Eigen::Rotation2Dd(0.003 * t).toRotationMatrix();
+  }
+};
+
+struct CrowdRun {
+  std::size_t born = 0;
+  std::size_t observed = 0;  // in the last frame
+  std::vector<double> errors;
+  double ms = 0.0;  // of all frames but the first
+};
+
+CrowdRun FollowCrowd(int features, const std::vector<cv::Mat>& film) {
+  TrackerOptions options;
+  options.detector.max_features = features;
+  options.detector.min_distance_px = 8.0;
+  options.detector.redetect_below = 0.0;
+  const auto tracker = MakeTracker(options);
+  std::vector<Eigen::Vector2d> first;
+  CrowdRun run;
+  for (std::size_t i = 0; i < film.size(); ++i) {
+    Frame frame;
+    frame.index = FrameIndex{static_cast<std::uint32_t>(i)};
+    frame.gray = film[i];
+    const double start_ms = test::CpuMs();
+    const FrameResult result = tracker->Track(frame);
+    if (i > 0) run.ms += test::CpuMs() - start_ms;
+    if (i == 0) {
+      for (const Observation& o : result.observations) first.push_back(o.xy);
+      run.born = first.size();
+      continue;
+    }
+    run.observed = 0;
+    for (const Observation& o : result.observations) {
+      if (o.state != ObservationState::kObserved) continue;
+      ++run.observed;
+      run.errors.push_back(
+          (o.xy -
+           TexturedPlane::Position(static_cast<int>(i), first[static_cast<std::size_t>(o.feature)]))
+              .norm());
+    }
+  }
+  return run;
+}
+
+TEST(CohortSize, FourThousandFeaturesAreFollowedLikeOneThousand) {
+  constexpr int kFrames = 6;
+  std::vector<cv::Mat> film;
+  for (int t = 0; t < kFrames; ++t) film.push_back(TexturedPlane::Picture(t));
+  const CrowdRun many = FollowCrowd(4000, film);
+  const CrowdRun fewer = FollowCrowd(1000, film);
+  // Printed, not asserted: quadratic growth would be 16.
+  std::printf("4000 features: %.0f ms a frame, %.1f times that of 1000\n",
+              many.ms / (kFrames - 1),
+              many.ms / fewer.ms);
+  for (const CrowdRun* run : {&many, &fewer}) {
+    SCOPED_TRACE(run->born);
+    std::printf("%zu features: %zu observed at the end, %.3f px median, %.3f px of 99 %%\n",
+                run->born,
+                run->observed,
+                Median(run->errors),
+                Quantile(run->errors, 0.99));
+    EXPECT_GT(run->observed, run->born * 95 / 100);  // some leave the picture
+    EXPECT_LT(Median(run->errors), 0.05);
+    EXPECT_LT(Quantile(run->errors, 0.99), 0.3);
+  }
+  EXPECT_EQ(many.born, 4000u);
+  EXPECT_EQ(fewer.born, 1000u);
+}
+
+}  // namespace
+}  // namespace cohort
