@@ -253,8 +253,11 @@ void Conclude(const cv::Mat& picture,
 
 }  // namespace
 
-AnchorPatch TakeAnchor(const Pyramid& pyramid, const Eigen::Vector2d& xy, int window_px) {
-  const int side = window_px + 2 * MarginOf(window_px);
+AnchorPatch TakeAnchor(const Pyramid& pyramid,
+                       const Eigen::Vector2d& xy,
+                       int window_px,
+                       int largest_px) {
+  const int side = largest_px + 2 * MarginOf(largest_px);
   AnchorPatch anchor;
   anchor.full = CopyPatch(pyramid.levels[0], xy, side);
   if (pyramid.levels.size() > 1) anchor.half = CopyPatch(pyramid.levels[1], xy / 2, side);
@@ -290,6 +293,7 @@ Measurement MeasurePatch(const Pyramid& current,
   const bool with_prior = prior.trace() > 0.0;
   Measurement m;
   m.xy = guide;
+  m.window_px = window_px;
   Window window;
   if (!with_prior && !anchor.half.empty()) {
     AnchorWindow(anchor.half, anchor.warp, window_px, window);

@@ -26,10 +26,15 @@ struct AnchorPatch {
   Eigen::Matrix2d gradients = Eigen::Matrix2d::Zero();
   double gradients_count = 0.0;
 };
-AnchorPatch TakeAnchor(const Pyramid& pyramid, const Eigen::Vector2d& xy, int window_px);
+// `window_px`: of its statistics; `largest_px`: of the largest window that will be measured.
+AnchorPatch TakeAnchor(const Pyramid& pyramid,
+                       const Eigen::Vector2d& xy,
+                       int window_px,
+                       int largest_px);
 
 struct Measurement {
   Eigen::Vector2d xy = Eigen::Vector2d::Zero();
+  int window_px = 0;
   bool converged = false;
   double correlation = 0.0;        // normalised, of anchor and picture, -1..1
   double residual_variance = 0.0;  // of anchor - picture after removing the mean difference

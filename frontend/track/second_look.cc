@@ -44,7 +44,7 @@ void SecondLook::Learn(const Frame& frame, std::span<const Guide> guides) {
   if (guides.empty()) return;
   const Pyramid pyramid = SmoothPyramidOf(frame, options_.denoise_sigma_px);
   for (const Guide& guide : guides) {
-    const AnchorPatch patch = TakeAnchor(pyramid, guide.xy, options_.window_px);
+    const AnchorPatch patch = TakeAnchor(pyramid, guide.xy, options_.window_px, options_.window_px);
     Template& t = templates_[guide.feature];
     if (t.frames == 0) {
       t.sum = patch;

@@ -40,6 +40,7 @@ constexpr double kLeastSmallCorrelation = 0.1;
 struct Appearance {
   std::vector<std::vector<float>> levels;  // n x n on each pyramid level, for the energy
   AnchorPatch anchor;                      // for the measurement
+  int window_px = 0;                       // of the measurement
   double light = 0.0;                      // change of its brightness since; running mean
   double change = 1.0;  // of the anchor's innermost pixels, over what noise explains; running mean
 };
@@ -127,7 +128,9 @@ Appearance SubspaceMover::TakeAppearance(const Pyramid& pyramid,
     appearance.levels.push_back(std::move(patch));
     scale *= 0.5;
   }
-  appearance.anchor = TakeAnchor(smooth, xy, measure_.window_px);
+  appearance.anchor = TakeAnchor(
+      smooth, xy, measure_.window_px, std::max(measure_.window_px, measure_.wide_window_px));
+  appearance.window_px = std::max(measure_.window_px, measure_.wide_window_px);
   return appearance;
 }
 
@@ -324,7 +327,7 @@ std::vector<Move> SubspaceMover::Measure(const Pyramid& current, const Eigen::Ma
     measured[f] = MeasurePatch(current,
                                appearance_[f].anchor,
                                guide.col(static_cast<Eigen::Index>(f)),
-                               measure_.window_px,
+                               appearance_[f].window_px,
                                covariance_scale_);
   }
   const Differences differences(current, appearance_, measured, confirmed_);
@@ -420,6 +423,11 @@ void SubspaceMover::Observe(std::size_t f,
   appearance.anchor.gradients = m.gradients;
   appearance.anchor.gradients_count =
       std::min(appearance.anchor.gradients_count + 1.0, kGradientsMemory);
+  if (m.window_px == measure_.wide_window_px && m.window_px > measure_.window_px &&
+      0.5 * covariance.trace() < measure_.wide_above_px * measure_.wide_above_px) {
+    appearance.window_px = measure_.window_px;
+    appearance.anchor.gradients_count = 0.0;
+  }
   const CenterDifference center = differences.Center(f, m.xy);
   appearance.change += kChangeRate * (differences.OfCenter(f, center, 0.0) - appearance.change);
   appearance.light += kLightRate * (center.mean - appearance.light);
@@ -441,8 +449,8 @@ Measurement SubspaceMover::Doubt(std::size_t f,
   if (own != nullptr) {
     const Eigen::Vector2d at = own->measured_xy;
     const double sigma = std::sqrt(0.5 * own->measured_covariance.trace());
-    const Measurement large =
-        MeasurePatch(current, appearance_[f].anchor, at, measure_.window_px, covariance_scale_);
+    const Measurement large = MeasurePatch(
+        current, appearance_[f].anchor, at, appearance_[f].window_px, covariance_scale_);
     const auto agrees = [&](const Measurement& m) {
       return strong ? Agrees(f, m, *own) : (m.xy - at).norm() <= measure_.max_distance_px;
     };

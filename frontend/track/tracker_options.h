@@ -244,6 +244,8 @@ inline SubspaceOptions PaperSubspaceOptions() {
 struct MeasurementOptions {
   bool enabled = true;
   int window_px = 21;
+  int wide_window_px = 31;
+  double wide_above_px = 0.25;
   double denoise_sigma_px = 0.8;
   double max_distance_px = 5.0;
   double min_correlation = 0.3;
@@ -261,6 +263,16 @@ struct MeasurementOptions {
   static void Visit(Self& o, Visitor& v) {
     v.Flag("enabled", o.enabled, "measure every guided position against the feature's anchor");
     v.Number("window_px", o.window_px, 5, 63, "side of the measured patch [px], odd");
+    v.Number("wide_window_px",
+             o.wide_window_px,
+             5,
+             63,
+             "the same until a feature is seen to be measured well [px], odd");
+    v.Number("wide_above_px",
+             o.wide_above_px,
+             0.0,
+             1000.0,
+             "deviation of a position above which it is not measured well [px]");
     v.Number(
         "denoise_sigma_px", o.denoise_sigma_px, 0.0, 10.0, "Gaussian blur before measuring [px]");
     v.Number("max_distance_px",
