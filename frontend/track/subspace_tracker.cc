@@ -22,7 +22,6 @@ namespace {
 
 // Of so many frames the model of the courses is made; a feature may be hidden for as many.
 constexpr std::size_t kModelFrames = 31;
-constexpr int kMaxRank = 8;
 // An anchor is where its corner was found, up to this [px]; it defines the point.
 constexpr double kAnchorSigmaPx = 0.05;
 // What is hidden changes at once. What has changed slowly, by this factor over what noise explains,
@@ -98,7 +97,7 @@ class SubspaceMover final : public FeatureMover {
   std::vector<std::uint8_t> confirmed_;   // in the last frame
   std::vector<int> unexplained_;          // frames in a row: not confirmed, and hidden by nothing
   std::deque<Eigen::Matrix2Xd> history_;  // where they were in the L newest frames, newest first
-  TrajectoryModel model_{kModelFrames, kMaxRank};
+  TrajectoryModel model_{kModelFrames, measure_.max_rank};
   Pyramid previous_;                // of the newest of these frames
   std::deque<Pyramid> smooth_;      // of the L newest, for measuring
   double covariance_scale_ = 10.0;  // until the cohort tells
@@ -571,7 +570,7 @@ void SubspaceMover::Keep(std::span<const std::uint8_t> keep) {
   confirmed_.resize(kept);
   unexplained_.resize(kept);
   for (auto& x : history_) x.conservativeResize(2, static_cast<Eigen::Index>(kept));
-  model_.Keep(keep);
+  if (joint_) model_.Keep(keep);
 }
 
 void SubspaceMover::Add(std::span<const Eigen::Vector2d> born, const Pyramid& current) {
@@ -579,7 +578,7 @@ void SubspaceMover::Add(std::span<const Eigen::Vector2d> born, const Pyramid& cu
     // The first features, or none survived: the window starts here.
     history_.clear();
     smooth_.clear();
-    model_ = TrajectoryModel(kModelFrames, kMaxRank);
+    model_ = TrajectoryModel(kModelFrames, measure_.max_rank);
     model_.Update({});
     history_.emplace_front(2, 0);
     Remember(current, SmoothPyramid(current, measure_.denoise_sigma_px));

@@ -255,6 +255,7 @@ struct MeasurementOptions {
   double max_sigma_px = 4.0;
   double max_disagreement_px = 3.0;
   double max_disagreement_sigmas = 5.0;
+  int max_rank = 8;
   int max_unexplained_frames = 4;
   bool fuse = false;
   double warp_noise = 0.003;
@@ -319,6 +320,12 @@ struct MeasurementOptions {
              1.0,
              1000.0,
              "the same as a multiple of their deviation");
+    v.Number("max_rank",
+             o.max_rank,
+             2,
+             8,
+             "of the model of the courses, which starts at 2 and grows where the residuals ask for "
+             "it; 3: an affine camera and one rigid body");
     v.Number("max_unexplained_frames",
              o.max_unexplained_frames,
              0,

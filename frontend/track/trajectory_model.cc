@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "frontend/core/error.h"
 #include "frontend/core/statistics.h"
 
 namespace cohort {
@@ -13,6 +14,7 @@ namespace {
 
 constexpr std::ptrdiff_t kLeastSeen = 8;
 constexpr std::size_t kLeastSteps = 4;
+constexpr double kUnknownDepthPx = 1.5;
 constexpr double kMedianChiSquare = 1.386;  // of two degrees of freedom
 constexpr double kFreedom = 4.0;            // of Student's t
 
@@ -109,6 +111,8 @@ TrajectoryModel::Estimate TrajectoryModel::Of(const Fit& fit, const Feature& fea
       of_loadings += z[p] * z[q] * fit.covariance.block<2, 2>(2 * p, 2 * q);
     }
   }
+  // A rigid scene has depth, whose dimension may not have shown yet.
+  if (rank_ < 3) of_loadings += kUnknownDepthPx * kUnknownDepthPx * Eigen::Matrix2d::Identity();
   Estimate e;
   e.xy = fit.loadings * z;
   e.covariance = J * feature.covariance * J.transpose() + of_loadings;
@@ -246,7 +250,7 @@ void TrajectoryModel::AdaptRank() {
   // Below 1, as the fit has taken a part of the noise out of the residuals.
   constexpr double kLeastStrength = 0.5;
   constexpr double kLeastCells = 40.0;
-  constexpr Eigen::Index kFeaturesPerRank = 3;
+  constexpr Eigen::Index kFeaturesPerRank = 2;
   const Eigen::Index r = rank_;
   const auto F = static_cast<Eigen::Index>(features_.size());
   const auto N = static_cast<Eigen::Index>(frames_.size());
@@ -306,6 +310,7 @@ void TrajectoryModel::AdaptRank() {
 }
 
 std::vector<TrajectoryModel::Estimate> TrajectoryModel::Update(std::span<const Observation> now) {
+  Check(now.size() == features_.size(), "the model has the tracker's features");
   const bool fits = CanFit(now);
   Frame frame{{now.begin(), now.end()}, Loadings::Zero(2, rank_ + 1)};
   if (fits) {
@@ -338,6 +343,7 @@ void TrajectoryModel::Forget(std::size_t feature) {
 }
 
 void TrajectoryModel::Keep(std::span<const std::uint8_t> keep) {
+  Check(keep.size() == features_.size(), "the model has the tracker's features");
   std::size_t kept = 0;
   for (std::size_t f = 0; f < keep.size(); ++f) {
     if (keep[f] == 0) continue;

@@ -4,9 +4,11 @@
 #include <map>
 #include <opencv2/imgproc.hpp>
 
+#include "frontend/detect/corners.h"
 #include "frontend/energy/total_energy.h"
 #include "frontend/image/sampling.h"
 #include "frontend/track/optimizer.h"
+#include "frontend/track/track_loop.h"
 #include "frontend/track/tracker.h"
 #include "tests/support/numeric_gradient.h"
 #include "tests/support/plane_scene.h"
@@ -135,6 +137,42 @@ TEST(SubspaceTracker, EveryPenaltyModeAndOptimizerTracksInTheDark) {
 TEST(DescentTracker, FollowsACleanScene) {
   const Errors errors = TrackScene(OptionsOf(TrackerKind::kDescent), 15, false);
   EXPECT_LT(Quantile(errors.observed, 0.5), 0.2);
+}
+
+TEST(JointAndSingleTrackers, GoOnWithTheRestWhenFeaturesEnd) {
+  const test::PlaneScene scene;
+  const auto picture = [&](int t) {
+    return BuildPyramid(scene.Render(test::PlaneScene::CamFromWorld(t)));
+  };
+  TrackerOptions guide_alone = OptionsOf(TrackerKind::kSubspace);
+  guide_alone.measurement.enabled = false;
+  for (const TrackerOptions& options :
+       {OptionsOf(TrackerKind::kDescent), OptionsOf(TrackerKind::kSubspace), guide_alone}) {
+    const auto mover = MakeMover(options);
+    const Pyramid first = picture(0);
+    const auto corners = DetectCorners(first.levels.front(), {}, {}, 60, 40, options.detector);
+    ASSERT_GE(corners.size(), 20u);
+    mover->Add(corners, first);
+    std::vector<std::uint8_t> keep;
+    std::vector<Eigen::Vector3d> points;
+    for (std::size_t f = 0; f < corners.size(); ++f) {
+      const auto point = TruePoint(scene, test::PlaneScene::CamFromWorld(0), corners[f]);
+      keep.push_back(point && f % 2 == 1);
+      if (keep.back()) points.push_back(*point);
+    }
+    mover->MoveFeatures(picture(1));
+    mover->Keep(keep);
+    for (int t = 2; t < 6; ++t) {
+      const std::vector<Move> moves = mover->MoveFeatures(picture(t));
+      ASSERT_EQ(moves.size(), points.size());
+      std::vector<double> errors;
+      for (std::size_t f = 0; f < moves.size(); ++f) {
+        const Rigid3 pose = test::PlaneScene::CamFromWorld(t);
+        errors.push_back((*scene.camera().Project(pose * points[f]) - moves[f].xy).norm());
+      }
+      EXPECT_LT(Quantile(errors, 0.5), 0.3) << NameOf(kTrackerNames, options.tracker);
+    }
+  }
 }
 
 // A bar crosses the scene: what it hides must be held where it is, and be found again behind it.
