@@ -245,7 +245,7 @@ struct MeasurementOptions {
   bool enabled = true;
   int window_px = 21;
   int wide_window_px = 31;
-  double wide_above_px = 0.25;
+  double wide_above_px = 0.5;
   double denoise_sigma_px = 0.8;
   double max_distance_px = 5.0;
   double min_correlation = 0.3;
