@@ -11,9 +11,9 @@ namespace cohort {
 // The paper's two tables of each level: a line for every tracker, a column for every sequence, and
 // their average. A cell is the median over the seeds and, of several seeds, (lowest-highest);
 // the average is that of the medians. In the second table ">" marks what had no re-initialisation:
-// so many frames at least. Two more tables say how many times better `subspace-fused` is, or else `subspace`:
-// the median over the seeds, and for the average the ratio of averages; a line "klt, best window"
-// is the best for each sequence among several of klt.
+// so many frames at least. Two more tables say how many times better `subspace-fused` is, or else
+// `subspace`: the median over the seeds, and for the average the ratio of averages; a line "klt,
+// best window" is the best for each sequence among several of klt.
 std::string PaperTables(const ExperimentResults& results);
 
 // Of the averages in these tables, a's over b's; none where either is missing.
