@@ -31,8 +31,6 @@ constexpr double kSlowChange = 1.25;
 // of the prediction, and no less than some of a pixel.
 constexpr double kPriorFactor = 3.0;
 constexpr double kLeastPriorPx = 0.3;
-// A guide so far from the prediction was led astray: the large patch is measured again.
-constexpr double kAstrayPx = 2.0;
 constexpr double kLeastSmallCorrelation = 0.1;
 
 // Templates of one feature, taken from one frame.
@@ -322,7 +320,7 @@ std::vector<Move> SubspaceMover::Measure(const Pyramid& current, const Eigen::Ma
   const auto F = static_cast<std::size_t>(features());
   std::vector<Measurement> measured(F);
   for (std::size_t f = 0; f < F; ++f) {
-    if (!confirmed_[f]) continue;  // led by nothing but the others: see Doubt
+    if (!confirmed_[f]) continue;  // its guide is the others' alone: Doubt has a better start
     measured[f] = MeasurePatch(current,
                                appearance_[f].anchor,
                                guide.col(static_cast<Eigen::Index>(f)),

@@ -23,7 +23,18 @@ const Eigen::Matrix2d kUnseenAnchor = 4.0 * Eigen::Matrix2d::Identity();
 
 bool Seen(const TrajectoryModel::Observation& o) { return o.information(0, 0) > 0.0; }
 
+double StudentWeight(double square) { return (kFreedom + 2.0) / (kFreedom + square); }
+
 }  // namespace
+
+// y - m - B z - e
+Eigen::Vector2d TrajectoryModel::Residual(const Loadings& loadings,
+                                          const Observation& o,
+                                          const Feature& feature) const {
+  Eigen::Vector2d d = o.xy - loadings.col(0) - loadings.rightCols(rank_) * feature.mean.head(rank_);
+  if (!o.anchor) d -= feature.mean.tail<2>();
+  return d;
+}
 
 // Generalised least squares: a feature's say is what its own noise and the uncertainty of its
 // coordinates leave.
@@ -83,16 +94,12 @@ TrajectoryModel::Fit TrajectoryModel::FitLoadings(std::span<const Observation> n
     }
     std::vector<double> squares;
     for (std::size_t i = 0; i < seen.size(); ++i) {
-      const Feature& feature = features_[seen[i]];
-      const Observation& o = now[seen[i]];
-      Eigen::Vector2d d =
-          o.xy - fit.loadings.col(0) - fit.loadings.rightCols(r) * feature.mean.head(r);
-      if (!o.anchor) d -= feature.mean.tail<2>();
+      const Eigen::Vector2d d = Residual(fit.loadings, now[seen[i]], features_[seen[i]]);
       squares.push_back(d.dot(informations[i] * d));
     }
     const double scale = std::max(1.0, Median(squares) / kMedianChiSquare);
     for (std::size_t i = 0; i < seen.size(); ++i) {
-      weights[i] = (kFreedom + 2.0) / (kFreedom + squares[i] / scale);
+      weights[i] = StudentWeight(squares[i] / scale);
     }
   }
   return fit;
@@ -155,8 +162,8 @@ void TrajectoryModel::InferFeature(std::size_t f) {
     const Eigen::Vector2d y = o.xy - frame.loadings.col(0);
     Eigen::Matrix2d W = o.information;
     if (had_mean && !o.anchor) {
-      const Eigen::Vector2d d = y - B * feature.mean.head(r) - feature.mean.tail<2>();
-      W *= (kFreedom + 2.0) / (kFreedom + d.dot(W * d));
+      const Eigen::Vector2d d = Residual(frame.loadings, o, feature);
+      W *= StudentWeight(d.dot(W * d));
     }
     const Loadings WB = W * B;
     information.topLeftCorner(r, r).noalias() += B.transpose() * WB;
@@ -192,9 +199,8 @@ void TrajectoryModel::RefitLoadings(Frame& frame) const {
         o.anchor ? Eigen::Vector2d::Zero().eval() : Eigen::Vector2d(feature.mean.tail<2>());
     Eigen::Matrix2d W = o.information;
     const Eigen::Vector2d y = o.xy - e;
-    const Eigen::Vector2d d =
-        y - frame.loadings.col(0) - frame.loadings.rightCols(r) * feature.mean.head(r);
-    W *= (kFreedom + 2.0) / (kFreedom + d.dot(W * d));
+    const Eigen::Vector2d d = Residual(frame.loadings, o, feature);
+    W *= StudentWeight(d.dot(W * d));
     Vector z(r + 1);
     z << 1.0, feature.mean.head(r);
     Matrix zz = z * z.transpose();
@@ -261,12 +267,8 @@ void TrajectoryModel::AdaptRank() {
     for (Eigen::Index f = 0; f < F; ++f) {
       const Observation& o = frame.observations[static_cast<std::size_t>(f)];
       if (!Seen(o) || o.anchor) continue;
-      const Feature& feature = features_[static_cast<std::size_t>(f)];
-      const Eigen::Vector2d d = o.xy - frame.loadings.col(0) -
-                                frame.loadings.rightCols(r) * feature.mean.head(r) -
-                                feature.mean.tail<2>();
-      const double square = d.dot(o.information * d);
-      R.block<2, 1>(2 * l, f) = std::sqrt((kFreedom + 2.0) / (kFreedom + square)) *
+      const Eigen::Vector2d d = Residual(frame.loadings, o, features_[static_cast<std::size_t>(f)]);
+      R.block<2, 1>(2 * l, f) = std::sqrt(StudentWeight(d.dot(o.information * d))) *
                                 (Eigen::Matrix2d(o.information.llt().matrixU()) * d);
     }
   }

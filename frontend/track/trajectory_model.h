@@ -70,6 +70,9 @@ class TrajectoryModel {
     Eigen::MatrixXd covariance;  // of vec(loadings)
   };
 
+  Eigen::Vector2d Residual(const Loadings& loadings,
+                           const Observation& o,
+                           const Feature& feature) const;
   bool CanFit(std::span<const Observation> now) const;
   Fit FitLoadings(std::span<const Observation> now) const;
   Estimate Of(const Fit& fit, const Feature& feature) const;
