@@ -13,11 +13,9 @@ Eigen::Matrix2d CovarianceOf(const Observation& observation,
                              const ClipOptions& options) {
   Eigen::Matrix2d covariance = Eigen::Matrix2d::Identity();
   if (options.use_covariances && observation.covariance) {
-    const PixelCovariance& c = *observation.covariance;
-    Eigen::Matrix2d measured;
-    measured << c.xx, c.xy, c.xy, c.yy;
     const double floor = options.covariance_floor_px * options.covariance_floor_px;
-    measured += floor * Eigen::Matrix2d::Identity();
+    const Eigen::Matrix2d measured =
+        observation.covariance->Matrix() + floor * Eigen::Matrix2d::Identity();
     if (measured.allFinite() && measured(0, 0) > 0.0 && measured.determinant() > 0.0) {
       covariance = measured;
     }

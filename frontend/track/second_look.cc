@@ -135,9 +135,7 @@ std::vector<Observation> SecondLook::Finish() const {
       o.frame = s.frame;
       o.xy = s.xy;
       o.residual = s.residual;
-      o.covariance = PixelCovariance{static_cast<float>(scale * s.shape(0, 0)),
-                                     static_cast<float>(scale * s.shape(0, 1)),
-                                     static_cast<float>(scale * s.shape(1, 1))};
+      o.covariance = PixelCovariance::From(scale * s.shape);
     }
   }
   return observations;

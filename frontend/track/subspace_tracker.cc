@@ -411,9 +411,7 @@ void SubspaceMover::Observe(std::size_t f,
   move.xy = m.xy;
   move.residual = m.residual;
   const Eigen::Matrix2d covariance = covariance_scale_ * m.shape;
-  move.covariance = PixelCovariance{static_cast<float>(covariance(0, 0)),
-                                    static_cast<float>(covariance(0, 1)),
-                                    static_cast<float>(covariance(1, 1))};
+  move.covariance = PixelCovariance::From(covariance);
   Appearance& appearance = appearance_[f];
   appearance.anchor.warp = m.warp;
   appearance.anchor.warp_covariance = m.warp_covariance;

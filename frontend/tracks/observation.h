@@ -39,6 +39,17 @@ struct PixelCovariance {
   float xx = 1.0F;
   float xy = 0.0F;
   float yy = 1.0F;
+
+  static PixelCovariance From(const Eigen::Matrix2d& matrix) {
+    return {static_cast<float>(matrix(0, 0)),
+            static_cast<float>(matrix(0, 1)),
+            static_cast<float>(matrix(1, 1))};
+  }
+  Eigen::Matrix2d Matrix() const {
+    Eigen::Matrix2d matrix;
+    matrix << xx, xy, xy, yy;
+    return matrix;
+  }
 };
 
 // Where a feature was in a frame. xy in pixels, the centre of the top-left pixel is (0, 0).

@@ -57,9 +57,7 @@ bool InsideBorder(const Eigen::Vector2d& xy, const ReinitializationOptions& opti
 
 // L^-1 error. The covariance is positive definite.
 Eigen::Vector2d Normalise(const Eigen::Vector2d& error, const PixelCovariance& covariance) {
-  Eigen::Matrix2d S;
-  S << covariance.xx, covariance.xy, covariance.xy, covariance.yy;
-  return S.llt().matrixL().solve(error);
+  return covariance.Matrix().llt().matrixL().solve(error);
 }
 
 CalibrationFigure Calibration(const std::vector<Eigen::Vector2d>& normalised) {

@@ -127,9 +127,7 @@ TrackEvaluation WithClaimedCovariance(double factor) {
     o.xy = still;
     if (o.frame == FrameIndex{0}) continue;
     o.xy += L * Eigen::Vector2d(random.Gaussian(), random.Gaussian());
-    o.covariance = PixelCovariance{static_cast<float>(factor * 0.9),
-                                   static_cast<float>(factor * 0.5),
-                                   static_cast<float>(factor * 0.4)};
+    o.covariance = PixelCovariance::From(factor * true_covariance);
   }
   const auto still_truth = [](FrameIndex, const Eigen::Vector2d& xy) -> std::optional<TruePath> {
     return [xy](FrameIndex) { return TrueSighting{.xy = xy, .visible = true}; };
