@@ -8,10 +8,10 @@ namespace cohort {
 
 // The paper's tracker: all features move together, from frame to frame, to the minimum of the total
 // energy (eq. 3) over a pyramid, with the trajectories of the last L frames as history. Then guide,
-// then measure (measurement.h): a position that the image confirms is observed, and is what enters
-// the history; one that it does not confirm is predicted from the feature's own course
-// (prediction.h), until it is seen again or is found to be lost. README.md of this library lists
-// the steps.
+// then measure (measurement.h): a position that the image confirms is observed; one that it does
+// not confirm is predicted from the feature's own past and the other features (trajectory_model.h),
+// until it is seen again or is found to be lost. The history holds the most probable positions.
+// README.md of this library lists the steps.
 //
 // A new feature has no history: its column of the trajectory matrix is filled backwards, frame by
 // frame, by the motion of the features around it, corrected by aligning its template with the
