@@ -49,63 +49,71 @@ class RowAdder {
   ExperimentResults& results_;
 };
 
+// Has the task figures? If not, its rows say why.
+bool IsFinished(const Json& result, RowAdder& rows) {
+  const Json& figures = result.at("figures");
+  if (figures.contains("not_available")) {
+    rows.AddNotAvailable(figures.at("not_available"));
+    return false;
+  }
+  if (!result.at("error").is_null()) {
+    rows.Add("failed", true, "");
+    rows.Fail(result.at("error"));
+    return false;
+  }
+  return true;
+}
+
 // Protocol paper.
 void AddFollowRows(const Json& figures, RowAdder& rows) {
-  rows.Add("features", figures["features"], "");
-  rows.Add(kL1ErrorMetric, figures["l1_error_px"], "px");
-  rows.Add("feature_frames", figures["feature_frames"], "frames");
-  rows.Add("reinitializations", figures["reinitializations"], "");
-  rows.Add("lost", figures["lost"], "");
-  rows.Add(kFramesBetweenMetric, figures["frames_between_reinitializations"], "frames");
-  rows.Add("track_time", figures["ms_per_frame"], "ms/frame");
+  rows.Add("features", figures.at("features"), "");
+  rows.Add(kL1ErrorMetric, figures.at("l1_error_px"), "px");
+  rows.Add("feature_frames", figures.at("feature_frames"), "frames");
+  rows.Add("reinitializations", figures.at("reinitializations"), "");
+  rows.Add("lost", figures.at("lost"), "");
+  rows.Add(kFramesBetweenMetric, figures.at("frames_between_reinitializations"), "frames");
+  rows.Add("track_time", figures.at("ms_per_frame"), "ms/frame");
 }
 
 // Of tracks against the truth.
 void AddErrorRows(const Json& errors, RowAdder& rows) {
-  if (!errors["observed"].is_null()) {
-    rows.Add("observed_error_median", errors["observed"]["median_px"], "px");
-    rows.Add("observed_error_p90", errors["observed"]["p90_px"], "px");
-    rows.Add("observed_error_mean", errors["observed"]["mean_px"], "px");
+  if (!errors.at("observed").is_null()) {
+    rows.Add("observed_error_median", errors.at("observed").at("median_px"), "px");
+    rows.Add("observed_error_p90", errors.at("observed").at("p90_px"), "px");
+    rows.Add("observed_error_mean", errors.at("observed").at("mean_px"), "px");
   }
-  if (!errors["calibration"].is_null()) {
-    rows.Add("nees_ratio", errors["calibration"]["nees_ratio"], "");
-    rows.Add("normalised_error_sigma", errors["calibration"]["robust_sigma"], "");
+  if (!errors.at("calibration").is_null()) {
+    rows.Add("nees_ratio", errors.at("calibration").at("nees_ratio"), "");
+    rows.Add("normalised_error_sigma", errors.at("calibration").at("robust_sigma"), "");
   }
-  rows.Add("outlier_share", errors["outlier_share"], "");
-  rows.Add("predicted_precision", errors["predicted_precision"], "");
-  rows.Add("predicted_recall", errors["predicted_recall"], "");
-  rows.Add(kFramesBetweenMetric, errors["mean_frames_between_reinitializations"], "frames");
-  rows.Add(kL1ErrorMetric, errors["l1_error_30_frames_px"], "px");
+  rows.Add("outlier_share", errors.at("outlier_share"), "");
+  rows.Add("predicted_precision", errors.at("predicted_precision"), "");
+  rows.Add("predicted_recall", errors.at("predicted_recall"), "");
+  rows.Add(kFramesBetweenMetric, errors.at("mean_frames_between_reinitializations"), "frames");
+  rows.Add(kL1ErrorMetric, errors.at("l1_error_30_frames_px"), "px");
 }
 
 }  // namespace
 
 void AddTrackRows(const TrackCell& cell, const Json& result, ExperimentResults& results) {
   RowAdder rows(cell, "", results);
-  const Json& figures = result["figures"];
-  if (figures.contains("not_available")) {
-    rows.AddNotAvailable(figures["not_available"]);
-    return;
-  }
-  rows.Add("failed", !result["error"].is_null(), "");
-  if (!result["error"].is_null()) {
-    rows.Fail(result["error"]);
-    return;
-  }
+  if (!IsFinished(result, rows)) return;
+  rows.Add("failed", false, "");
+  const Json& figures = result.at("figures");
   if (figures.contains("l1_error_px")) {
     AddFollowRows(figures, rows);
     return;
   }
-  const Json& track = figures["track"];
-  rows.Add("tracks", track["tracks"], "");
-  rows.Add("observations", track["observations"], "");
-  rows.Add("predicted", track["predicted"], "");
-  rows.Add("mean_track_length", track["mean_track_length"], "frames");
+  const Json& track = figures.at("track");
+  rows.Add("tracks", track.at("tracks"), "");
+  rows.Add("observations", track.at("observations"), "");
+  rows.Add("predicted", track.at("predicted"), "");
+  rows.Add("mean_track_length", track.at("mean_track_length"), "frames");
   if (track.contains("ms_per_frame")) {
-    rows.Add("detect_time", track["ms_per_frame"]["detect"], "ms/frame");
-    rows.Add("track_time", track["ms_per_frame"]["track"], "ms/frame");
+    rows.Add("detect_time", track.at("ms_per_frame").at("detect"), "ms/frame");
+    rows.Add("track_time", track.at("ms_per_frame").at("track"), "ms/frame");
   }
-  if (figures.contains("errors")) AddErrorRows(figures["errors"], rows);
+  if (figures.contains("errors")) AddErrorRows(figures.at("errors"), rows);
 }
 
 void AddModelRows(const TrackCell& cell,
@@ -113,47 +121,39 @@ void AddModelRows(const TrackCell& cell,
                   const Json& result,
                   ExperimentResults& results) {
   RowAdder rows(cell, NameOf(kGridBackendNames, backend), results);
-  const Json& figures = result["figures"];
-  if (figures.contains("not_available")) {
-    rows.AddNotAvailable(figures["not_available"]);
-    return;
-  }
-  if (!result["error"].is_null()) {
-    rows.Add("failed", true, "");
-    rows.Fail(result["error"]);
-    return;
-  }
-  const Json& model = figures["model"];
-  rows.Add("failed", model["failed"], "");
-  rows.Add("registered", model["registered"], "frames");
-  rows.Add("frames", model["frames"], "frames");
-  rows.Add("seconds", model["seconds"], "s");
-  if (model["failed"].get<bool>()) {
+  if (!IsFinished(result, rows)) return;
+  const Json& figures = result.at("figures");
+  const Json& model = figures.at("model");
+  rows.Add("failed", model.at("failed"), "");
+  rows.Add("registered", model.at("registered"), "frames");
+  rows.Add("frames", model.at("frames"), "frames");
+  rows.Add("seconds", model.at("seconds"), "s");
+  if (model.at("failed").get<bool>()) {
     rows.Fail(fmt::format("{} of {} frames registered: {}",
-                          model["registered"].get<std::size_t>(),
-                          model["frames"].get<std::size_t>(),
-                          model["termination"].get<std::string>()));
+                          model.at("registered").get<std::size_t>(),
+                          model.at("frames").get<std::size_t>(),
+                          model.at("termination").get<std::string>()));
     return;
   }
-  rows.Add("points", model["points"], "");
-  rows.Add("model_track_length", model["mean_track_length"], "frames");
-  rows.Add("mean_reprojection", model["mean_reprojection_px"], "px");
+  rows.Add("points", model.at("points"), "");
+  rows.Add("model_track_length", model.at("mean_track_length"), "frames");
+  rows.Add("mean_reprojection", model.at("mean_reprojection_px"), "px");
   if (figures.contains("track_errors")) {
-    rows.Add("mean_track_length", figures["track_errors"]["mean_track_length"], "frames");
-    AddErrorRows(figures["track_errors"], rows);
+    rows.Add("mean_track_length", figures.at("track_errors").at("mean_track_length"), "frames");
+    AddErrorRows(figures.at("track_errors"), rows);
   }
   if (!figures.contains("errors")) return;
-  const Json& errors = figures["errors"];
+  const Json& errors = figures.at("errors");
   if (backend != GridBackend::kTriangulation) {  // whose cameras are the truth
-    rows.Add("ate", errors["ate_m"], "m");
-    rows.Add("rpe_rot", errors["rpe_rot_deg"], "deg");
-    rows.Add("rpe_trans", errors["rpe_trans_m"], "m");
+    rows.Add("ate", errors.at("ate_m"), "m");
+    rows.Add("rpe_rot", errors.at("rpe_rot_deg"), "deg");
+    rows.Add("rpe_trans", errors.at("rpe_trans_m"), "m");
   }
-  rows.Add("point_error_median", errors["point_error_median_m"], "m");
+  rows.Add("point_error_median", errors.at("point_error_median_m"), "m");
   if (backend != GridBackend::kTriangulation) {
-    rows.Add("auc_5", errors["auc_5"], "");
-    rows.Add("auc_10", errors["auc_10"], "");
-    rows.Add("auc_20", errors["auc_20"], "");
+    rows.Add("auc_5", errors.at("auc_5"), "");
+    rows.Add("auc_10", errors.at("auc_10"), "");
+    rows.Add("auc_20", errors.at("auc_20"), "");
   }
 }
 
