@@ -19,8 +19,11 @@ struct Poses {
   FrameRange range;
   std::map<FrameIndex, Rigid3> cam_from_world;
 
-  std::uint32_t PlaceOf(FrameIndex frame) const {
-    return (ToInt(frame) - range.first) / range.stride;
+  // None of a frame that is not in the range.
+  std::optional<std::uint32_t> PlaceOf(FrameIndex frame) const {
+    const std::uint32_t i = ToInt(frame);
+    if (i < range.first || (i - range.first) % range.stride != 0) return std::nullopt;
+    return (i - range.first) / range.stride;
   }
 };
 
@@ -37,8 +40,8 @@ std::optional<Poses> ReadPoses(const fs::path& folder) {
 Centres CentresOf(const Poses& poses, const std::map<FrameIndex, Rigid3>& cam_from_world) {
   Centres centres;
   for (const auto& [frame, pose] : cam_from_world) {
-    if (frame < FrameIndex{poses.range.first}) continue;
-    centres[poses.PlaceOf(frame)] = pose.Inverse().translation;
+    const auto place = poses.PlaceOf(frame);
+    if (place) centres[*place] = pose.Inverse().translation;
   }
   return centres;
 }

@@ -50,6 +50,9 @@ class Undegraded : public testing::Test {
   void SetUp() override {
     for (int place = 0; place < 12; ++place) {
       truth_[FrameIndex(100U + 2U * place)] = {Eigen::Quaterniond::Identity(), -TrueCentre(place)};
+      // What the stride leaves out is somewhere else.
+      truth_[FrameIndex(101U + 2U * place)] = {Eigen::Quaterniond::Identity(),
+                                               -3.0 * TrueCentre(place)};
     }
     light_ = WriteModel(dir_ / "light", 100, 2, 7.0, false, TrueCentre);
   }
