@@ -28,8 +28,9 @@ inline double InterpolatedQuantile(std::vector<double> values, double share) {
   const auto at = values.begin() + static_cast<std::ptrdiff_t>(place);
   std::nth_element(values.begin(), at, values.end());
   const double lower = *at;
-  if (at + 1 == values.end()) return lower;
-  return std::lerp(lower, *std::min_element(at + 1, values.end()), place - std::floor(place));
+  const double beyond = place - std::floor(place);
+  if (beyond == 0.0) return lower;  // the next one may be infinite
+  return std::lerp(lower, *std::min_element(at + 1, values.end()), beyond);
 }
 
 inline double InterpolatedMedian(std::vector<double> values) {

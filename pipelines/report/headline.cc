@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <map>
 #include <set>
 #include <tuple>
@@ -48,7 +49,7 @@ class Values {
     return it == values_.end() ? kNone : it->second;
   }
 
-  // Most seeds failed, by themselves or because tracking did.
+  // So many seeds failed, by themselves or because tracking did, that the median error is infinite.
   bool Failed(const std::string& sequence,
               const std::string& level,
               const std::string& tracker,
@@ -56,7 +57,7 @@ class Values {
     const auto& failed = Of({sequence, level, tracker, backend, "failed"});
     const auto failures = std::count_if(
         failed.begin(), failed.end(), [](const auto& seed) { return seed.second != 0.0; });
-    return 2 * failures > static_cast<std::ptrdiff_t>(failed.size());
+    return failures > 0 && 2 * failures >= static_cast<std::ptrdiff_t>(failed.size());
   }
   bool Ran(const std::string& sequence,
            const std::string& level,
@@ -65,12 +66,19 @@ class Values {
     return !Of({sequence, level, tracker, backend, "failed"}).empty();
   }
 
+  // The error of a seed that failed is infinite; else it would be those who fail where it is hard
+  // that have the small medians.
   std::optional<double> Median(const Key& key) const {
     const auto& [sequence, level, tracker, backend, metric] = key;
     if (Failed(sequence, level, tracker, backend)) return std::nullopt;
     std::vector<double> values;
     for (const auto& [seed, value] : Of(key)) values.push_back(value);
     if (values.empty()) return std::nullopt;
+    if (metric != kLength) {
+      for (const auto& [seed, failed] : Of({sequence, level, tracker, backend, "failed"})) {
+        if (failed != 0.0) values.push_back(std::numeric_limits<double>::infinity());
+      }
+    }
     return InterpolatedMedian(std::move(values));
   }
 
@@ -131,15 +139,12 @@ std::optional<std::string> Best(const Values& values,
 }
 
 std::optional<std::string> Cohort(const Values& values) {
-  const auto& names = values.trackers();
-  for (const auto& is_it : {+[](const std::string& name) { return name == "subspace"; },
-                            +[](const std::string& name) {
-                              return name.starts_with("subspace") && name != "subspace-paper";
-                            }}) {
-    const auto it = std::find_if(names.begin(), names.end(), is_it);
-    if (it != names.end()) return *it;
+  std::optional<std::string> first;
+  for (const std::string& name : values.trackers()) {
+    if (name == "subspace") return name;
+    if (!first && name.starts_with("subspace") && name != "subspace-paper") first = name;
   }
-  return std::nullopt;
+  return first;
 }
 
 double GeometricMean(const std::vector<double>& values) {
@@ -282,10 +287,14 @@ void AddLosses(const Values& values, const std::string& cohort, Headline& headli
   }
 }
 
-std::string RatioText(const std::optional<HeadlineRatio>& ratio) {
+std::string RatioText(const std::optional<HeadlineRatio>& ratio, std::size_t clips) {
   if (!ratio) return "-";
-  if (ratio->least == ratio->largest) return fmt::format("{:.2f}", ratio->value);
-  return fmt::format("{:.2f} ({:.2f}..{:.2f})", ratio->value, ratio->least, ratio->largest);
+  std::string text = fmt::format("{:.2f}", ratio->value);
+  if (ratio->least != ratio->largest) {
+    text += fmt::format(" ({:.2f}..{:.2f})", ratio->least, ratio->largest);
+  }
+  if (ratio->clips < clips) text += fmt::format(" of {}", ratio->clips);
+  return text;
 }
 
 std::string Percent(const std::optional<double>& share) {
@@ -346,12 +355,12 @@ std::string HeadlineTable(const Headline& headline) {
     table.push_back({row.level,
                      row.backend,
                      fmt::format("{}", row.clips),
-                     RatioText(row.camera_klt),
-                     RatioText(row.camera_anchored),
-                     RatioText(row.camera_ceiling),
-                     RatioText(row.points_klt),
-                     RatioText(row.points_anchored),
-                     RatioText(row.length_klt),
+                     RatioText(row.camera_klt, row.clips),
+                     RatioText(row.camera_anchored, row.clips),
+                     RatioText(row.camera_ceiling, row.clips),
+                     RatioText(row.points_klt, row.clips),
+                     RatioText(row.points_anchored, row.clips),
+                     RatioText(row.length_klt, row.clips),
                      Percent(row.registered),
                      Percent(row.registered_klt),
                      fmt::format("{}/{}/{}", row.failed, row.failed_klt, row.failed_anchored)});

@@ -8,9 +8,9 @@
 
 namespace cohort {
 
-// How many times smaller the cohort's error is: the geometric mean over clips of medians over
-// seeds, over the clips in which both have a value; the least and largest of the same of single
-// seeds.
+// How many times smaller the cohort's error is: the geometric mean of the ratios of medians over
+// seeds, over the clips in which both have one; the least and largest of the same of single seeds,
+// of those that failed nowhere. The error of a seed that failed is infinite.
 struct HeadlineRatio {
   double value = 0.0;
   double least = 0.0;
@@ -32,13 +32,13 @@ struct HeadlineRow {
   std::optional<HeadlineRatio> length_klt;  // mean observed track length, cohort / best KLT
   std::optional<double> registered;         // share of frames with a pose, of all clips and seeds
   std::optional<double> registered_klt;     // the same of the best KLT
-  // Clips of which most seeds failed.
+  // Clips of which at least half of the seeds failed, so that the median error is infinite.
   std::size_t failed = 0;
   std::size_t failed_klt = 0;
   std::size_t failed_anchored = 0;
 };
 
-// A clip in which the cohort does not win.
+// A clip in which a baseline did better.
 struct Loss {
   std::string sequence;
   std::string level;
@@ -56,8 +56,9 @@ struct Headline {
   std::size_t contests = 0;  // cells and figures in which somebody was there to lose to
 };
 
-// Compares the tracker `subspace`, or else the first whose name begins so, with the baselines klt*
-// and anchored-klt*. None where one of either is missing, or no truth gives errors.
+// Compares the tracker `subspace`, or else the first whose name begins so (not `subspace-paper`),
+// with the baselines klt, kltN, anchored-klt and anchored-kltN. None where one of either is
+// missing, or no truth gives errors.
 std::optional<Headline> MakeHeadline(const ExperimentResults& results);
 
 // Of the trackers FAMILY, FAMILY21, FAMILY31 ... the one with the least median of a figure in a
@@ -70,7 +71,9 @@ std::optional<std::string> BestTracker(const ExperimentResults& results,
                                        const std::string& family);
 
 // A line for every level and backend, for the terminal and the README:
-//   ATE, points  error of the best KLT, or anchored KLT, over the cohort's: above 1 the cohort wins
+//   ATE, points  error of the best KLT, or anchored KLT, over the cohort's: above 1 the cohort
+//   wins;
+//                "of n" where only n clips have both
 //   length       mean observed track length, the cohort's over the best KLT's
 //   failed       clips that failed: cohort / KLT / anchored KLT
 std::string HeadlineTable(const Headline& headline);

@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <limits>
+
 namespace cohort {
 namespace {
 
@@ -30,6 +32,12 @@ TEST(Statistics, InterpolatedQuantileIsNumpysPercentile) {
   EXPECT_NEAR(InterpolatedQuantile(values, 0.9), 37.0, 1e-12);
   EXPECT_EQ(InterpolatedQuantile(values, 1.0), 40.0);
   EXPECT_EQ(InterpolatedMedian({}), 0.0);
+}
+
+TEST(Statistics, FailuresCountAsInfinite) {
+  constexpr double kFailed = std::numeric_limits<double>::infinity();
+  EXPECT_EQ(InterpolatedMedian({kFailed, 1.0, 2.0}), 2.0);
+  EXPECT_EQ(InterpolatedMedian({kFailed, 1.0}), kFailed);
 }
 
 }  // namespace

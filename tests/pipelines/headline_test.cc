@@ -88,7 +88,28 @@ TEST_F(HeadlineOf, AFailureIsCountedAndNeverASmallError) {
   EXPECT_EQ(row.failed, 0u);
   EXPECT_EQ(row.camera_klt->clips, 1u);
   EXPECT_NEAR(row.camera_klt->value, 3.0, 1e-12);
+  EXPECT_THAT(HeadlineTable(*headline), HasSubstr("3.00 of 1"));
   EXPECT_LT(*row.registered_klt, 0.75);
+}
+
+TEST_F(HeadlineOf, AFailedSeedIsAnInfiniteErrorInTheMedian) {
+  for (const unsigned seed : {1U, 2U, 3U}) {
+    Add("a", "klt", seed, 2.0 * seed);  // 2, 4, 6
+    if (seed < 3) Add("a", "subspace", seed, seed);
+    if (seed == 3) AddFailure("a", "subspace", seed);  // 1, 2, infinite
+    if (seed == 3) continue;                           // of two seeds one fails
+    Add("b", "klt", seed, 3.0);
+    if (seed == 1) Add("b", "subspace", seed, 1.0);
+    if (seed == 2) AddFailure("b", "subspace", seed);
+  }
+  const auto headline = MakeHeadline(results_);
+  ASSERT_TRUE(headline);
+  const HeadlineRow& row = headline->rows[0];
+  EXPECT_EQ(row.failed, 1u);
+  EXPECT_EQ(row.camera_klt->clips, 1u);
+  EXPECT_NEAR(row.camera_klt->value, 2.0, 1e-12);  // 4 over 2
+  ASSERT_EQ(headline->losses.size(), 1u);
+  EXPECT_EQ(headline->losses[0].sequence, "b");
 }
 
 TEST_F(HeadlineOf, WhereTheCohortDoesNotWinIsListed) {
