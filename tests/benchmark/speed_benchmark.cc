@@ -16,7 +16,6 @@
 #include "datasets/degrade.h"
 #include "frontend/core/output.h"
 #include "frontend/core/statistics.h"
-#include "frontend/detect/corners.h"
 #include "frontend/image/frame_offset.h"
 #include "frontend/track/track_loop.h"
 #include "tests/support/cpu_clock.h"
@@ -35,69 +34,54 @@ constexpr Setting kSettings[] = {{35, 5, 150.0}, {35, 10, 80.0}, {300, 10, 25.0}
 // The window of every tracker is full.
 constexpr std::size_t kFirstTimedFrame = 12;
 
-// A mover and its features, kept as TrackLoop keeps them.
-class Racer {
+// Adds up the processor time of another mover.
+class TimedMover final : public FeatureMover {
  public:
-  explicit Racer(const TrackerOptions& options) : options_(options), mover_(MakeMover(options)) {}
+  TimedMover(const TrackerOptions& options, double& ms) : mover_(MakeMover(options)), ms_(ms) {}
 
-  // Returns the processor time of all but the search for corners.
-  double Step(const cv::Mat& gray) {
-    double start_ms = test::CpuMs();
-    const Pyramid pyramid = BuildPyramid(gray);
-    if (!features_.empty()) Move(pyramid);
-    double ms = test::CpuMs() - start_ms;
-    const auto confirmed = std::count_if(
-        features_.begin(), features_.end(), [](const Feature& f) { return f.unconfirmed == 0; });
-    const DetectorOptions& detector = options_.detector;
-    if (static_cast<double>(confirmed) >= detector.redetect_below * detector.max_features) {
-      return ms;
-    }
-    std::vector<Eigen::Vector2d> occupied;
-    for (const Feature& feature : features_) occupied.push_back(feature.xy);
-    const auto born = DetectCorners(pyramid.levels.front(),
-                                    occupied,
-                                    {},
-                                    options_.birth_border_px,
-                                    detector.max_features - static_cast<int>(confirmed),
-                                    detector);
-    start_ms = test::CpuMs();
-    if (!born.empty()) mover_->Add(born, pyramid);
-    ms += test::CpuMs() - start_ms;
-    for (const Eigen::Vector2d& xy : born) features_.push_back({xy, 0});
-    return ms;
+  std::vector<Move> MoveFeatures(const Pyramid& current) override {
+    const double start_ms = test::CpuMs();
+    std::vector<Move> moves = mover_->MoveFeatures(current);
+    ms_ += test::CpuMs() - start_ms;
+    return moves;
   }
-
-  std::size_t features() const { return features_.size(); }
+  void Keep(std::span<const std::uint8_t> keep) override {
+    const double start_ms = test::CpuMs();
+    mover_->Keep(keep);
+    ms_ += test::CpuMs() - start_ms;
+  }
+  void Add(std::span<const Eigen::Vector2d> born, const Pyramid& current) override {
+    const double start_ms = test::CpuMs();
+    mover_->Add(born, current);
+    ms_ += test::CpuMs() - start_ms;
+  }
 
  private:
-  struct Feature {
-    Eigen::Vector2d xy;
-    int unconfirmed;  // frames in a row
-  };
+  std::unique_ptr<FeatureMover> mover_;
+  double& ms_;
+};
 
-  void Move(const Pyramid& pyramid) {
-    const auto moves = mover_->MoveFeatures(pyramid);
-    std::vector<std::uint8_t> keep;
-    std::vector<Feature> kept;
-    const double border = options_.border_px;
-    for (std::size_t f = 0; f < moves.size(); ++f) {
-      const Eigen::Vector2d& xy = moves[f].xy;
-      const int unconfirmed =
-          moves[f].state == ObservationState::kPredicted ? features_[f].unconfirmed + 1 : 0;
-      const bool stays = !moves[f].loss && unconfirmed <= options_.max_unconfirmed_frames &&
-                         xy.x() >= border && xy.y() >= border &&
-                         xy.x() <= pyramid.width() - 1 - border &&
-                         xy.y() <= pyramid.height() - 1 - border;
-      keep.push_back(stays ? 1 : 0);
-      if (stays) kept.push_back({xy, unconfirmed});
-    }
-    features_ = std::move(kept);
-    mover_->Keep(keep);
+// A tracker as `cohort track` runs it.
+class Racer {
+ public:
+  explicit Racer(const TrackerOptions& options)
+      : loop_(options, {}, std::make_unique<TimedMover>(options, ms_)) {}
+  Racer(const Racer&) = delete;
+  Racer& operator=(const Racer&) = delete;
+
+  // Returns the processor time without the pyramid and the search for corners.
+  double Step(const Frame& frame) {
+    ms_ = 0.0;
+    features_ = loop_.Track(frame).observations.size();
+    return ms_;
   }
 
-  TrackerOptions options_;
-  std::unique_ptr<FeatureMover> mover_;
-  std::vector<Feature> features_;
+  std::size_t features() const { return features_; }
+
+ private:
+  double ms_ = 0.0;
+  std::size_t features_ = 0;
+  TrackLoop loop_;
 };
 
 struct Times {
@@ -141,27 +125,28 @@ std::vector<std::unique_ptr<Racer>> MakeRacers(const Setting& setting) {
   return racers;
 }
 
-void Race(const std::vector<cv::Mat>& film, const Setting& setting, Results& results) {
+void Race(const std::vector<Frame>& film, const Setting& setting, Results& results) {
   const auto racers = MakeRacers(setting);
   Pyramid previous;
   for (std::size_t i = 0; i < film.size(); ++i) {
     const bool timed = i >= kFirstTimedFrame;
+    const double start_ms = test::CpuMs();
+    const Pyramid current = BuildPyramid(film[i].gray);
+    const double pyramid_ms = test::CpuMs() - start_ms;
+    if (timed) {
+      const double built_ms = test::CpuMs();
+      RegisterFrames(previous, current);
+      results.registration.ms.push_back(test::CpuMs() - built_ms);
+      results.pyramid.ms.push_back(pyramid_ms);
+    }
+    previous = current;
     for (std::size_t turn = 0; turn < kRacers; ++turn) {
       const std::size_t r = (i + turn) % kRacers;
       const double ms = racers[r]->Step(film[i]);
       if (!timed) continue;
-      results.racers[r].ms.push_back(ms);
+      results.racers[r].ms.push_back(pyramid_ms + ms);
       results.racers[r].features.push_back(static_cast<double>(racers[r]->features()));
     }
-    const double start_ms = test::CpuMs();
-    const Pyramid current = BuildPyramid(film[i]);
-    const double built_ms = test::CpuMs();
-    if (timed) {
-      RegisterFrames(previous, current);
-      results.pyramid.ms.push_back(built_ms - start_ms);
-      results.registration.ms.push_back(test::CpuMs() - built_ms);
-    }
-    previous = current;
   }
 }
 
@@ -250,13 +235,14 @@ pictures for the measurement) from a run without measurement; the rest is the me
       ShareTable(all));
 }
 
-std::vector<cv::Mat> MakeFilm(const std::string& clip, const std::string& level, unsigned frames) {
+std::vector<Frame> MakeFilm(const std::string& clip, const std::string& level, unsigned frames) {
   const auto sequence = OpenSequence(clip, Layout::kAuto, FrameRange{0, frames, 1});
   DegradeOptions degrade;
   degrade.level = ParseLevel(level);
-  std::vector<cv::Mat> film;
-  while (const auto frame = sequence->Next()) {
-    film.push_back(DegradeFrame(frame->gray, degrade, static_cast<std::uint32_t>(frame->index)));
+  std::vector<Frame> film;
+  while (auto frame = sequence->Next()) {
+    frame->gray = DegradeFrame(frame->gray, degrade, ToInt(frame->index));
+    film.push_back(std::move(*frame));
   }
   if (film.size() <= kFirstTimedFrame) {
     ThrowError("{}: {} frames; give a clip of more than {}", clip, film.size(), kFirstTimedFrame);
