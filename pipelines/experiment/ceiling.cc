@@ -31,7 +31,9 @@ class TruthMover final : public FeatureMover {
     RandomStream random = RandomStream(seed_, "compare/ceiling").Fork(ToInt(frame_));
     std::vector<Move> moves;
     for (Feature& feature : features_) {
-      const Eigen::Vector2d normal(random.Gaussian(), random.Gaussian());
+      Eigen::Vector2d normal;  // not as arguments, whose order is the compiler's choice
+      normal.y() = random.Gaussian();
+      normal.x() = random.Gaussian();
       moves.push_back(MoveOf(feature, normal));
       feature.xy = moves.back().xy;
     }
@@ -70,9 +72,7 @@ class TruthMover final : public FeatureMover {
     if (sigmas.maxCoeff() > kMaxSigmaPx * kMaxSigmaPx) return move;
     move.state = ObservationState::kObserved;
     move.xy += covariance->llt().matrixL() * normal;
-    move.covariance = PixelCovariance{static_cast<float>((*covariance)(0, 0)),
-                                      static_cast<float>((*covariance)(0, 1)),
-                                      static_cast<float>((*covariance)(1, 1))};
+    move.covariance = PixelCovariance::From(*covariance);
     return move;
   }
 
@@ -84,7 +84,7 @@ class TruthMover final : public FeatureMover {
   std::vector<Feature> features_;
 };
 
-// Tracks that the truth knows nothing of are none.
+// Without the tracks whose points the truth does not know.
 TrackSet OfKnownPoints(const TrackSet& tracks, TrackTruth& truth) {
   std::vector<Observation> observations;
   for (const FeatureId feature : tracks.features()) {

@@ -9,11 +9,12 @@
 
 namespace cohort {
 
-// What no tracker can beat, as tracks: the corners that every tracker would be given in the
-// degraded frames, with re-detection, at their true positions plus Gaussian noise at the
-// Cramer-Rao bound of their 21 x 21 px patches (datasets/position_bound.h), drawn independently;
-// with the bound as their covariance. Observed is what is truly visible and whose bound is at most
-// 3 px; hidden features are predicted where they truly are, and end as every tracker's. The first
+// What no tracker can beat that measures 21 x 21 px patches one by one, as tracks: the corners that
+// every tracker would be given in the degraded frames, with re-detection, at their true positions
+// plus Gaussian noise at the Cramer-Rao bound of such a patch (datasets/position_bound.h), drawn
+// independently; with the bound as their covariance. Wider patches, and what other features and
+// frames tell, can go beyond. Observed is what is truly visible and whose bound is at most 3 px;
+// hidden features are predicted where they truly are, and end as every tracker's. The first
 // position of a track has no noise: it says what the track follows.
 //
 // `clip` gives the frames that `degrade` was applied to, `dark` its result, `truth` is of `dark`;
