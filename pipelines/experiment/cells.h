@@ -2,6 +2,7 @@
 
 #include <filesystem>
 #include <string>
+#include <string_view>
 
 #include "frontend/core/options.h"
 #include "frontend/track/tracker_options.h"
@@ -19,6 +20,8 @@ struct GridClip {
 };
 
 inline constexpr std::string_view kAsIs = "as-is";
+inline constexpr std::string_view kSensor = "sensor";  // the recipe, at:
+inline constexpr const char* kSensorLevel = "hard";
 
 // Everything of one clip, level and seed lies in one folder.
 struct Condition {
@@ -28,6 +31,7 @@ struct Condition {
   std::filesystem::path folder;
 
   bool IsDegraded() const { return level != kAsIs; }
+  std::string DegradeLevel() const { return level == kSensor ? kSensorLevel : level; }
   std::filesystem::path Frames() const {
     return IsDegraded() ? folder / "frames" : std::filesystem::path(clip.input);
   }
@@ -35,7 +39,7 @@ struct Condition {
 
 enum class TrackSource {
   kTracker,  // of `cohort track`
-  kCeiling,  // the truth with the least noise there can be; ceiling.h
+  kCeiling,  // the truth with the least noise of a patch; ceiling.h
   kSift,     // no tracks: COLMAP's own features; backend/colmap/sift_mapper.h
 };
 
@@ -64,6 +68,7 @@ struct TrackCell {
   std::filesystem::path folder;
 
   std::filesystem::path Tracks() const { return folder / "clip.tracks"; }
+  std::filesystem::path TrackErrors() const { return folder / "track_errors.json"; }
   std::filesystem::path Result() const { return folder / "tracks.json"; }
   std::filesystem::path Model(GridBackend backend) const {
     return folder / NameOf(kGridBackendNames, backend);

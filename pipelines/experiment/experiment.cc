@@ -72,6 +72,14 @@ GridBackend ParseBackend(const std::string& text) {
   ThrowUsageError("--backends '{}' is unknown: give ceres, colmap, refined or triangulation", text);
 }
 
+// Cells of the same name would share a folder and count twice.
+void CheckDistinct(const char* option, const std::vector<std::string>& names) {
+  std::set<std::string> seen;
+  for (const std::string& name : names) {
+    if (!seen.insert(name).second) ThrowUsageError("--{} has {} twice", option, name);
+  }
+}
+
 std::string LabelOf(const Condition& condition) {
   return fmt::format("{} {} {}", condition.clip.name, condition.level, condition.seed);
 }
@@ -125,8 +133,8 @@ std::string FingerprintOf(const std::string& input) {
   if (fs::is_regular_file(input)) {
     add(input);
   } else {
-    const fs::path folder =
-        fs::is_directory(input) ? fs::path(input) : fs::path(input).parent_path();
+    fs::path folder = fs::absolute(input);  // of a glob that which holds it
+    while (!fs::is_directory(folder)) folder = folder.parent_path();
     for (const auto& entry : fs::recursive_directory_iterator(folder)) add(entry.path());
   }
   std::uint64_t hash = 14695981039346656037ULL;  // FNV-1a
@@ -150,19 +158,25 @@ class Experiment {
     for (const std::string& text : options_.backends) backends_.push_back(ParseBackend(text));
     for (const std::string& seed : options_.seeds) seeds_.push_back(ParseSeed(seed));
     for (const std::string& level : options_.levels) {
-      if (level != kAsIs && level != "sensor") ParseLevel(level);
+      if (level != kAsIs && level != kSensor) ParseLevel(level);
     }
     for (const std::string& name : options_.trackers) {
       trackers_.push_back(TrackerOf(name, options_.tracking));
       CheckTracker(trackers_.back());
     }
-    PrepareFolder();
+    CheckGrid();
+    MakeFolder();
     ProbeClips();
     for (const GridClip& clip : clips_) {
       if (options_.protocol == Protocol::kPaper && !clip.has_track_truth) {
         ThrowError("{} has no truth of tracks: --protocol paper needs clips of `cohort synth`",
                    clip.input);
       }
+    }
+    // Not before the inputs are known to be good. Other shards may be at work in the same folder.
+    if (!options_.resume && options_.shard.empty()) {
+      fs::remove_all(cells_folder_);
+      MakeFolder();
     }
     MakeGrid();
 
@@ -187,9 +201,18 @@ class Experiment {
     }
   }
 
-  void PrepareFolder() const {
-    // Other shards may be at work in the same folder.
-    if (!options_.resume && options_.shard.empty()) fs::remove_all(cells_folder_);
+  void CheckGrid() const {
+    std::vector<std::string> trackers;
+    for (const GridTracker& tracker : trackers_) trackers.push_back(tracker.name);
+    std::vector<std::string> seeds;
+    for (const unsigned seed : seeds_) seeds.push_back(std::to_string(seed));
+    CheckDistinct("trackers", trackers);
+    CheckDistinct("seeds", seeds);
+    CheckDistinct("levels", options_.levels);
+    CheckDistinct("backends", options_.backends);
+  }
+
+  void MakeFolder() const {
     std::error_code error;
     fs::create_directories(cells_folder_, error);
     if (error) ThrowError("cannot make folder {}: {}", cells_folder_.string(), error.message());
@@ -263,7 +286,7 @@ class Experiment {
       degrade.input = ClipInput(condition);
       degrade.out = condition.Frames().string();
       degrade.degrade = DegradeOf(condition);
-      degrade.level = condition.level == "sensor" ? "hard" : condition.level;
+      degrade.level = condition.DegradeLevel();
       const Json depends_on{{"degrade", ToJson(degrade)},
                             {"fingerprint", condition.clip.fingerprint}};
       tasks.push_back({"degrade " + LabelOf(condition),
@@ -290,8 +313,8 @@ class Experiment {
   static DegradeOptions DegradeOf(const Condition& condition) {
     DegradeOptions degrade;
     degrade.seed = condition.seed;
-    if (condition.level == "sensor") degrade.recipe = DegradeRecipe::kSensor;
-    degrade.level = ParseLevel(condition.level == "sensor" ? "hard" : condition.level);
+    if (condition.level == kSensor) degrade.recipe = DegradeRecipe::kSensor;
+    degrade.level = ParseLevel(condition.DegradeLevel());
     return degrade;
   }
 
@@ -313,6 +336,9 @@ class Experiment {
                        cell.Result(),
                        DependenciesOf(cell).dump(),
                        [this, &cell] {
+                         // What an earlier run left would stand for this one, should it fail.
+                         fs::remove(cell.Tracks());
+                         fs::remove(cell.TrackErrors());
                          if (cell.tracker.source == TrackSource::kCeiling) {
                            return TrackCeiling(cell);
                          }
@@ -326,8 +352,7 @@ class Experiment {
                          RunTrack(track);
                          Json figures{{"track", ReadJsonFile(track.json)}};
                          if (cell.condition.clip.has_track_truth) {
-                           figures["errors"] =
-                               Evaluate(cell, cell.Tracks(), cell.folder / "track_errors.json");
+                           figures["errors"] = Evaluate(cell, cell.Tracks(), cell.TrackErrors());
                          }
                          return figures;
                        }});
@@ -353,8 +378,7 @@ class Experiment {
                      {"observations", file.tracks.observations().size()},
                      {"predicted", file.tracks.CountPredicted()},
                      {"mean_track_length", file.tracks.MeanObservedLength()}};
-    return {{"track", track},
-            {"errors", Evaluate(cell, cell.Tracks(), cell.folder / "track_errors.json")}};
+    return {{"track", track}, {"errors", Evaluate(cell, cell.Tracks(), cell.TrackErrors())}};
   }
 
   static void DescribeFrames(const InputOptions& input, const Sequence& frames, TrackFile& file) {
@@ -473,6 +497,12 @@ class Experiment {
   }
 
   Json ReconstructCell(const TrackCell& cell, GridBackend backend) const {
+    fs::remove_all(cell.Model(backend));  // as of tracks
+    if (cell.tracker.source != TrackSource::kSift) {
+      // Tracks may be there, of the frames until it failed.
+      const Json error = ReadJsonFile(cell.Result()).at("error");
+      if (!error.is_null()) ThrowError("tracking failed: {}", error.get<std::string>());
+    }
     switch (backend) {
       case GridBackend::kCeres:
         return ByCommand(cell, backend, BackendKind::kCeres, cell.Tracks(), cell.Model(backend));

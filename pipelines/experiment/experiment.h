@@ -60,8 +60,8 @@ struct ExperimentOptions {
            "those of `cohort track`; kltN, anchored-kltN: with a window of N px; subspace-paper, "
            "descent-paper: joint and first-order tracker as the paper prints them, without "
            "measurement; subspace-fused: subspace with the most probable positions; ceiling: the "
-           "truth with the least noise there can be; sift: COLMAP's own "
-           "features (backend colmap); F.json: the tracker options of this file");
+           "truth with the least noise of a patch of 21 px; sift: COLMAP's own features (backend "
+           "colmap); F.json: the tracker options of this file");
     v.List("backends",
            o.backends,
            "of protocol reconstruction: ceres; colmap; refined: ceres, the second pass of `cohort "

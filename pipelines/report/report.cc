@@ -55,8 +55,8 @@ Json NotesOf(const std::vector<CellNote>& notes) {
 // What a level does to the frames, and its place on the axis of darkness (none: as-is, sensor).
 Json LevelOf(const std::string& level) {
   if (level == kAsIs) return {{"name", level}, {"about", "the clips as they are"}};
-  if (level == "sensor") {
-    const SensorLevel sensor = SensorLevelOf(2.0);
+  if (level == kSensor) {
+    const SensorLevel sensor = SensorLevelOf(ParseLevel(kSensorLevel));
     return {{"name", level},
             {"about",
              fmt::format("a camera sensor at {:.0f} % of the light: photon and read noise, gain, "
@@ -127,7 +127,7 @@ Json HeadlineOf(const std::optional<Headline>& headline) {
 std::vector<const TrackCell*> ShowcaseCells(const ExperimentResults& results) {
   const auto darkness = [](const Condition& condition) {
     if (!condition.IsDegraded()) return -1.0;
-    return condition.level == "sensor" ? 1.5 : ParseLevel(condition.level);
+    return condition.level == kSensor ? 1.5 : ParseLevel(condition.level);
   };
   const Condition* shown = nullptr;
   for (const TrackCell& cell : results.cells) {
@@ -387,7 +387,7 @@ Json CalibrationOf(const ExperimentResults& results) {
   std::vector<std::pair<std::string, std::string>> order;
   std::map<std::pair<std::string, std::string>, Sum> sums;
   for (const TrackCell& cell : results.cells) {
-    const fs::path file = cell.folder / "track_errors.json";
+    const fs::path file = cell.TrackErrors();
     if (!fs::exists(file)) continue;
     const Json errors = ReadJsonFile(file);
     if (!errors.contains("calibration") || errors["calibration"].is_null()) continue;

@@ -134,6 +134,7 @@ TEST_F(Commands, UnknownCommandFlagOrValueIsAUsageError) {
                 2,
                 HasSubstr("add colmap to --backends"));
   ExpectFailure(RunCohort("compare a --out b --shard 2/2"), 2, HasSubstr("--shard '2/2'"));
+  ExpectFailure(RunCohort("compare a --out b --seeds 1,2,01"), 2, HasSubstr("--seeds has 1 twice"));
   const std::string clip = WriteImages(Path("clip"), 2);
   ExpectFailure(RunCohort(Track(clip, "--camera 1,2,3")), 2, HasSubstr("--camera '1,2,3'"));
   ExpectFailure(RunCohort(Track(clip, "--camera 0,1,1,1")), 2, HasSubstr("above 0"));
@@ -672,6 +673,24 @@ TEST_F(Commands, CompareDoesAgainWhatAChangedClipMakesStale) {
   ASSERT_EQ(RunCohort(compare).exit_code, 0);
   cv::imwrite(ImagePath(clip, 3), MovingFrame(40));
   EXPECT_THAT(RunCohort(compare).err, Not(HasSubstr("track: 1 of 1 are done already")));
+
+  // What cannot be tracked to its end is not reconstructed from the frames until then.
+  cv::imwrite(ImagePath(clip, 3), MovingFrame(3, CV_8U, {150, 120}));
+  ASSERT_EQ(RunCohort(compare).exit_code, 0);
+  const nlohmann::json failures = ReadJson(Path("out/results.json"))["failures"];
+  ASSERT_EQ(failures.size(), 2u);
+  EXPECT_THAT(failures[0]["reason"], HasSubstr("150x120"));
+  EXPECT_THAT(failures[1]["reason"], StartsWith("tracking failed: "));
+}
+
+TEST_F(Commands, CompareTakesAGlobOfTheFolderItRunsIn) {
+  const std::string clip = WriteImages(Path("clip"), 3);
+  const ProgramEnd end =
+      RunShell(fmt::format("cd {} && {} compare '*.png' --trackers klt --backends ceres --out {}",
+                           clip,
+                           COHORT_PROGRAM,
+                           Path("out")));
+  EXPECT_EQ(end.exit_code, 0) << end.err;
 }
 
 TEST_F(Commands, AKilledCompareResumesAndGivesTheSame) {
@@ -743,6 +762,7 @@ TEST_F(Commands, CompareRecordsFailuresAsFailures) {
   ExpectFailure(RunCohort("compare " + Path("none") + " --quiet --out " + Path("out")),
                 1,
                 HasSubstr(Path("none")));
+  EXPECT_TRUE(fs::exists(Path("out/cells/still/as-is/1/klt/clip.tracks")));  // not lost by it
 }
 
 }  // namespace
