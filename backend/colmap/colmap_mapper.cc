@@ -262,7 +262,7 @@ ColmapResult ReconstructWithColmap(const TrackFile& file,
     if (model && (!best || model->model.images.size() > best->model.images.size())) {
       best = std::move(model);
     }
-    if (best && best->model.images.size() * 10 >= frames * 8) break;
+    if (best && !TooFewRegistered(best->model.images.size(), frames)) break;
     failure = FailureIn(workspace.log, log_bytes, end);
   }
   if (best) result.reconstruction = ToReconstruction(best->model, file, options);
@@ -294,7 +294,7 @@ ColmapResult ReconstructWithColmap(const TrackFile& file,
                               program.version(),
                               failure,
                               workspace.log.filename().string());
-  } else if (registered * 10 < frames * 8) {
+  } else if (TooFewRegistered(registered, frames)) {
     termination = fmt::format("COLMAP {} registered only {} of {} frames (fewer than 80 %); {}",
                               program.version(),
                               registered,

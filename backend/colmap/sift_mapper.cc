@@ -204,7 +204,7 @@ ColmapResult ReconstructWithSift(const TrackFile& clip,
       if (model && (!best || model->model.images.size() > best->model.images.size())) {
         best = std::move(model);
       }
-      if (best && best->model.images.size() * 10 >= clip.frames.size() * 8) break;
+      if (best && !TooFewRegistered(best->model.images.size(), clip.frames.size())) break;
     }
   }
   if (best) result.reconstruction = ToReconstruction(best->model, clip);

@@ -634,7 +634,8 @@ MapperResult ReconstructWithCeres(const TrackFile& file, const MapperOptions& op
   }
   if (options.covariances) EstimateCovariances(model, mapper, result);
   result.reconstruction = ToReconstruction(model);
-  const bool partial = model.registered() * 10 < static_cast<int>(file.frames.size()) * 8;
+  const bool partial =
+      TooFewRegistered(static_cast<std::size_t>(model.registered()), file.frames.size());
   return end(partial ? MapperTermination::kPartial : MapperTermination::kSuccess, detail);
 }
 

@@ -36,7 +36,12 @@ struct Reconstruction {
 // Fills mean_reprojection_px of every point from cameras, points and views.
 void UpdateReprojectionErrors(Reconstruction& reconstruction);
 
-// How a reconstruction ended; `failed` is registered < 80 % of frames.
+// So few frames with a pose that the reconstruction failed: fewer than 80 %.
+constexpr bool TooFewRegistered(std::size_t registered, std::size_t frames) {
+  return registered * 10 < frames * 8;
+}
+
+// How a reconstruction ended.
 struct ReconstructionSummary {
   std::size_t registered = 0;
   std::size_t frames = 0;
@@ -47,7 +52,7 @@ struct ReconstructionSummary {
   double seconds = 0.0;
   std::string termination;  // one line
 
-  bool Failed() const { return registered * 10 < frames * 8; }
+  bool Failed() const { return TooFewRegistered(registered, frames); }
   std::string Brief() const;
 };
 

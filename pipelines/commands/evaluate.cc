@@ -123,7 +123,7 @@ Json EvaluateModelFolder(const fs::path& folder, const Sequence& sequence, Track
       EvaluateModel(ReadReconstruction(folder), FramesOfModel(folder, sequence), model_truth);
   return {{"registered", figures.registered},
           {"frames", figures.frames},
-          {"failed", figures.registered * 10 < figures.frames * 8},
+          {"failed", TooFewRegistered(figures.registered, figures.frames)},
           {"ate_m", OrNull(figures.ate_m)},
           {"rpe_rot_deg", OrNull(figures.rpe_rot_deg)},
           {"rpe_trans_m", OrNull(figures.rpe_trans_m)},

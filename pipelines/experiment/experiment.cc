@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <charconv>
 #include <chrono>
+#include <limits>
 #include <nlohmann/json.hpp>
 #include <opencv2/core/utility.hpp>
 #include <optional>
@@ -61,7 +62,10 @@ Shard ParseShard(const std::string& text) {
 
 unsigned ParseSeed(const std::string& text) {
   const auto seed = ParseUnsigned(text);
-  if (!seed) ThrowUsageError("--seeds '{}' is no seed: give whole numbers from 0", text);
+  constexpr unsigned kMost = std::numeric_limits<int>::max();  // COLMAP's
+  if (!seed || *seed > kMost) {
+    ThrowUsageError("--seeds '{}' is no seed: give whole numbers from 0 to {}", text, kMost);
+  }
   return *seed;
 }
 

@@ -438,11 +438,9 @@ Json DataOf(const ExperimentResults& results, const ExperimentOptions& options) 
                          {"has_track_truth", clip.has_track_truth}});
   }
   Json trackers = Json::array();
-  if (!results.cells.empty()) {
-    for (const TrackCell& cell : results.cells) {
-      if (cell.condition.folder != results.cells.front().condition.folder) break;
-      trackers.push_back(cell.tracker.name);
-    }
+  for (const TrackCell& cell : results.cells) {
+    if (cell.condition.folder != results.cells.front().condition.folder) break;
+    trackers.push_back(cell.tracker.name);
   }
   Json levels = Json::array();
   for (const std::string& level : options.levels) levels.push_back(LevelOf(level));
