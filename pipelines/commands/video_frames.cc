@@ -12,7 +12,7 @@
 namespace cohort {
 
 void WriteVideoFrames(const TrackFile& file, const std::filesystem::path& folder) {
-  constexpr const char* kWithout = "--no-write-frames does without pictures";
+  constexpr const char* kWithout = "`cohort reconstruct --no-write-frames` needs no pictures";
   if (!std::filesystem::exists(file.source)) {
     ThrowError(
         "{}: the video that the tracks are of is not there any more: {}", file.source, kWithout);

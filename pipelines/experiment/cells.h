@@ -76,8 +76,8 @@ struct TrackCell {
   std::filesystem::path Result(GridBackend backend) const {
     return folder / (std::string(NameOf(kGridBackendNames, backend)) + ".json");
   }
-  // COLMAP's own features go with nothing else; a second pass would measure what is to be the
-  // truth.
+  // COLMAP's own features go with COLMAP alone; a second pass would put measurements in the place
+  // of the ceiling's tracks.
   bool Has(GridBackend backend) const {
     switch (tracker.source) {
       case TrackSource::kTracker:

@@ -88,7 +88,7 @@ std::string LabelOf(const Condition& condition) {
   return fmt::format("{} {} {}", condition.clip.name, condition.level, condition.seed);
 }
 
-// What a tracker depends on: not on the options of the others.
+// The options that a tracker's tracks depend on: without those of the other trackers.
 Json OwnOptions(const GridTracker& tracker) {
   const auto own = [&]() -> std::set<std::string> {
     if (tracker.source != TrackSource::kTracker) return {};

@@ -97,24 +97,16 @@ bool IsOf(const std::string& tracker, const std::string& family) {
           tracker.find_first_not_of("0123456789", family.size()) == std::string::npos);
 }
 
-// Of the refined backend's tracks the second pass' length, else the tracker's.
-Key LengthKey(const Values& values,
-              const std::string& sequence,
-              const std::string& level,
-              const std::string& tracker,
-              const std::string& backend) {
-  const Key own{sequence, level, tracker, backend, kLength};
-  return values.Of(own).empty() ? Key{sequence, level, tracker, "", kLength} : own;
-}
-
+// The second pass makes tracks of its own; else the track length is the tracker's.
 Key KeyOf(const Values& values,
           const std::string& sequence,
           const std::string& level,
           const std::string& tracker,
           const std::string& backend,
           const std::string& metric) {
-  return metric == kLength ? LengthKey(values, sequence, level, tracker, backend)
-                           : Key{sequence, level, tracker, backend, metric};
+  const Key own{sequence, level, tracker, backend, metric};
+  const bool is_of_tracker = metric == kLength && values.Of(own).empty();
+  return is_of_tracker ? Key{sequence, level, tracker, "", metric} : own;
 }
 
 std::optional<std::string> Best(const Values& values,

@@ -243,7 +243,7 @@ void WritePicture(const PageOptions& options, const fs::path& clip, const fs::pa
   cv::hconcat(pictures, row);
   OutputFile out(file);
   std::vector<std::uint8_t> bytes;
-  cv::imencode(".jpg", row, bytes, {cv::IMWRITE_JPEG_QUALITY, 85});
+  Check(cv::imencode(".jpg", row, bytes, {cv::IMWRITE_JPEG_QUALITY, 85}), "OpenCV writes JPEG");
   WriteBytes(out.partial(), std::string(bytes.begin(), bytes.end()));
   out.Commit();
 }
