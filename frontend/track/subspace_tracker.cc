@@ -95,7 +95,7 @@ class SubspaceMover final : public FeatureMover {
   std::vector<std::uint8_t> confirmed_;   // in the last frame
   std::vector<int> unexplained_;          // frames in a row: not confirmed, and hidden by nothing
   std::deque<Eigen::Matrix2Xd> history_;  // where they were in the L newest frames, newest first
-  TrajectoryModel model_{kModelFrames, measure_.max_rank};
+  TrajectoryModel model_{kModelFrames, measure_.max_rank, measure_.perspective};
   Pyramid previous_;                // of the newest of these frames
   std::deque<Pyramid> smooth_;      // of the L newest, for measuring
   double covariance_scale_ = 10.0;  // until the cohort tells
@@ -574,7 +574,7 @@ void SubspaceMover::Add(std::span<const Eigen::Vector2d> born, const Pyramid& cu
     // The first features, or none survived: the window starts here.
     history_.clear();
     smooth_.clear();
-    model_ = TrajectoryModel(kModelFrames, measure_.max_rank);
+    model_ = TrajectoryModel(kModelFrames, measure_.max_rank, measure_.perspective);
     model_.Update({});
     history_.emplace_front(2, 0);
     Remember(current, SmoothPyramid(current, measure_.denoise_sigma_px));

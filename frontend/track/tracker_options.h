@@ -256,6 +256,7 @@ struct MeasurementOptions {
   double max_disagreement_px = 3.0;
   double max_disagreement_sigmas = 5.0;
   int max_rank = 8;
+  bool perspective = true;
   int max_unexplained_frames = 4;
   bool fuse = false;
   double warp_noise = 0.003;
@@ -325,7 +326,10 @@ struct MeasurementOptions {
              2,
              8,
              "of the model of the courses, which starts at 2 and grows where the residuals ask for "
-             "it; 3: an affine camera and one rigid body");
+             "it; 3: one rigid body");
+    v.Flag("perspective",
+           o.perspective,
+           "the model of the courses has projective cameras; off: affine ones");
     v.Number("max_unexplained_frames",
              o.max_unexplained_frames,
              0,

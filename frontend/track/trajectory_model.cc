@@ -15,6 +15,10 @@ namespace {
 constexpr std::ptrdiff_t kLeastSeen = 8;
 constexpr std::size_t kLeastSteps = 4;
 constexpr double kUnknownDepthPx = 1.5;
+constexpr double kLeastDepth = 0.1;  // of the features' mean
+// Until the frames tell how cameras move.
+constexpr double kFirstStepPx = 1000.0;
+constexpr double kFirstStepOfDepth = 0.01;
 constexpr double kMedianChiSquare = 1.386;  // of two degrees of freedom
 constexpr double kFreedom = 4.0;            // of Student's t
 
@@ -27,105 +31,123 @@ double StudentWeight(double square) { return (kFreedom + 2.0) / (kFreedom + squa
 
 }  // namespace
 
-// y - m - B z - e
-Eigen::Vector2d TrajectoryModel::Residual(const Loadings& loadings,
+TrajectoryModel::Projection TrajectoryModel::Project(const Camera& camera, const Vector& z) const {
+  Eigen::Vector3d p = camera.col(0) + camera.rightCols(rank_) * z.head(rank_);
+  const double depth = std::max(p.z(), kLeastDepth);
+  Projection projection;
+  projection.xy = p.head<2>() / depth;
+  projection.of_homogeneous << Eigen::Matrix2d::Identity() / depth, -projection.xy / depth;
+  projection.of_z = projection.of_homogeneous * camera.rightCols(rank_);
+  return projection;
+}
+
+// y - projection - e
+Eigen::Vector2d TrajectoryModel::Residual(const Projection& projection,
                                           const Observation& o,
                                           const Feature& feature) const {
-  Eigen::Vector2d d = o.xy - loadings.col(0) - loadings.rightCols(rank_) * feature.mean.head(rank_);
+  Eigen::Vector2d d = o.xy - projection.xy;
   if (!o.anchor) d -= feature.mean.tail<2>();
   return d;
 }
 
-// Generalised least squares: a feature's say is what its own noise and the uncertainty of its
-// coordinates leave.
-TrajectoryModel::Fit TrajectoryModel::FitLoadings(std::span<const Observation> now) const {
+// What the scale of a camera matrix leaves open, and in an affine model its whole last row, stays.
+void TrajectoryModel::Fix(Eigen::MatrixXd& normal) const {
+  const double much = 1e6 * normal.trace() + 1.0;
+  normal(2, 2) += much;
+  if (perspective_) return;
+  for (Eigen::Index p = 1; p <= rank_; ++p) normal(3 * p + 2, 3 * p + 2) += much;
+}
+
+// Generalised least squares, by Gauss-Newton steps: a feature's say is what its own noise and the
+// uncertainty of its coordinates leave.
+TrajectoryModel::Fit TrajectoryModel::FitCamera(std::span<const Observation> now) const {
   const Eigen::Index r = rank_;
-  const Eigen::Index n = 2 * (r + 1);
+  const Eigen::Index n = 3 * (r + 1);
   Fit fit;
-  fit.loadings = frames_.front().loadings;
+  fit.camera = frames_.front().camera;
   std::vector<std::size_t> seen;
   for (std::size_t f = 0; f < now.size(); ++f) {
     if (Seen(now[f])) seen.push_back(f);
   }
   // What the features seen do not tell moves on as it did from frame to frame before.
-  const Eigen::Map<const Eigen::VectorXd> before(frames_.front().loadings.data(), n);
-  Eigen::VectorXd prior = Eigen::VectorXd::Constant(n, 1e-6);
-  if (frames_.size() > kLeastSteps) {
-    Eigen::VectorXd squares = Eigen::VectorXd::Zero(n);
-    for (std::size_t l = 0; l + 1 < frames_.size(); ++l) {
-      squares += (frames_[l].loadings - frames_[l + 1].loadings).reshaped().cwiseAbs2();
-    }
-    squares /= static_cast<double>(frames_.size() - 1);
-    prior = squares.cwiseMax(1e-8).cwiseInverse();
+  const Camera before = frames_.front().camera;
+  Camera steps = Camera::Zero(3, r + 1);
+  for (std::size_t l = 0; l + 1 < frames_.size(); ++l) {
+    steps += (frames_[l].camera - frames_[l + 1].camera).cwiseAbs2() /
+             static_cast<double>(frames_.size() - 1);
   }
+  if (frames_.size() <= kLeastSteps) {
+    steps.topRows<2>().setConstant(kFirstStepPx * kFirstStepPx);
+    steps.row(2).setConstant(kFirstStepOfDepth * kFirstStepOfDepth);
+  }
+  const Eigen::VectorXd prior = steps.cwiseMax(1e-8).cwiseInverse().reshaped();
   std::vector<double> weights(seen.size(), 1.0);
   for (int pass = 0; pass < 6; ++pass) {
     Eigen::MatrixXd normal = Eigen::MatrixXd::Zero(n, n);
     Eigen::VectorXd rhs = Eigen::VectorXd::Zero(n);
-    std::vector<Eigen::Matrix2d> informations(seen.size());
+    std::vector<double> squares;
     for (std::size_t i = 0; i < seen.size(); ++i) {
       const Feature& feature = features_[seen[i]];
       const Observation& o = now[seen[i]];
+      const Projection at = Project(fit.camera, feature.mean);
       Eigen::Matrix<double, 2, Eigen::Dynamic, 0, 2, kMaxDimensions> J(2, r + 2);
-      J.leftCols(r) = fit.loadings.rightCols(r);
+      J.leftCols(r) = at.of_z;
       J.rightCols(2) =
           o.anchor ? Eigen::Matrix2d::Zero().eval() : Eigen::Matrix2d::Identity().eval();
       const Eigen::Matrix2d S = o.information.inverse() + J * feature.covariance * J.transpose();
-      informations[i] = S.inverse();
-      const Eigen::Matrix2d W = weights[i] * informations[i];
+      const Eigen::Matrix2d information = S.inverse();
+      const Eigen::Vector2d d = Residual(at, o, feature);
+      squares.push_back(d.dot(information * d));
+      const Eigen::Matrix<double, 3, 2> HW =
+          weights[i] * at.of_homogeneous.transpose() * information;
+      const Eigen::Matrix3d HWH = HW * at.of_homogeneous;
+      const Eigen::Vector3d HWd = HW * d;
       Vector z(r + 1);
       z << 1.0, feature.mean.head(r);
-      const Eigen::Vector2d y = o.anchor ? o.xy : Eigen::Vector2d(o.xy - feature.mean.tail<2>());
-      const Eigen::Vector2d Wy = W * y;
       for (Eigen::Index p = 0; p <= r; ++p) {
-        rhs.segment<2>(2 * p) += z[p] * Wy;
-        for (Eigen::Index q = 0; q <= p; ++q) normal.block<2, 2>(2 * p, 2 * q) += z[p] * z[q] * W;
+        rhs.segment<3>(3 * p) += z[p] * HWd;
+        for (Eigen::Index q = 0; q <= p; ++q) normal.block<3, 3>(3 * p, 3 * q) += z[p] * z[q] * HWH;
       }
     }
     normal = Eigen::MatrixXd(normal.selfadjointView<Eigen::Lower>());
     normal.diagonal() += prior;
-    rhs += prior.cwiseProduct(before);
+    rhs += prior.cwiseProduct((before - fit.camera).reshaped());
+    Fix(normal);
     const Eigen::LDLT<Eigen::MatrixXd> solver(normal);
-    const Eigen::VectorXd solution = solver.solve(rhs);
-    for (Eigen::Index p = 0; p <= r; ++p) fit.loadings.col(p) = solution.segment<2>(2 * p);
+    fit.camera.reshaped() += solver.solve(rhs);
     if (pass == 5) {
       fit.covariance = solver.solve(Eigen::MatrixXd::Identity(n, n));
       break;
     }
-    std::vector<double> squares;
-    for (std::size_t i = 0; i < seen.size(); ++i) {
-      const Eigen::Vector2d d = Residual(fit.loadings, now[seen[i]], features_[seen[i]]);
-      squares.push_back(d.dot(informations[i] * d));
-    }
     const double scale = std::max(1.0, Median(squares) / kMedianChiSquare);
-    for (std::size_t i = 0; i < seen.size(); ++i) {
-      weights[i] = StudentWeight(squares[i] / scale);
-    }
+    for (std::size_t i = 0; i < seen.size(); ++i) weights[i] = StudentWeight(squares[i] / scale);
   }
   return fit;
 }
 
 TrajectoryModel::Estimate TrajectoryModel::Of(const Fit& fit, const Feature& feature) const {
   const Eigen::Index r = rank_;
+  const Projection at = Project(fit.camera, feature.mean);
   Eigen::Matrix<double, 2, Eigen::Dynamic, 0, 2, kMaxDimensions> J(2, r + 2);
-  J.leftCols(r) = fit.loadings.rightCols(r);
+  J.leftCols(r) = at.of_z;
   J.rightCols(2).setZero();
   Vector z(r + 1);
   z << 1.0, feature.mean.head(r);
-  Eigen::Matrix2d of_loadings = Eigen::Matrix2d::Zero();
+  Eigen::Matrix3d homogeneous = Eigen::Matrix3d::Zero();
   for (Eigen::Index p = 0; p <= r; ++p) {
     for (Eigen::Index q = 0; q <= r; ++q) {
-      of_loadings += z[p] * z[q] * fit.covariance.block<2, 2>(2 * p, 2 * q);
+      homogeneous += z[p] * z[q] * fit.covariance.block<3, 3>(3 * p, 3 * q);
     }
   }
+  Eigen::Matrix2d of_camera = at.of_homogeneous * homogeneous * at.of_homogeneous.transpose();
   // A rigid scene has depth, whose dimension may not have shown yet.
-  if (rank_ < 3) of_loadings += kUnknownDepthPx * kUnknownDepthPx * Eigen::Matrix2d::Identity();
+  if (rank_ < 3) of_camera += kUnknownDepthPx * kUnknownDepthPx * Eigen::Matrix2d::Identity();
   Estimate e;
-  e.xy = fit.loadings * z;
-  e.covariance = J * feature.covariance * J.transpose() + of_loadings;
+  e.xy = at.xy;
+  e.covariance = J * feature.covariance * J.transpose() + of_camera;
   e.measured_xy = e.xy + feature.mean.tail<2>();
   J.rightCols(2).setIdentity();
-  e.measured_covariance = J * feature.covariance * J.transpose() + of_loadings;
+  e.measured_covariance = J * feature.covariance * J.transpose() + of_camera;
   return e;
 }
 
@@ -143,83 +165,94 @@ std::vector<TrajectoryModel::Estimate> TrajectoryModel::All(const Fit& fit) cons
 std::vector<TrajectoryModel::Estimate> TrajectoryModel::Predict(
     std::span<const Observation> now) const {
   if (!CanFit(now)) return {};
-  return All(FitLoadings(now));
+  return All(FitCamera(now));
 }
 
-// The posterior of (z, e) from all frames in the window.
+// The posterior of (z, e) from all frames in the window, linearised where it was before.
 void TrajectoryModel::InferFeature(std::size_t f) {
   const Eigen::Index r = rank_;
   Feature& feature = features_[f];
-  Matrix information = Matrix::Zero(r + 2, r + 2);
-  Vector rhs = Vector::Zero(r + 2);
-  const bool had_mean = feature.mean.size() == r + 2;
-  Eigen::Matrix2d sum = Eigen::Matrix2d::Zero();
-  int count = 0;
-  for (const Frame& frame : frames_) {
-    const Observation& o = frame.observations[f];
-    if (!Seen(o)) continue;
-    const auto B = frame.loadings.rightCols(r);
-    const Eigen::Vector2d y = o.xy - frame.loadings.col(0);
-    Eigen::Matrix2d W = o.information;
-    if (had_mean && !o.anchor) {
-      const Eigen::Vector2d d = Residual(frame.loadings, o, feature);
-      W *= StudentWeight(d.dot(W * d));
+  const bool is_new = feature.mean.size() != r + 2;
+  if (is_new) feature.mean = Vector::Zero(r + 2);
+  for (int pass = 0; pass < (is_new ? 3 : 1); ++pass) {
+    Matrix information = Matrix::Zero(r + 2, r + 2);
+    Vector rhs = Vector::Zero(r + 2);
+    Eigen::Matrix2d sum = Eigen::Matrix2d::Zero();
+    int count = 0;
+    for (const Frame& frame : frames_) {
+      const Observation& o = frame.observations[f];
+      if (!Seen(o)) continue;
+      const Projection at = Project(frame.camera, feature.mean);
+      Eigen::Matrix2d W = o.information;
+      const Eigen::Vector2d d = Residual(at, o, feature);
+      if ((!is_new || pass > 0) && !o.anchor) W *= StudentWeight(d.dot(W * d) / frame.misfit);
+      // Of all unknowns, not of a step: the prior is at zero.
+      const Eigen::Vector2d y = o.xy - at.xy + at.of_z * feature.mean.head(r);
+      const auto WJ = (W * at.of_z).eval();
+      information.topLeftCorner(r, r).noalias() += at.of_z.transpose() * WJ;
+      rhs.head(r).noalias() += WJ.transpose() * y;
+      if (!o.anchor) {
+        information.bottomLeftCorner(2, r) += WJ;
+        information.bottomRightCorner<2, 2>() += W;
+        rhs.tail<2>() += W * y;
+        sum += o.information;
+        ++count;
+      }
     }
-    const Loadings WB = W * B;
-    information.topLeftCorner(r, r).noalias() += B.transpose() * WB;
-    rhs.head(r).noalias() += WB.transpose() * y;
-    if (!o.anchor) {
-      information.bottomLeftCorner(2, r) += WB;
-      information.bottomRightCorner<2, 2>() += W;
-      rhs.tail<2>() += W * y;
-      sum += o.information;
-      ++count;
-    }
+    // The anchor is as noisy as any picture.
+    const Eigen::Matrix2d of_anchor =
+        count > 0 ? Eigen::Matrix2d(sum / count) : Eigen::Matrix2d(kUnseenAnchor);
+    information.topRightCorner(r, 2) = information.bottomLeftCorner(2, r).transpose();
+    information.diagonal().head(r).array() += 1.0;
+    information.bottomRightCorner<2, 2>() += of_anchor;
+    feature.covariance = information.llt().solve(Matrix::Identity(r + 2, r + 2));
+    feature.mean = feature.covariance * rhs;
   }
-  // The anchor is as noisy as any picture.
-  const Eigen::Matrix2d of_anchor =
-      count > 0 ? Eigen::Matrix2d(sum / count) : Eigen::Matrix2d(kUnseenAnchor);
-  information.topRightCorner(r, 2) = information.bottomLeftCorner(2, r).transpose();
-  information.diagonal().head(r).array() += 1.0;
-  information.bottomRightCorner<2, 2>() += of_anchor;
-  feature.covariance = information.llt().solve(Matrix::Identity(r + 2, r + 2));
-  feature.mean = feature.covariance * rhs;
 }
 
-void TrajectoryModel::RefitLoadings(Frame& frame) const {
+// The expected normal equations: the coordinates count with their covariance.
+void TrajectoryModel::RefitCamera(Frame& frame) const {
   const Eigen::Index r = rank_;
-  const Eigen::Index n = 2 * (r + 1);
+  const Eigen::Index n = 3 * (r + 1);
+  std::vector<double> squares;
+  for (std::size_t f = 0; f < features_.size(); ++f) {
+    const Observation& o = frame.observations[f];
+    if (!Seen(o) || o.anchor) continue;
+    const Eigen::Vector2d d = Residual(Project(frame.camera, features_[f].mean), o, features_[f]);
+    squares.push_back(d.dot(o.information * d));
+  }
+  frame.misfit = std::max(1.0, Median(std::move(squares)) / kMedianChiSquare);
   Eigen::MatrixXd normal = Eigen::MatrixXd::Zero(n, n);
   Eigen::VectorXd rhs = Eigen::VectorXd::Zero(n);
   for (std::size_t f = 0; f < features_.size(); ++f) {
     const Observation& o = frame.observations[f];
     if (!Seen(o)) continue;
     const Feature& feature = features_[f];
-    const Eigen::Vector2d e =
-        o.anchor ? Eigen::Vector2d::Zero().eval() : Eigen::Vector2d(feature.mean.tail<2>());
-    Eigen::Matrix2d W = o.information;
-    const Eigen::Vector2d y = o.xy - e;
-    const Eigen::Vector2d d = Residual(frame.loadings, o, feature);
-    W *= StudentWeight(d.dot(W * d));
+    const Projection at = Project(frame.camera, feature.mean);
+    const Eigen::Vector2d d = Residual(at, o, feature);
+    const Eigen::Matrix2d W =
+        StudentWeight(d.dot(o.information * d) / frame.misfit) * o.information;
     Vector z(r + 1);
     z << 1.0, feature.mean.head(r);
     Matrix zz = z * z.transpose();
     zz.bottomRightCorner(r, r) += feature.covariance.topLeftCorner(r, r);
-    const Eigen::Vector2d Wy = W * y;
+    const Eigen::Matrix<double, 3, 2> HW = at.of_homogeneous.transpose() * W;
+    const Eigen::Matrix3d HWH = HW * at.of_homogeneous;
+    const Eigen::Vector3d HWd = HW * d;
+    // Of z with the residual.
+    Eigen::Matrix<double, 2, Eigen::Dynamic, 0, 2, kMaxDimensions> with =
+        at.of_z * feature.covariance.topLeftCorner(r, r);
+    if (!o.anchor) with += feature.covariance.bottomLeftCorner(2, r);
     for (Eigen::Index p = 0; p <= r; ++p) {
-      rhs.segment<2>(2 * p) += z[p] * Wy;
-      if (!o.anchor && p > 0) {
-        rhs.segment<2>(2 * p) -= W * feature.covariance.block<1, 2>(p - 1, r).transpose();
-      }
-      for (Eigen::Index q = 0; q <= p; ++q) normal.block<2, 2>(2 * p, 2 * q) += zz(p, q) * W;
+      rhs.segment<3>(3 * p) += z[p] * HWd;
+      if (p > 0) rhs.segment<3>(3 * p) -= HW * with.col(p - 1);
+      for (Eigen::Index q = 0; q <= p; ++q) normal.block<3, 3>(3 * p, 3 * q) += zz(p, q) * HWH;
     }
   }
   normal = Eigen::MatrixXd(normal.selfadjointView<Eigen::Lower>());
-  const double little = 1e-9 * normal.trace() + 1e-300;
-  normal.diagonal().array() += little;
-  for (Eigen::Index p = 0; p <= r; ++p) rhs.segment<2>(2 * p) += little * frame.loadings.col(p);
-  const Eigen::VectorXd solution = normal.ldlt().solve(rhs);
-  for (Eigen::Index p = 0; p <= r; ++p) frame.loadings.col(p) = solution.segment<2>(2 * p);
+  normal.diagonal().array() += 1e-9 * normal.trace() + 1e-300;
+  Fix(normal);
+  frame.camera.reshaped() += normal.ldlt().solve(rhs);
 }
 
 // The coordinates are defined up to an affine map: the one that makes their prior the cohort's own
@@ -238,8 +271,9 @@ void TrajectoryModel::Normalize() {
   const Matrix root = S.llt().matrixL();
   const Matrix inverse = root.triangularView<Eigen::Lower>().solve(Matrix::Identity(r, r));
   for (Frame& frame : frames_) {
-    frame.loadings.col(0) += frame.loadings.rightCols(r) * mean;
-    frame.loadings.rightCols(r) *= root;
+    frame.camera.col(0) += frame.camera.rightCols(r) * mean;
+    frame.camera.rightCols(r) *= root;
+    frame.camera /= frame.camera(2, 0);
   }
   for (Feature& f : features_) {
     f.mean.head(r) = inverse * (f.mean.head(r) - mean);
@@ -250,54 +284,118 @@ void TrajectoryModel::Normalize() {
   }
 }
 
-// What the residuals, each over its deviation, have in common: their strongest direction against
-// the largest that white noise would have.
+// A cell of the table of residuals, each over its deviation.
+struct TrajectoryModel::Cell {
+  std::size_t frame = 0;
+  std::size_t feature = 0;
+  Eigen::Vector2d residual;
+  Eigen::Matrix<double, 2, 3> of_homogeneous;
+};
+
+// One more coordinate v of the features, and the column g of every camera that goes with it: by
+// alternating least squares they explain as much of the residuals as they can,
+//   residual_lf = of_homogeneous_lf g_l v_f.
+struct TrajectoryModel::Direction {
+  Eigen::VectorXd v;
+  Eigen::Matrix3Xd g;
+  double explained = 0.0;  // sum of squares
+};
+
+TrajectoryModel::Direction TrajectoryModel::Explain(std::span<const Cell> cells,
+                                                    Eigen::VectorXd v) const {
+  constexpr int kIterations = 10;
+  const auto N = static_cast<Eigen::Index>(frames_.size());
+  Direction direction{std::move(v), Eigen::Matrix3Xd::Zero(3, N)};
+  for (int i = 0; i < kIterations; ++i) {
+    std::vector<Eigen::Matrix3d> normals(frames_.size(), 1e-12 * Eigen::Matrix3d::Identity());
+    Eigen::Matrix3Xd rhs = Eigen::Matrix3Xd::Zero(3, N);
+    for (const Cell& c : cells) {
+      const double of_v = direction.v[static_cast<Eigen::Index>(c.feature)];
+      const Eigen::Matrix<double, 2, 3> J = of_v * c.of_homogeneous;
+      normals[c.frame] += J.transpose() * J;
+      rhs.col(static_cast<Eigen::Index>(c.frame)) += J.transpose() * c.residual;
+    }
+    direction.explained = 0.0;
+    for (Eigen::Index l = 0; l < N; ++l) {
+      Eigen::Matrix3d& normal = normals[static_cast<std::size_t>(l)];
+      if (!perspective_) normal(2, 2) += 1e6 * normal.trace();
+      direction.g.col(l) = normal.ldlt().solve(rhs.col(l));
+      direction.explained += direction.g.col(l).dot(rhs.col(l));
+    }
+    Eigen::VectorXd numerator = Eigen::VectorXd::Zero(direction.v.size());
+    Eigen::VectorXd denominator = Eigen::VectorXd::Constant(direction.v.size(), 1e-12);
+    for (const Cell& c : cells) {
+      const auto f = static_cast<Eigen::Index>(c.feature);
+      const Eigen::Vector2d J =
+          c.of_homogeneous * direction.g.col(static_cast<Eigen::Index>(c.frame));
+      numerator[f] += J.dot(c.residual);
+      denominator[f] += J.squaredNorm();
+    }
+    direction.v = numerator.cwiseQuotient(denominator);
+    direction.v *= std::sqrt(static_cast<double>(direction.v.size())) / direction.v.norm();
+  }
+  return direction;
+}
+
+// Where the residuals have a direction in common, stronger than white noise would, the model gets
+// one more coordinate. The search starts at the strongest affine direction (sideways motion,
+// another body), and at the one that moves features towards and away from their centre (motion
+// ahead).
 void TrajectoryModel::AdaptRank() {
-  // Below 1, as the fit has taken a part of the noise out of the residuals.
-  constexpr double kLeastStrength = 0.5;
-  constexpr double kLeastCells = 40.0;
+  // Of the edge of white noise, which itself reaches 0.6: the fit has taken a part of it out.
+  constexpr double kLeastStrength = 0.65;
+  constexpr std::size_t kLeastCells = 20;
   constexpr Eigen::Index kFeaturesPerRank = 2;
   const Eigen::Index r = rank_;
   const auto F = static_cast<Eigen::Index>(features_.size());
   const auto N = static_cast<Eigen::Index>(frames_.size());
   if (rank_ >= max_rank_ || kFeaturesPerRank * (r + 1) > F) return;
+  std::vector<Cell> cells;
   Eigen::MatrixXd R = Eigen::MatrixXd::Zero(2 * N, F);
-  for (Eigen::Index l = 0; l < N; ++l) {
-    const Frame& frame = frames_[static_cast<std::size_t>(l)];
-    for (Eigen::Index f = 0; f < F; ++f) {
-      const Observation& o = frame.observations[static_cast<std::size_t>(f)];
+  Eigen::VectorXd radial = Eigen::VectorXd::Zero(F);
+  double total = 0.0;
+  for (std::size_t l = 0; l < frames_.size(); ++l) {
+    const Frame& frame = frames_[l];
+    const Eigen::Vector2d center = frame.camera.topLeftCorner<2, 1>();
+    for (std::size_t f = 0; f < features_.size(); ++f) {
+      const Observation& o = frame.observations[f];
       if (!Seen(o) || o.anchor) continue;
-      const Eigen::Vector2d d = Residual(frame.loadings, o, features_[static_cast<std::size_t>(f)]);
-      R.block<2, 1>(2 * l, f) = std::sqrt(StudentWeight(d.dot(o.information * d))) *
-                                (Eigen::Matrix2d(o.information.llt().matrixU()) * d);
+      const Projection at = Project(frame.camera, features_[f].mean);
+      const Eigen::Vector2d d = Residual(at, o, features_[f]);
+      const double weight = std::sqrt(StudentWeight(d.dot(o.information * d)));
+      const Eigen::Matrix2d root = weight * Eigen::Matrix2d(o.information.llt().matrixU());
+      cells.push_back({l, f, root * d, root * at.of_homogeneous});
+      R.block<2, 1>(2 * static_cast<Eigen::Index>(l), static_cast<Eigen::Index>(f)) = root * d;
+      radial[static_cast<Eigen::Index>(f)] +=
+          d.dot(at.xy - center) / ((at.xy - center).squaredNorm() + 1.0);
+      total += cells.back().residual.squaredNorm();
     }
+  }
+  if (cells.size() < kLeastCells) return;
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(R * R.transpose());
+  Direction direction = Explain(cells, R.transpose() * eigen.eigenvectors().col(2 * N - 1));
+  if (perspective_) {
+    Direction ahead = Explain(cells, radial);
+    if (ahead.explained > direction.explained) direction = std::move(ahead);
   }
   // Over the noise that is there, should it be more than the measurements state.
-  double total = 0.0;
-  double cells = 0.0;
-  for (Eigen::Index i = 0; i < R.size(); ++i) {
-    if (R.data()[i] != 0.0) {
-      total += R.data()[i] * R.data()[i];
-      cells += 1.0;
-    }
-  }
-  if (cells < kLeastCells) return;
-  const double variance = std::max(1.0, total / cells);
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(R * R.transpose());
-  const double strongest = eigen.eigenvalues()[2 * N - 1];
-  const double edge = std::pow(std::sqrt(static_cast<double>(F)) + std::sqrt(2.0 * N), 2);
-  if (strongest < kLeastStrength * edge * variance) return;
-  const Eigen::VectorXd v = (R.transpose() * eigen.eigenvectors().col(2 * N - 1)).normalized() *
-                            std::sqrt(static_cast<double>(F));
+  const double variance = std::max(1.0, total / (2.0 * static_cast<double>(cells.size())));
+  const double columns = perspective_ ? 3.0 : 2.0;
+  const double edge =
+      std::pow(std::sqrt(static_cast<double>(F)) + std::sqrt(columns * static_cast<double>(N)), 2);
+  if (getenv("DBG"))
+    printf("[r%d %.2f v%.2f]", rank_, direction.explained / (edge * variance), variance);
+  if (direction.explained < kLeastStrength * edge * variance) return;
   rank_ = static_cast<int>(r) + 1;
-  for (Frame& frame : frames_) {
-    frame.loadings.conservativeResize(2, r + 2);
-    frame.loadings.col(r + 1).setZero();
+  for (Eigen::Index l = 0; l < N; ++l) {
+    Camera& camera = frames_[static_cast<std::size_t>(l)].camera;
+    camera.conservativeResize(3, r + 2);
+    camera.col(r + 1) = direction.g.col(l);
   }
   for (Eigen::Index f = 0; f < F; ++f) {
     Feature& feature = features_[static_cast<std::size_t>(f)];
     Vector mean(r + 3);
-    mean << feature.mean.head(r), v[f], feature.mean.tail<2>();
+    mean << feature.mean.head(r), direction.v[f], feature.mean.tail<2>();
     Matrix covariance = Matrix::Zero(r + 3, r + 3);
     covariance.topLeftCorner(r, r) = feature.covariance.topLeftCorner(r, r);
     covariance.bottomRightCorner<2, 2>() = feature.covariance.bottomRightCorner<2, 2>();
@@ -307,18 +405,18 @@ void TrajectoryModel::AdaptRank() {
     feature.mean = mean;
     feature.covariance = covariance;
   }
-  for (Frame& frame : frames_) RefitLoadings(frame);
+  for (Frame& frame : frames_) RefitCamera(frame);
   for (std::size_t f = 0; f < features_.size(); ++f) InferFeature(f);
 }
 
 std::vector<TrajectoryModel::Estimate> TrajectoryModel::Update(std::span<const Observation> now) {
   Check(now.size() == features_.size(), "the model has the tracker's features");
   const bool fits = CanFit(now);
-  Frame frame{{now.begin(), now.end()}, Loadings::Zero(2, rank_ + 1)};
+  Frame frame{{now.begin(), now.end()}, Camera::Zero(3, rank_ + 1)};
   if (fits) {
-    frame.loadings = FitLoadings(now).loadings;
+    frame.camera = FitCamera(now).camera;
   } else if (!frames_.empty()) {
-    frame.loadings = frames_.front().loadings;
+    frame.camera = frames_.front().camera;
   }
   frames_.push_front(std::move(frame));
   if (frames_.size() > max_frames_) frames_.pop_back();
@@ -327,13 +425,13 @@ std::vector<TrajectoryModel::Estimate> TrajectoryModel::Update(std::span<const O
   if (!fits) return {};
   constexpr int kPasses = 2;
   for (int pass = 0; pass < kPasses; ++pass) {
-    for (Frame& old : frames_) RefitLoadings(old);
+    for (Frame& old : frames_) RefitCamera(old);
     for (std::size_t f = 0; f < features_.size(); ++f) InferFeature(f);
     Normalize();
   }
   AdaptRank();
-  Fit fit = FitLoadings(frames_.front().observations);
-  fit.loadings = frames_.front().loadings;
+  Fit fit = FitCamera(frames_.front().observations);
+  fit.camera = frames_.front().camera;
   return All(fit);
 }
 
@@ -379,8 +477,9 @@ void TrajectoryModel::Add(std::span<const Observation> course) {
   }
   rank_ = 2;
   for (Frame& frame : frames_) {
-    frame.loadings.resize(2, 3);
-    frame.loadings << mean, Eigen::Matrix2d(S.llt().matrixL());
+    frame.camera.setZero(3, 3);
+    frame.camera.topRows<2>() << mean, Eigen::Matrix2d(S.llt().matrixL());
+    frame.camera(2, 0) = 1.0;
   }
   for (std::size_t f = 0; f < features_.size(); ++f) InferFeature(f);
 }

@@ -9,15 +9,17 @@
 namespace cohort {
 
 // The courses of all features as one probabilistic low-rank model (paper section 2: the
-// trajectories of a rigid scene lie near a subspace of low dimension; here with noise, missing
-// frames and uncertainty). In frame l feature f was measured at
-//   y_lf = m_l + B_l z_f + e_f + noise_lf,   z_f ~ N(0, I_r),
-// with m_l, B_l (2 x 1, 2 x r) the frame's, z_f the feature's coordinates in the subspace, e_f the
+// trajectories of a rigid scene lie near a subspace of low dimension; here with perspective, noise,
+// missing frames and uncertainty). In frame l feature f was measured at
+//   y_lf = (m_l + B_l z_f) / (1 + c_l' z_f) + e_f + noise_lf,   z_f ~ N(0, I_r),
+// with m_l, B_l, c_l (2 x 1, 2 x r, r x 1) the frame's, z_f the feature's coordinates, e_f the
 // error of its anchor, which all its measurements share (none in the frame of the anchor itself,
 // where the position is exact by definition), and noise_lf and e_f of the covariance that the
-// measurement states. Fitted by expectation maximisation with weights of Student's t, over a
+// measurement states. With r = 3, [m B; 1 c'] is a projective camera and z_f a point of a rigid
+// scene in a projective frame; with c = 0 it is the paper's affine subspace. Fitted by expectation
+// maximisation (linearised where the last frame left off) with weights of Student's t, over a
 // sliding window of frames. The rank r grows while the residuals hold a direction that noise alone
-// would not have, so that it fits few features, strong perspective and several bodies.
+// would not have, so that it fits few features, a plane, a scene and several bodies.
 class TrajectoryModel {
  public:
   struct Observation {
@@ -32,8 +34,9 @@ class TrajectoryModel {
     Eigen::Matrix2d measured_covariance = Eigen::Matrix2d::Zero();  // without the noise of that
   };
 
-  TrajectoryModel(std::size_t max_frames, int max_rank)
-      : max_frames_(max_frames), max_rank_(max_rank) {}
+  // Without perspective c = 0.
+  TrajectoryModel(std::size_t max_frames, int max_rank, bool perspective)
+      : max_frames_(max_frames), max_rank_(max_rank), perspective_(perspective) {}
 
   std::size_t frames() const { return frames_.size(); }
   int rank() const { return rank_; }
@@ -56,34 +59,46 @@ class TrajectoryModel {
   using Vector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMaxDimensions, 1>;
   using Matrix =
       Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxDimensions, kMaxDimensions>;
-  using Loadings = Eigen::Matrix<double, 2, Eigen::Dynamic, 0, 2, kMaxDimensions>;  // [m B]
+  using Camera = Eigen::Matrix<double, 3, Eigen::Dynamic, 0, 3, kMaxDimensions>;  // [m B; 1 c']
   struct Frame {
     std::vector<Observation> observations;
-    Loadings loadings;
+    Camera camera;
+    double misfit = 1.0;  // median square of the residuals over what their noise explains
   };
   struct Feature {
     Vector mean;  // of (z, e)
     Matrix covariance;
   };
   struct Fit {
-    Loadings loadings;
-    Eigen::MatrixXd covariance;  // of vec(loadings)
+    Camera camera;
+    Eigen::MatrixXd covariance;  // of vec(camera)
+  };
+  struct Projection {
+    Eigen::Vector2d xy;
+    Eigen::Matrix<double, 2, 3> of_homogeneous;                           // d xy / d (camera [1 z])
+    Eigen::Matrix<double, 2, Eigen::Dynamic, 0, 2, kMaxDimensions> of_z;  // d xy / d z
   };
 
-  Eigen::Vector2d Residual(const Loadings& loadings,
+  Projection Project(const Camera& camera, const Vector& z) const;
+  Eigen::Vector2d Residual(const Projection& projection,
                            const Observation& o,
                            const Feature& feature) const;
   bool CanFit(std::span<const Observation> now) const;
-  Fit FitLoadings(std::span<const Observation> now) const;
+  void Fix(Eigen::MatrixXd& normal) const;
+  Fit FitCamera(std::span<const Observation> now) const;
   Estimate Of(const Fit& fit, const Feature& feature) const;
   std::vector<Estimate> All(const Fit& fit) const;
   void InferFeature(std::size_t f);
-  void RefitLoadings(Frame& frame) const;
+  void RefitCamera(Frame& frame) const;
   void Normalize();
+  struct Cell;
+  struct Direction;
+  Direction Explain(std::span<const Cell> cells, Eigen::VectorXd v) const;
   void AdaptRank();
 
   std::size_t max_frames_;
   int max_rank_;
+  bool perspective_;
   int rank_ = 0;
   std::deque<Frame> frames_;  // newest first
   std::vector<Feature> features_;

@@ -77,7 +77,7 @@ class Measured {
 
 // After frame 0, where all features are born.
 TrajectoryModel Begun(const Scene& scene) {
-  TrajectoryModel model(kFrames, kMaxRank);
+  TrajectoryModel model(kFrames, kMaxRank, true);
   model.Update({});
   const Eigen::Matrix2Xd x = At(scene, 0);
   for (Eigen::Index f = 0; f < x.cols(); ++f) {
