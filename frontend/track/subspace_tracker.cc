@@ -10,11 +10,9 @@
 
 #include "frontend/core/statistics.h"
 #include "frontend/energy/patch_energy.h"
-#include "frontend/energy/total_energy.h"
 #include "frontend/image/frame_offset.h"
-#include "frontend/image/sampling.h"
+#include "frontend/track/guide.h"
 #include "frontend/track/measurement.h"
-#include "frontend/track/optimizer.h"
 #include "frontend/track/trajectory_model.h"
 
 namespace cohort {
@@ -35,10 +33,10 @@ constexpr double kLeastSmallCorrelation = 0.1;
 
 // Templates of one feature, taken from one frame.
 struct Appearance {
-  std::vector<std::vector<float>> levels;  // n x n on each pyramid level, for the energy
-  AnchorPatch anchor;                      // for the measurement
-  int window_px = 0;                       // of the measurement
-  double light = 0.0;                      // change of its brightness since; running mean
+  Templates levels;     // for the energy
+  AnchorPatch anchor;   // for the measurement
+  int window_px = 0;    // of the measurement
+  double light = 0.0;   // change of its brightness since; running mean
   double change = 1.0;  // of the anchor's innermost pixels, over what noise explains; running mean
 };
 
@@ -47,11 +45,7 @@ class SubspaceMover final : public FeatureMover {
   explicit SubspaceMover(const TrackerOptions& options)
       : options_(options.subspace),
         measure_(options.measurement),
-        joint_(options.tracker == TrackerKind::kSubspace) {
-    penalty_.kind = options_.penalty;
-    penalty_.epsilon = options_.epsilon;
-    penalty_.rank = options_.uncentered ? 4 : 3;
-  }
+        joint_(options.tracker == TrackerKind::kSubspace) {}
 
   std::vector<Move> MoveFeatures(const Pyramid& current) override;
   void Keep(std::span<const std::uint8_t> keep) override;
@@ -64,7 +58,7 @@ class SubspaceMover final : public FeatureMover {
                             const Pyramid& smooth,
                             const Eigen::Vector2d& xy) const;
   Eigen::Matrix2Xd Guide(const Pyramid& current) const;
-  double Contrast(const Pyramid& current, const Eigen::Matrix2Xd& x) const;
+  double ConfirmedContrast(const Pyramid& current, const Eigen::Matrix2Xd& x) const;
   void DeformAnchors(const Eigen::Matrix2Xd& x);
   class Differences;
   std::vector<Move> Measure(const Pyramid& current, const Eigen::Matrix2Xd& guide);
@@ -89,7 +83,6 @@ class SubspaceMover final : public FeatureMover {
   SubspaceOptions options_;
   MeasurementOptions measure_;
   bool joint_;
-  Penalty penalty_;
 
   std::vector<Appearance> appearance_;
   std::vector<std::uint8_t> confirmed_;   // in the last frame
@@ -117,41 +110,23 @@ Appearance SubspaceMover::TakeAppearance(const Pyramid& pyramid,
                                          const Pyramid& smooth,
                                          const Eigen::Vector2d& xy) const {
   Appearance appearance;
-  const int n = options_.template_px;
-  double scale = 1.0;
-  for (const cv::Mat& level : pyramid.levels) {
-    std::vector<float> patch(static_cast<std::size_t>(n) * n);
-    SamplePatch(level, xy.x() * scale, xy.y() * scale, n, patch.data());
-    appearance.levels.push_back(std::move(patch));
-    scale *= 0.5;
-  }
+  appearance.levels = TakeTemplates(pyramid, xy, options_.template_px);
   appearance.anchor = TakeAnchor(
       smooth, xy, measure_.window_px, std::max(measure_.window_px, measure_.wide_window_px));
   appearance.window_px = std::max(measure_.window_px, measure_.wide_window_px);
   return appearance;
 }
 
-// How steeply the energy rises around the features, so that one penalty weight m fits bright and
-// dark pictures: the data term's slope grows with the contrast, the penalty's does not. Median over
-// features of the mean rise at 1.5 px, per px.
-double SubspaceMover::Contrast(const Pyramid& current, const Eigen::Matrix2Xd& x) const {
-  constexpr double kDistancePx = 1.5;
-  const int n = options_.template_px;
-  std::vector<double> rises;
+double SubspaceMover::ConfirmedContrast(const Pyramid& current, const Eigen::Matrix2Xd& x) const {
+  std::vector<const Templates*> templates;
+  std::vector<Eigen::Index> confirmed;
   for (Eigen::Index f = 0; f < features(); ++f) {
     const auto i = static_cast<std::size_t>(f);
     if (!confirmed_[i]) continue;
-    const auto& patch = appearance_[i].levels[0];
-    double sum = 0.0;
-    for (const auto& direction : {Eigen::Vector2d(1, 0),
-                                  Eigen::Vector2d(-1, 0),
-                                  Eigen::Vector2d(0, 1),
-                                  Eigen::Vector2d(0, -1)}) {
-      sum += PatchEnergy(current.levels[0], x.col(f) + kDistancePx * direction, patch, n);
-    }
-    rises.push_back((sum / 4 - PatchEnergy(current.levels[0], x.col(f), patch, n)) / kDistancePx);
+    confirmed.push_back(f);
+    templates.push_back(&appearance_[i].levels);
   }
-  return Median(std::move(rises));
+  return Contrast(current.levels[0], x(Eigen::all, confirmed), templates, options_.template_px);
 }
 
 Eigen::Matrix2Xd SubspaceMover::Guide(const Pyramid& current) const {
@@ -159,42 +134,22 @@ Eigen::Matrix2Xd SubspaceMover::Guide(const Pyramid& current) const {
   Eigen::Matrix2Xd x = history_.front().colwise() + offset;
   const Eigen::MatrixXd history = History();
 
-  const double m =
-      options_.penalty_weight * CalibratedWeight(options_.penalty, options_.constraint);
-  const bool penalized = joint_ && m > 0.0 && contrast_ > 0.0;
+  const auto share = joint_ ? DataWeight(options_, contrast_, features()) : std::nullopt;
   Eigen::VectorXd weights = Eigen::VectorXd::Ones(features());
-  if (penalized) {
-    double share = 1.0 / (m * contrast_);
-    if (options_.constraint == Constraint::kStrong) share /= static_cast<double>(features());
+  if (share) {
     for (Eigen::Index f = 0; f < features(); ++f) {
       // What the last frame contradicted is led by the others until the image confirms it again.
-      weights[f] = confirmed_[static_cast<std::size_t>(f)] ? share : 0.0;
+      weights[f] = confirmed_[static_cast<std::size_t>(f)] ? *share : 0.0;
     }
   }
 
-  std::vector<const float*> patches(appearance_.size());
+  std::vector<const Templates*> templates;
+  for (const Appearance& appearance : appearance_) templates.push_back(&appearance.levels);
   for (int level = static_cast<int>(current.levels.size()) - 1; level >= 0; --level) {
     const double scale = std::ldexp(1.0, -level);
-    for (std::size_t f = 0; f < patches.size(); ++f) {
-      patches[f] = appearance_[f].levels[static_cast<std::size_t>(level)].data();
-    }
-    x *= scale;
-    const cv::Mat& picture = current.levels[static_cast<std::size_t>(level)];
-    if (!penalized) {
-      const TotalEnergy energy(picture, patches, options_.template_px, weights, nullptr, nullptr);
-      x = MinimizeSeparately(energy, x, options_.max_iterations).x;
-    } else {
-      const TrajectoryMatrix trajectories(scale * history, !options_.uncentered);
-      Penalty penalty = penalty_;
-      penalty.smoothing =
-          static_cast<double>(features()) * std::pow(options_.smoothing_px * scale, 2);
-      const TotalEnergy energy(
-          picture, patches, options_.template_px, weights, &trajectories, &penalty);
-      x = options_.optimizer == OptimizerKind::kAlgorithm1
-              ? MinimizeAlgorithm1(energy, x, options_.min_iterations, options_.max_iterations).x
-              : MinimizeJointly(energy, x, penalty_.rank, options_.max_iterations).x;
-    }
-    x /= scale;
+    const GuideEnergy energy(
+        current, level, templates, history, weights, share.has_value(), options_);
+    x = energy.Minimize(scale * x).x / scale;
   }
   return x;
 }
@@ -534,7 +489,7 @@ std::vector<Move> SubspaceMover::MoveFeatures(const Pyramid& current) {
     if (!move.xy.allFinite()) move.loss = LossReason::kDiverged;
     confirmed_[static_cast<std::size_t>(f)] = move.state == ObservationState::kObserved;
   }
-  const double contrast = Contrast(current, history_.front());
+  const double contrast = ConfirmedContrast(current, history_.front());
   if (contrast > 0.0) contrast_ = 0.8 * contrast_ + 0.2 * contrast;
   Remember(current, std::move(smooth));
   return moves;
@@ -590,7 +545,7 @@ void SubspaceMover::Add(std::span<const Eigen::Vector2d> born, const Pyramid& cu
     history_.front().col(first_new + static_cast<Eigen::Index>(i)) = born[i];
   }
   if (joint_) FillHistory(first_new);  // descent has no use for it
-  if (contrast_ == 0.0) contrast_ = Contrast(current, history_.front());
+  if (contrast_ == 0.0) contrast_ = ConfirmedContrast(current, history_.front());
 }
 
 void SubspaceMover::FillHistory(Eigen::Index first_new) {

@@ -383,8 +383,6 @@ void TrajectoryModel::AdaptRank() {
   const double columns = perspective_ ? 3.0 : 2.0;
   const double edge =
       std::pow(std::sqrt(static_cast<double>(F)) + std::sqrt(columns * static_cast<double>(N)), 2);
-  if (getenv("DBG"))
-    printf("[r%d %.2f v%.2f]", rank_, direction.explained / (edge * variance), variance);
   if (direction.explained < kLeastStrength * edge * variance) return;
   rank_ = static_cast<int>(r) + 1;
   for (Eigen::Index l = 0; l < N; ++l) {
@@ -423,8 +421,9 @@ std::vector<TrajectoryModel::Estimate> TrajectoryModel::Update(std::span<const O
   if (rank_ == 0) return {};
   for (std::size_t f = 0; f < features_.size(); ++f) InferFeature(f);
   if (!fits) return {};
-  constexpr int kPasses = 2;
-  for (int pass = 0; pass < kPasses; ++pass) {
+  // What is new takes more passes; later every frame goes on from the last.
+  const int passes = frames_.size() < 8 ? 6 : 2;
+  for (int pass = 0; pass < passes; ++pass) {
     for (Frame& old : frames_) RefitCamera(old);
     for (std::size_t f = 0; f < features_.size(); ++f) InferFeature(f);
     Normalize();

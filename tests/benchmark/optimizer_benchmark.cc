@@ -19,11 +19,8 @@
 #include "datasets/track_truth.h"
 #include "frontend/core/output.h"
 #include "frontend/core/statistics.h"
-#include "frontend/energy/patch_energy.h"
-#include "frontend/energy/total_energy.h"
 #include "frontend/image/frame_offset.h"
-#include "frontend/image/sampling.h"
-#include "frontend/track/optimizer.h"
+#include "frontend/track/guide.h"
 #include "pipelines/experiment/paper_protocol.h"
 #include "tests/support/cpu_clock.h"
 
@@ -111,17 +108,15 @@ class Cohort {
  public:
   // No case: every feature for itself.
   Cohort(const Film& film, const Case* with) : film_(film), case_(with) {
-    const Pyramid& first = film.pictures.front();
     const Eigen::Matrix2Xd& x = film.truth.front();
-    const int n = options_.template_px;
-    for (std::size_t k = 0; k < first.levels.size(); ++k) {
-      std::vector<std::vector<float>> patches;
-      for (Eigen::Index f = 0; f < x.cols(); ++f) {
-        patches.emplace_back(static_cast<std::size_t>(n) * n);
-        const Eigen::Vector2d at = std::ldexp(1.0, -static_cast<int>(k)) * x.col(f);
-        SamplePatch(first.levels[k], at.x(), at.y(), n, patches.back().data());
-      }
-      patches_.push_back(std::move(patches));
+    for (Eigen::Index f = 0; f < x.cols(); ++f) {
+      taken_.push_back(TakeTemplates(film.pictures.front(), x.col(f), options_.template_px));
+    }
+    for (const Templates& feature : taken_) templates_.push_back(&feature);
+    if (with != nullptr) {
+      options_.penalty = with->penalty;
+      options_.constraint = with->constraint;
+      options_.penalty_weight = with->strength;
     }
     history_.push_front(x);
     contrast_ = Contrast(0, x);
@@ -136,38 +131,25 @@ class Cohort {
     for (std::size_t l = 0; l < history_.size(); ++l) {
       history.middleRows(2 * static_cast<Eigen::Index>(l), 2) = history_[l];
     }
-    Eigen::VectorXd weights = Eigen::VectorXd::Ones(F);
-    if (case_ != nullptr) {
-      weights /= case_->Weight() * contrast_;
-      if (case_->constraint == Constraint::kStrong) weights /= static_cast<double>(F);
-    }
+    const auto share = case_ != nullptr ? DataWeight(options_, contrast_, F) : std::nullopt;
+    const Eigen::VectorXd weights = Eigen::VectorXd::Constant(F, share.value_or(1.0));
     const Eigen::Matrix2Xd shifted = reached.x;
-    std::vector<const float*> patches(static_cast<std::size_t>(F));
+    SubspaceOptions options = options_;
+    options.optimizer = optimizer;
     for (int level = static_cast<int>(current.levels.size()) - 1; level >= 0; --level) {
       const double scale = std::ldexp(1.0, -level);
-      const auto k = static_cast<std::size_t>(level);
-      for (std::size_t f = 0; f < patches.size(); ++f) patches[f] = patches_[k][f].data();
-      const TrajectoryMatrix trajectories(scale * history, true);
-      Penalty penalty;
-      penalty.epsilon = options_.epsilon;
-      penalty.smoothing = static_cast<double>(F) * std::pow(options_.smoothing_px * scale, 2);
-      if (case_ != nullptr) penalty.kind = case_->penalty;
-      const TotalEnergy energy(current.levels[k],
-                               patches,
-                               options_.template_px,
-                               weights,
-                               case_ != nullptr ? &trajectories : nullptr,
-                               case_ != nullptr ? &penalty : nullptr);
+      const GuideEnergy energy(
+          current, level, templates_, history, weights, share.has_value(), options);
       const double before_ms = test::CpuMs();
-      const OptimizerResult result = Minimize(energy, scale * reached.x, penalty.rank, optimizer);
+      const OptimizerResult result = energy.Minimize(scale * reached.x);
       reached.ms += test::CpuMs() - before_ms;
       reached.x = result.x / scale;
       reached.evaluations += result.evaluations;
       reached.steps += result.iterations;
       if (level > 0) continue;
-      reached.start = energy.Value(shifted);
-      reached.energy = energy.Value(reached.x);
-      reached.truth = energy.Value(film_.truth[frame]);
+      reached.start = energy.total().Value(shifted);
+      reached.energy = energy.total().Value(reached.x);
+      reached.truth = energy.total().Value(film_.truth[frame]);
     }
     return reached;
   }
@@ -181,40 +163,17 @@ class Cohort {
   }
 
  private:
-  OptimizerResult Minimize(const TotalEnergy& energy,
-                           const Eigen::Matrix2Xd& x,
-                           int rank,
-                           OptimizerKind optimizer) const {
-    const SubspaceOptions& o = options_;
-    if (case_ == nullptr) return MinimizeSeparately(energy, x, o.max_iterations);
-    return optimizer == OptimizerKind::kAlgorithm1
-               ? MinimizeAlgorithm1(energy, x, o.min_iterations, o.max_iterations)
-               : MinimizeJointly(energy, x, rank, o.max_iterations);
-  }
-
-  // What a template's energy gains at 1.5 px, per px: m is relative to it.
   double Contrast(std::size_t frame, const Eigen::Matrix2Xd& x) const {
-    constexpr double kDistancePx = 1.5;
-    const cv::Mat& picture = film_.pictures[frame].levels.front();
-    std::vector<double> rises;
-    for (Eigen::Index f = 0; f < x.cols(); ++f) {
-      const auto& patch = patches_.front()[static_cast<std::size_t>(f)];
-      const auto at = [&](double dx, double dy) {
-        return PatchEnergy(
-            picture, x.col(f) + Eigen::Vector2d(dx, dy), patch, options_.template_px);
-      };
-      const double around =
-          at(kDistancePx, 0) + at(-kDistancePx, 0) + at(0, kDistancePx) + at(0, -kDistancePx);
-      rises.push_back((around / 4 - at(0, 0)) / kDistancePx);
-    }
-    return Median(std::move(rises));
+    return cohort::Contrast(
+        film_.pictures[frame].levels.front(), x, templates_, options_.template_px);
   }
 
   const Film& film_;
   const Case* case_;
-  const SubspaceOptions options_;
-  std::vector<std::vector<std::vector<float>>> patches_;  // by level, by feature
-  std::deque<Eigen::Matrix2Xd> history_;                  // newest first
+  SubspaceOptions options_;
+  std::vector<Templates> taken_;
+  std::vector<const Templates*> templates_;  // of them
+  std::deque<Eigen::Matrix2Xd> history_;     // newest first
   double contrast_ = 0.0;
 };
 

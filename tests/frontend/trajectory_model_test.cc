@@ -1,6 +1,6 @@
 // The probabilistic model of the courses on trajectories in closed form: points at several depths
-// before a camera that moves sideways and shakes, under which image positions are exactly affine in
-// 1/depth.
+// before a camera that shakes and moves sideways, under which image positions are exactly affine in
+// 1/depth, or ahead, under which no affine model of rank 3 fits them.
 
 #include "frontend/track/trajectory_model.h"
 
@@ -20,11 +20,13 @@ constexpr Eigen::Index kFeatures = 120;
 struct Scene {
   Eigen::Matrix2Xd rest{2, kFeatures};       // where a far point is seen in frame 0 [px]
   Eigen::VectorXd inverse_depth{kFeatures};  // 0.1 .. 1
+  bool ahead = false;
 };
 
-Scene MakeScene() {
+Scene MakeScene(bool ahead = false) {
   RandomStream random(5, "test/trajectory_model/scene");
   Scene scene;
+  scene.ahead = ahead;
   for (Eigen::Index f = 0; f < kFeatures; ++f) {
     scene.rest.col(f) = Eigen::Vector2d(random.Uniform(0, 640), random.Uniform(0, 480));
     scene.inverse_depth[f] = random.Uniform(0.1, 1.0);
@@ -32,10 +34,18 @@ Scene MakeScene() {
   return scene;
 }
 
-// Lateral motion by 6 px a frame at inverse depth 1, and shake of the whole picture.
+// Motion sideways by 6 px a frame at inverse depth 1, or ahead by 2 % of the depth there; and shake
+// of the whole picture.
 Eigen::Matrix2Xd At(const Scene& scene, double t) {
   Eigen::Matrix2Xd x = scene.rest;
-  x.row(0) += (6.0 * t * scene.inverse_depth).transpose();
+  if (scene.ahead) {
+    const Eigen::Vector2d center(320, 240);
+    for (Eigen::Index f = 0; f < x.cols(); ++f) {
+      x.col(f) = center + (x.col(f) - center) / (1.0 - 0.02 * t * scene.inverse_depth[f]);
+    }
+  } else {
+    x.row(0) += (6.0 * t * scene.inverse_depth).transpose();
+  }
   x.colwise() += Eigen::Vector2d(8.0 * std::sin(1.3 * t), 6.0 * std::cos(0.7 * t));
   return x;
 }
@@ -76,8 +86,8 @@ class Measured {
 };
 
 // After frame 0, where all features are born.
-TrajectoryModel Begun(const Scene& scene) {
-  TrajectoryModel model(kFrames, kMaxRank, true);
+TrajectoryModel Begun(const Scene& scene, int max_rank = kMaxRank, bool perspective = true) {
+  TrajectoryModel model(kFrames, max_rank, perspective);
   model.Update({});
   const Eigen::Matrix2Xd x = At(scene, 0);
   for (Eigen::Index f = 0; f < x.cols(); ++f) {
@@ -98,13 +108,37 @@ double RootMeanSquare(const std::vector<TrajectoryModel::Estimate>& estimates,
 }
 
 TEST(TrajectoryModel, OfARigidSceneIsExactWithoutNoise) {
-  const Scene scene = MakeScene();
+  for (const bool ahead : {false, true}) {
+    const Scene scene = MakeScene(ahead);
+    Measured measured(scene, 0.0);
+    TrajectoryModel model = Begun(scene);
+    for (int t = 1; t < 10; ++t) model.Update(measured(t));
+    EXPECT_LT(RootMeanSquare(model.Predict(measured(10)), At(scene, 10)), 0.05);
+    EXPECT_EQ(model.rank(), 3);  // two of the picture, one of depth
+  }
+}
+
+TEST(TrajectoryModel, WithoutPerspectiveDoesNotFitMotionAhead) {
+  const Scene scene = MakeScene(true);
   Measured measured(scene, 0.0);
-  TrajectoryModel model = Begun(scene);
-  for (int t = 1; t < 10; ++t) model.Update(measured(t));
-  EXPECT_LT(RootMeanSquare(model.Predict(measured(10)), At(scene, 10)), 0.05);
-  EXPECT_GE(model.rank(), 3);  // two of the picture, one of depth
-  EXPECT_LE(model.rank(), 4);
+  TrajectoryModel affine = Begun(scene, 3, false);
+  TrajectoryModel projective = Begun(scene, 3, true);
+  for (int t = 1; t < 15; ++t) {
+    affine.Update(measured(t));
+    projective.Update(measured(t));
+  }
+  EXPECT_GT(RootMeanSquare(affine.Predict(measured(15)), At(scene, 15)), 1.0);
+  EXPECT_LT(RootMeanSquare(projective.Predict(measured(15)), At(scene, 15)), 0.05);
+}
+
+TEST(TrajectoryModel, TakesNoNoiseForADimension) {
+  for (const bool ahead : {false, true}) {
+    const Scene scene = MakeScene(ahead);
+    Measured measured(scene, 0.3);
+    TrajectoryModel model = Begun(scene);
+    for (int t = 1; t < 30; ++t) model.Update(measured(t));
+    EXPECT_EQ(model.rank(), 3);
+  }
 }
 
 TEST(TrajectoryModel, IsNearerToTheTruthThanTheMeasurementsAndKnowsHowNear) {
