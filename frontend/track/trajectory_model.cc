@@ -342,8 +342,10 @@ TrajectoryModel::Direction TrajectoryModel::Explain(std::span<const Cell> cells,
 // another body), and at the one that moves features towards and away from their centre (motion
 // ahead).
 void TrajectoryModel::AdaptRank() {
-  // Of the edge of white noise, which itself reaches 0.6: the fit has taken a part of it out.
-  constexpr double kLeastStrength = 0.65;
+  // Of the edge of white noise, which itself reaches 0.6: the fit has taken a part of it out. A
+  // rigid scene has three dimensions; for more the evidence must be stronger, since what covers the
+  // scene looks like one more body too.
+  const double least_strength = rank_ < 3 ? 0.5 : 0.85;
   constexpr std::size_t kLeastCells = 20;
   constexpr Eigen::Index kFeaturesPerRank = 2;
   const Eigen::Index r = rank_;
@@ -383,7 +385,7 @@ void TrajectoryModel::AdaptRank() {
   const double columns = perspective_ ? 3.0 : 2.0;
   const double edge =
       std::pow(std::sqrt(static_cast<double>(F)) + std::sqrt(columns * static_cast<double>(N)), 2);
-  if (direction.explained < kLeastStrength * edge * variance) return;
+  if (direction.explained < least_strength * edge * variance) return;
   rank_ = static_cast<int>(r) + 1;
   for (Eigen::Index l = 0; l < N; ++l) {
     Camera& camera = frames_[static_cast<std::size_t>(l)].camera;
