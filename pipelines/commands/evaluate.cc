@@ -24,8 +24,10 @@ Json OrNull(const std::optional<T>& value) {
   return value ? Json(*value) : Json(nullptr);
 }
 
-TrackTruthOracle OracleOf(TrackTruth& truth) {
-  return [&truth](FrameIndex born, const Eigen::Vector2d& xy) -> std::optional<TruePath> {
+// edge_px: evaluate.h
+TrackTruthOracle OracleOf(TrackTruth& truth, double edge_px) {
+  return [&truth, edge_px](FrameIndex born, const Eigen::Vector2d& xy) -> std::optional<TruePath> {
+    if (edge_px > 0.0 && truth.IsOnDepthEdge(born, xy, edge_px)) return std::nullopt;
     const auto anchor = truth.Pick(born, xy);
     if (!anchor) return std::nullopt;
     return [&truth, anchor = *anchor](FrameIndex frame) -> std::optional<TrueSighting> {
@@ -36,11 +38,20 @@ TrackTruthOracle OracleOf(TrackTruth& truth) {
   };
 }
 
-Json ErrorsToJson(const ErrorSummary& errors) {
-  return {{"count", errors.count},
-          {"median_px", errors.median_px},
-          {"p90_px", errors.p90_px},
-          {"mean_px", errors.mean_px}};
+Json ErrorsToJson(const std::optional<ErrorSummary>& errors) {
+  if (!errors) return nullptr;
+  return {{"count", errors->count},
+          {"median_px", errors->median_px},
+          {"p90_px", errors->p90_px},
+          {"mean_px", errors->mean_px}};
+}
+
+Json ErrorsToJson(const std::map<int, ErrorSummary>& errors_by_frames) {
+  Json json = Json::object();
+  for (const auto& [frames, errors] : errors_by_frames) {
+    json[std::to_string(frames)] = ErrorsToJson(errors);
+  }
+  return json;
 }
 
 Json CalibrationToJson(const CalibrationFigure& figure) {
@@ -52,7 +63,10 @@ Json CalibrationToJson(const CalibrationFigure& figure) {
           {"histogram", figure.histogram}};
 }
 
-Json EvaluateTrackFile(const std::string& path, const Sequence& sequence, TrackTruth* truth) {
+Json EvaluateTrackFile(const std::string& path,
+                       const Sequence& sequence,
+                       TrackTruth* truth,
+                       double edge_px) {
   if (truth == nullptr) {
     ThrowError(
         "{} has no truth of tracks: it needs true poses and depth pictures, as `cohort "
@@ -63,20 +77,17 @@ Json EvaluateTrackFile(const std::string& path, const Sequence& sequence, TrackT
   ReinitializationOptions options;
   options.width_px = file.width_px;
   options.height_px = file.height_px;
-  const TrackEvaluation figures = EvaluateTracks(file.tracks, OracleOf(*truth), options);
-
-  Json predicted = Json::object();
-  for (const auto& [hidden, errors] : figures.predicted) {
-    predicted[std::to_string(hidden)] = ErrorsToJson(errors);
-  }
+  const TrackEvaluation figures = EvaluateTracks(file.tracks, OracleOf(*truth, edge_px), options);
   return {{"tracks", figures.tracks},
           {"tracks_without_truth", figures.tracks_without_truth},
           {"mean_track_length", file.tracks.MeanObservedLength()},
-          {"observed", figures.observed ? ErrorsToJson(*figures.observed) : Json(nullptr)},
+          {"observed", ErrorsToJson(figures.observed)},
           {"outlier_share", OrNull(figures.outlier_share)},
           {"calibration",
            figures.calibration ? CalibrationToJson(*figures.calibration) : Json(nullptr)},
-          {"predicted", predicted},
+          {"predicted", ErrorsToJson(figures.predicted)},
+          {"hidden", ErrorsToJson(figures.hidden)},
+          {"hidden_but_observed", ErrorsToJson(figures.hidden_but_observed)},
           {"predicted_precision", OrNull(figures.predicted_precision)},
           {"predicted_recall", OrNull(figures.predicted_recall)},
           {"mean_frames_between_reinitializations",
@@ -147,7 +158,11 @@ void AddRows(const Json& json,
                                   value["p90_px"].get<double>(),
                                   value["count"].get<std::size_t>())});
     } else if (value.is_object()) {
-      AddRows(value, name + (key == "predicted" ? ", hidden for frames: " : ": "), rows);
+      AddRows(value,
+              name + (key == "predicted" ? ", hidden for frames: "
+                      : key == "hidden"  ? " for frames: "
+                                         : ": "),
+              rows);
     } else if (value.is_array()) {
       continue;  // a histogram
     } else if (value.is_number_float()) {
@@ -166,9 +181,10 @@ void RunEvaluate(const EvaluateCommandOptions& options) {
   }
   const auto sequence = OpenSequence(options.truth, options.layout);
   const auto truth = OpenTrackTruth(*sequence, options.truth);
-  const Json figures = fs::is_directory(options.subject)
-                           ? EvaluateModelFolder(options.subject, *sequence, truth.get())
-                           : EvaluateTrackFile(options.subject, *sequence, truth.get());
+  const Json figures =
+      fs::is_directory(options.subject)
+          ? EvaluateModelFolder(options.subject, *sequence, truth.get())
+          : EvaluateTrackFile(options.subject, *sequence, truth.get(), options.edge_px);
   if (!options.json.empty()) WriteJsonFile(options.json, figures);
   std::vector<std::vector<std::string>> rows{
       {"figure (of positions: median / 90 % [px] (count))", options.subject}};

@@ -16,6 +16,7 @@ namespace {
 
 constexpr double kOutlierPx = 3.0;
 constexpr std::array<int, 6> kHiddenFrames{0, 1, 5, 10, 20, 50};
+using ErrorsByFramesHidden = std::map<int, std::vector<double>>;
 
 // A track from its first observed position on, with its true path.
 struct AnchoredTrack {
@@ -47,6 +48,15 @@ ErrorSummary SummarizeErrors(std::vector<double> errors_px) {
           .p90_px = InterpolatedQuantile(errors_px, 0.9),
           .mean_px = std::accumulate(errors_px.begin(), errors_px.end(), 0.0) /
                      static_cast<double>(errors_px.size())};
+}
+
+std::map<int, ErrorSummary> SummarizeByFramesHidden(const ErrorsByFramesHidden& errors_px) {
+  std::map<int, ErrorSummary> summaries;
+  for (const int frames : kHiddenFrames) {
+    const auto found = errors_px.find(frames);
+    if (found != errors_px.end()) summaries[frames] = SummarizeErrors(found->second);
+  }
+  return summaries;
 }
 
 bool InsideBorder(const Eigen::Vector2d& xy, const ReinitializationOptions& options) {
@@ -158,7 +168,9 @@ TrackEvaluation EvaluateTracks(const TrackSet& tracks,
   TrackEvaluation evaluation;
   std::vector<double> observed_px;
   std::vector<Eigen::Vector2d> normalised;
-  std::map<int, std::vector<double>> predicted_px;  // by frames hidden
+  std::vector<double> hidden_but_observed_px;
+  ErrorsByFramesHidden predicted_px;
+  ErrorsByFramesHidden hidden_px;
   std::size_t predicted = 0, hidden = 0, predicted_and_hidden = 0;
   for (const FeatureId feature : tracks.features()) {
     ++evaluation.tracks;
@@ -181,8 +193,12 @@ TrackEvaluation EvaluateTracks(const TrackSet& tracks,
       const Eigen::Vector2d error = o.xy - sighting->xy;
       if (!is_predicted && o.covariance) normalised.push_back(Normalise(error, *o.covariance));
       if (is_predicted) ++predicted;
-      if (hidden_frames > 0) ++hidden;
-      if (is_predicted && hidden_frames > 0) ++predicted_and_hidden;
+      if (hidden_frames > 0) {
+        ++hidden;
+        if (is_predicted) ++predicted_and_hidden;
+        if (!is_predicted) hidden_but_observed_px.push_back(error.norm());
+        hidden_px[hidden_frames].push_back(error.norm());
+      }
       (is_predicted ? predicted_px[hidden_frames] : observed_px).push_back(error.norm());
     }
   }
@@ -192,10 +208,10 @@ TrackEvaluation EvaluateTracks(const TrackSet& tracks,
                 observed_px.begin(), observed_px.end(), [](double e) { return e > kOutlierPx; })),
             observed_px.size());
   if (!observed_px.empty()) evaluation.observed = SummarizeErrors(std::move(observed_px));
-  for (const int frames : kHiddenFrames) {
-    if (const auto found = predicted_px.find(frames); found != predicted_px.end()) {
-      evaluation.predicted[frames] = SummarizeErrors(std::move(found->second));
-    }
+  evaluation.predicted = SummarizeByFramesHidden(predicted_px);
+  evaluation.hidden = SummarizeByFramesHidden(hidden_px);
+  if (!hidden_but_observed_px.empty()) {
+    evaluation.hidden_but_observed = SummarizeErrors(std::move(hidden_but_observed_px));
   }
   evaluation.predicted_precision = Ratio(predicted_and_hidden, predicted);
   evaluation.predicted_recall = Ratio(predicted_and_hidden, hidden);

@@ -90,6 +90,10 @@ struct TrackEvaluation {
   // Predicted positions by for how many frames, this one included, the point has been hidden: 0
   // (it is visible, and the tracker did not see it), 1, 5, 10, 20, 50.
   std::map<int, ErrorSummary> predicted;
+  // The same of all positions of hidden points, whatever state they have; and of those which are
+  // called observed, hidden for any number of frames.
+  std::map<int, ErrorSummary> hidden;
+  std::optional<ErrorSummary> hidden_but_observed;
   // The state `predicted` as a statement that the point is hidden.
   std::optional<double> predicted_precision;
   std::optional<double> predicted_recall;

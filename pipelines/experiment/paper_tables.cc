@@ -141,15 +141,24 @@ std::string RatioTable(Grid grid, const std::string& our_tracker, bool high_is_g
 
 }  // namespace
 
+std::optional<double> AverageOf(const ExperimentResults& results,
+                                const std::string& level,
+                                const std::string& metric,
+                                const std::string& tracker,
+                                const std::vector<std::string>& sequences) {
+  Grid grid = GridOf(results, level, metric);
+  if (!sequences.empty()) grid.sequences = sequences;
+  if (grid.sequences.empty()) return std::nullopt;
+  return Average(grid, tracker);
+}
+
 std::optional<double> RatioOfAverages(const ExperimentResults& results,
                                       const std::string& level,
                                       const std::string& metric,
                                       const std::string& a,
                                       const std::string& b) {
-  const Grid grid = GridOf(results, level, metric);
-  if (grid.sequences.empty()) return std::nullopt;
-  const auto average_a = Average(grid, a);
-  const auto average_b = Average(grid, b);
+  const auto average_a = AverageOf(results, level, metric, a);
+  const auto average_b = AverageOf(results, level, metric, b);
   if (!average_a || !average_b) return std::nullopt;
   return *average_a / *average_b;
 }

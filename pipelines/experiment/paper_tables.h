@@ -16,7 +16,15 @@ namespace cohort {
 // best window" is the best for each sequence among several of klt.
 std::string PaperTables(const ExperimentResults& results);
 
-// Of the averages in these tables, a's over b's; none where either is missing.
+// A tracker's average in these tables, or that over some of their sequences; none where a figure is
+// missing.
+std::optional<double> AverageOf(const ExperimentResults& results,
+                                const std::string& level,
+                                const std::string& metric,
+                                const std::string& tracker,
+                                const std::vector<std::string>& sequences = {});
+
+// Of these averages, a's over b's; none where either is missing.
 std::optional<double> RatioOfAverages(const ExperimentResults& results,
                                       const std::string& level,
                                       const std::string& metric,

@@ -394,6 +394,12 @@ TEST_F(Commands, RendersDegradesAndEvaluates) {
   ASSERT_EQ(end.exit_code, 0) << end.err;
   EXPECT_LT(ReadJson(Path("e.json"))["observed"]["median_px"], 1.0);
   EXPECT_GT(ReadJson(Path("e.json"))["observed"]["count"], 50);
+  const std::size_t without_truth = ReadJson(Path("e.json"))["tracks_without_truth"];
+  ASSERT_EQ(RunCohort("evaluate " + Path("a.tracks") + " --truth " + Path("dark") +
+                      " --edge-px 10 --json " + Path("off_edges.json"))
+                .exit_code,
+            0);
+  EXPECT_GT(ReadJson(Path("off_edges.json"))["tracks_without_truth"], without_truth);
 
   const std::string images = WriteImages(Path("images"), 2);
   ExpectFailure(RunCohort("evaluate " + Path("a.tracks") + " --truth " + images),

@@ -242,7 +242,7 @@ TEST(PaperTables, HaveThePapersLayoutAndSayHowManyTimesBetter) {
             "\n");
 }
 
-TEST(PaperTables, RatiosOfAveragesAndWinsAreThoseOfTheTables) {
+TEST(PaperTables, AveragesRatiosAndWinsAreThoseOfTheTables) {
   ExperimentResults results;
   const auto add = [&](const char* sequence, const char* tracker, double l1) {
     results.rows.push_back({sequence, "hard", tracker, "", 1, "l1_error_30_frames", l1, "px"});
@@ -253,6 +253,10 @@ TEST(PaperTables, RatiosOfAveragesAndWinsAreThoseOfTheTables) {
   add("cloth", "subspace", 60);
   EXPECT_EQ(RatioOfAverages(results, "hard", "l1_error_30_frames", "klt7", "subspace"), 4.0);
   EXPECT_EQ(RatioOfAverages(results, "medium", "l1_error_30_frames", "klt7", "subspace"),
+            std::nullopt);
+  EXPECT_EQ(AverageOf(results, "hard", "l1_error_30_frames", "klt7"), 160.0);
+  EXPECT_EQ(AverageOf(results, "hard", "l1_error_30_frames", "klt7", {"cloth"}), 20.0);
+  EXPECT_EQ(AverageOf(results, "hard", "l1_error_30_frames", "klt7", {"cloth", "street"}),
             std::nullopt);
   EXPECT_EQ(SequencesWon(results, "hard", "subspace", {"klt7"}), 1);
 }

@@ -88,6 +88,13 @@ TEST(EvaluateTracks, PredictedPositionsAreJudgedByFramesHidden) {
   EXPECT_NEAR(e.predicted.at(10).median_px, 1.0, 1e-9);
   EXPECT_EQ(e.predicted.at(0).count, 3u);
   EXPECT_NEAR(e.predicted.at(0).mean_px, 1.2, 1e-9);
+  // What the second track calls observed counts too.
+  ASSERT_EQ(e.hidden.size(), 3u);
+  EXPECT_EQ(e.hidden.at(1).count, 2u);
+  EXPECT_NEAR(e.hidden.at(1).median_px, 0.1, 1e-9);
+  EXPECT_EQ(e.hidden.at(10).count, 2u);
+  EXPECT_EQ(e.hidden_but_observed->count, 2u);
+  EXPECT_NEAR(e.hidden_but_observed->mean_px, 0.15, 1e-9);
   EXPECT_NEAR(*e.predicted_precision, 18.0 / 21.0, 1e-12);
   EXPECT_NEAR(*e.predicted_recall, 18.0 / 20.0, 1e-12);
   // Observed: 19 of the first track, three of them before it has come back to the truth, and 18 of
@@ -111,6 +118,8 @@ TEST(EvaluateTracks, HiddenFramesCountAcrossGapsAndNotWithoutTruth) {
       },
       kImage);
   EXPECT_FALSE(no_truth.observed);
+  EXPECT_TRUE(no_truth.hidden.empty());
+  EXPECT_FALSE(no_truth.hidden_but_observed);
   EXPECT_TRUE(no_truth.predicted.empty());
   EXPECT_FALSE(no_truth.predicted_recall);
 }

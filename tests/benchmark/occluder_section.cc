@@ -1,0 +1,208 @@
+#include "tests/benchmark/occluder_section.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <functional>
+#include <nlohmann/json.hpp>
+#include <string_view>
+
+#include "frontend/core/statistics.h"
+#include "pipelines/commands/degrade.h"
+#include "pipelines/commands/evaluate.h"
+#include "pipelines/commands/track.h"
+#include "pipelines/console/json_file.h"
+#include "pipelines/console/option_list.h"
+#include "pipelines/experiment/tasks.h"
+
+namespace cohort {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::ordered_json;
+
+struct Clip {
+  const char* name;
+  const char* motion;
+  const char* target_px;  // after 1, 5, 10 hidden frames
+};
+constexpr Clip kClips[] = {{"room", "to the side", "0.5 / 1.0 / 1.5"},
+                           {"corridor", "ahead", "0.5 / 1.3 / 2.5"},
+                           {"tabletop", "around", "-"}};
+constexpr int kFrames = 60;
+constexpr double kBarPxPerFrame = 6.0;
+constexpr int kFeatures = 300;
+constexpr double kEdgePx = 10.0;
+
+// What `cohort evaluate` says of a run; of all tracks, and without those born on a depth edge.
+constexpr std::string_view kAll = "all";
+constexpr std::string_view kOffEdges = "off_edges";
+
+Task MakeTask(const Clip& clip, const std::string& seed, const OccluderOptions& options) {
+  const fs::path folder = options.work / clip.name / seed;
+  DegradeCommandOptions degrade;
+  degrade.input.input = (options.clips / clip.name).string();
+  degrade.input.frames = fmt::format("0:{}", kFrames);
+  degrade.out = (folder / "frames").string();
+  degrade.degrade.occluder_px_per_frame = kBarPxPerFrame;
+  degrade.degrade.seed = static_cast<unsigned>(std::stoul(seed));
+  TrackCommandOptions track;
+  track.input.input = degrade.out;
+  track.out = (folder / "clip.tracks").string();
+  track.seed = degrade.degrade.seed;
+  track.tracker.detector.max_features = kFeatures;
+  const Json depends_on{
+      {"degrade", ToJson(degrade)}, {"tracker", ToJson(track.tracker)}, {"edge_px", kEdgePx}};
+  track.threads = options.jobs == 1 ? 0 : 1;
+  return {fmt::format("occluder {} {}", clip.name, seed),
+          folder / "result.json",
+          depends_on.dump(),
+          [folder, degrade, track] {
+            RunDegrade(degrade);
+            RunTrack(track);
+            Json figures;
+            for (const std::string_view subject : {kAll, kOffEdges}) {
+              EvaluateCommandOptions evaluate;
+              evaluate.subject = track.out;
+              evaluate.truth = degrade.out;
+              evaluate.edge_px = subject == kOffEdges ? kEdgePx : 0.0;
+              evaluate.json = (folder / fmt::format("{}.json", subject)).string();
+              RunEvaluate(evaluate);
+              figures[std::string(subject)] = ReadJsonFile(evaluate.json);
+            }
+            return figures;
+          }};
+}
+
+// Of one clip, one of every seed.
+using Runs = std::vector<Json>;
+using FigureOf = std::function<Json(const Json& run)>;  // null: there is none
+
+std::vector<double> FiguresOf(const Runs& runs, const FigureOf& figure_of) {
+  std::vector<double> figures;
+  for (const Json& run : runs) {
+    const Json figure = figure_of(run);
+    if (!figure.is_null()) figures.push_back(figure.get<double>());
+  }
+  return figures;
+}
+
+// The median over the seeds (lowest-highest).
+std::string Cell(const Runs& runs, const FigureOf& figure_of) {
+  const std::vector<double> figures = FiguresOf(runs, figure_of);
+  if (figures.empty()) return "-";
+  const auto [low, high] = std::minmax_element(figures.begin(), figures.end());
+  return fmt::format("{:.2f} ({:.2f}-{:.2f})", InterpolatedMedian(figures), *low, *high);
+}
+
+std::string Count(const Runs& runs, const FigureOf& figure_of) {
+  const std::vector<double> figures = FiguresOf(runs, figure_of);
+  return figures.empty() ? "0" : fmt::format("{:.0f}", InterpolatedMedian(figures));
+}
+
+FigureOf At(std::string_view subject, const std::string& pointer) {
+  const Json::json_pointer place(fmt::format("/{}{}", subject, pointer));
+  return [place](const Json& run) { return run.value(place, Json(nullptr)); };
+}
+
+std::string PositionRow(const Clip& clip,
+                        const Runs& runs,
+                        const char* what,
+                        std::string_view subject,
+                        const std::string& figure) {
+  std::string counts;
+  std::string cells;
+  for (const int frames : {1, 5, 10}) {
+    const std::string place = fmt::format("/{}/{}", figure, frames);
+    counts += (counts.empty() ? "" : " / ") + Count(runs, At(subject, place + "/count"));
+    cells += fmt::format(" {} |", Cell(runs, At(subject, place + "/median_px")));
+  }
+  return fmt::format(
+      "| {}, {} | {} | {} |{} {} |\n", clip.name, clip.motion, what, counts, cells, clip.target_px);
+}
+
+std::string StateRow(const Clip& clip,
+                     const Runs& runs,
+                     const char* what,
+                     std::string_view subject) {
+  return fmt::format("| {}, {} | {} | {} | {} | 0.95 | {} | {} |\n",
+                     clip.name,
+                     clip.motion,
+                     what,
+                     Cell(runs, At(subject, "/predicted_precision")),
+                     Cell(runs, At(subject, "/predicted_recall")),
+                     Count(runs, At(subject, "/hidden_but_observed/count")),
+                     Cell(runs, At(subject, "/hidden_but_observed/median_px")));
+}
+
+}  // namespace
+
+std::string OccluderSection(const OccluderOptions& options) {
+  std::vector<Task> tasks;
+  for (const Clip& clip : kClips) {
+    for (const std::string& seed : options.seeds) tasks.push_back(MakeTask(clip, seed, options));
+  }
+  RunTasks("occluder", tasks, options.jobs, true);
+
+  std::string positions;
+  std::string states;
+  auto task = tasks.begin();
+  for (const Clip& clip : kClips) {
+    Runs runs;
+    for (std::size_t i = 0; i < options.seeds.size(); ++i, ++task) {
+      const Json result = ReadJsonFile(task->result);
+      if (!result.at("error").is_null()) {
+        ThrowError("{}: {}", task->label, result.at("error").get<std::string>());
+      }
+      runs.push_back(result.at("figures"));
+    }
+    positions += PositionRow(clip, runs, "off depth edges, any state", kOffEdges, "hidden") +
+                 PositionRow(clip, runs, "of these called predicted", kOffEdges, "predicted") +
+                 PositionRow(clip, runs, "all corners, any state", kAll, "hidden");
+    states += StateRow(clip, runs, "off depth edges", kOffEdges) +
+              StateRow(clip, runs, "all corners", kAll);
+  }
+  return fmt::format(
+      R"(## Behind an occluder
+
+A textured bar, 80 px wide, crosses the first {} frames of three of the clips at {:.0f} px a frame, so that it hides a resting point
+for 13 frames. It is drawn before the clip is degraded, at medium. Tracker `subspace` as `cohort track` writes it, with up to {}
+features; seeds of noise and bar: {}. For the room and seed 1:
+
+```console
+$ cohort synth room --scene room --motion lateral --frames {}
+$ cohort degrade room dark --level medium --occluder {:.0f} --seed 1
+$ cohort track dark --detector.max-features {} --seed 1 --out dark.tracks
+$ cohort evaluate dark.tracks --truth dark --edge-px {:.0f}
+```
+
+The first table: how far a hidden point is from where the surface point that its track began on is now, median over the points in
+the frame in which they have been hidden for 1, 5 and 10 frames in a row. Hidden is what the exact truth does not show there: behind
+the bar, or behind another surface. Any state: every position that is written counts, also that of a point which the tracker takes
+for visible; what has ended does not ("points": how many are left). Corners within {:.0f} px of a jump of depth are no points of
+the scene, as above; `--edge-px 0` counts them too.
+
+| clip, camera | points | how many after 1 / 5 / 10 frames | 1 hidden frame [px] | 5 | 10 | target |
+|---|---|---|---|---|---|---|
+{}
+The second: the state "predicted" as the statement that a point is hidden. Precision: of the positions called predicted, how many are
+hidden; of the others most are too weak in the dark to be confirmed. Recall: of the positions hidden, how many are called
+predicted; the others are called observed: how many, and how far off they are.
+
+| clip, camera | points | precision | recall | target of both | hidden, called observed | their median error [px] |
+|---|---|---|---|---|---|---|
+{})",
+      kFrames,
+      kBarPxPerFrame,
+      kFeatures,
+      fmt::join(options.seeds, ", "),
+      kFrames,
+      kBarPxPerFrame,
+      kFeatures,
+      kEdgePx,
+      kEdgePx,
+      positions,
+      states);
+}
+
+}  // namespace cohort
