@@ -197,10 +197,11 @@ Reconstruction ToReconstruction(const ColmapModel& model,
 
 }  // namespace
 
-ColmapResult ReconstructWithColmap(const TrackFile& file,
+ColmapResult ReconstructWithColmap(const TrackFile& tracked,
                                    const ColmapOptions& options,
                                    const fs::path& work_dir) {
   ValidateOptions(options);
+  const TrackFile file = WithoutWeakObservations(tracked, options.database.max_relative_sigma);
   const Stopwatch total;
   ColmapProgram program(options.program);
   const Workspace workspace(work_dir, file);
@@ -306,11 +307,12 @@ ColmapResult ReconstructWithColmap(const TrackFile& file,
   return finish(std::move(termination));
 }
 
-ColmapResult TriangulateWithColmap(const TrackFile& file,
+ColmapResult TriangulateWithColmap(const TrackFile& tracked,
                                    const std::map<FrameIndex, Rigid3>& cam_from_world,
                                    const ColmapOptions& options,
                                    const fs::path& work_dir) {
   ValidateOptions(options);
+  const TrackFile file = WithoutWeakObservations(tracked, options.database.max_relative_sigma);
   if (!file.camera || !file.camera->known) {
     ThrowError("triangulation with given poses needs a known camera: give --camera");
   }

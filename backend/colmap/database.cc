@@ -8,6 +8,7 @@
 
 #include "frontend/core/output.h"
 #include "frontend/core/sqlite.h"
+#include "frontend/core/statistics.h"
 
 namespace cohort {
 namespace {
@@ -296,6 +297,27 @@ void ColmapDatabase::AddPair(ColmapImageId image1, ColmapImageId image2, ColmapP
   }
 }
 
+TrackFile WithoutWeakObservations(const TrackFile& file, double max_relative_sigma) {
+  const auto variance = [](const Observation& o) {
+    return 0.5 * (double{o.covariance->xx} + double{o.covariance->yy});
+  };
+  std::vector<double> variances;
+  for (const Observation& o : file.tracks.observations()) {
+    if (o.state == ObservationState::kObserved && o.covariance) variances.push_back(variance(o));
+  }
+  if (variances.empty() || max_relative_sigma == 0.0) return file;
+  const double most = max_relative_sigma * max_relative_sigma * Median(std::move(variances));
+  std::vector<Observation> observations(file.tracks.observations().begin(),
+                                        file.tracks.observations().end());
+  for (Observation& o : observations) {
+    if (o.covariance && variance(o) > most) o.state = ObservationState::kPredicted;
+  }
+  TrackFile strong = file;
+  strong.tracks = TrackSet::Build(std::move(observations),
+                                  {file.tracks.ends().begin(), file.tracks.ends().end()});
+  return strong;
+}
+
 std::vector<const Observation*> ColmapKeypoints(const TrackSet& tracks,
                                                 FrameIndex frame,
                                                 bool include_predicted) {
@@ -392,7 +414,10 @@ void WriteColmapDatabase(const std::filesystem::path& path, const ColmapDatabase
 void WriteColmapDatabase(const std::filesystem::path& path,
                          const TrackFile& file,
                          const ColmapDatabaseOptions& options) {
-  WriteColmapDatabase(path, BuildColmapDatabase(file, options));
+  ValidateOptions(options);
+  WriteColmapDatabase(
+      path,
+      BuildColmapDatabase(WithoutWeakObservations(file, options.max_relative_sigma), options));
 }
 
 ColmapDatabase ReadColmapDatabase(const std::filesystem::path& path) {

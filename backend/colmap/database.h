@@ -76,6 +76,7 @@ struct ColmapDatabase {
 struct ColmapDatabaseOptions {
   TwoViewOptions two_view;
   bool include_predicted = false;
+  double max_relative_sigma = 1.5;
   int max_stride = 1024;
 
   template <typename Self, typename Visitor>
@@ -84,9 +85,20 @@ struct ColmapDatabaseOptions {
     v.Flag("include_predicted",
            o.include_predicted,
            "also positions that no image confirmed, as if they were measured");
+    v.Number("max_relative_sigma",
+             o.max_relative_sigma,
+             0.0,
+             1e6,
+             "leave out observations whose deviation is more than this times the clip's median: "
+             "COLMAP weighs all alike; 0: none");
     v.Number("max_stride", o.max_stride, 1, 1 << 20, "longest distance of paired frames [frames]");
   }
 };
+
+// COLMAP weighs all observations alike, so it is better off without those that are known to be
+// weak: with a deviation sqrt(trace(covariance) / 2) of more than `max_relative_sigma` times the
+// median of the clip's. They are marked predicted. What has no covariance stays.
+TrackFile WithoutWeakObservations(const TrackFile& file, double max_relative_sigma);
 
 // The keypoints of a frame in the order that the database has them: ascending features, observed
 // ones only unless predicted ones are asked for. Keypoint index -> feature of a mapper's model.
@@ -108,6 +120,7 @@ ColmapDatabase BuildColmapDatabase(
 // A database in the 3.8 schema (user_version 3800), which 4.x opens too. Whole or not at all; an
 // old file and its -wal and -shm are replaced. Throws Error naming the path.
 void WriteColmapDatabase(const std::filesystem::path& path, const ColmapDatabase& database);
+// Of the tracks WithoutWeakObservations.
 void WriteColmapDatabase(const std::filesystem::path& path,
                          const TrackFile& file,
                          const ColmapDatabaseOptions& options = {});

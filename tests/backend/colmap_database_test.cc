@@ -124,6 +124,27 @@ TEST(ColmapDatabase, TakesPredictedPositionsWhenAskedFor) {
   EXPECT_EQ(database.images.at(2).keypoints.size(), 2u);
 }
 
+TEST(ColmapDatabase, LeavesOutWhatIsMeasuredMuchWorseThanTheRest) {
+  TrackFile file = ThreeFrames();
+  std::vector<Observation> observations;
+  for (std::uint32_t f = 0; f < 10; ++f) {
+    const float sigma_px = f == 7 ? 0.9F : 0.5F;
+    Observation o{.feature = FeatureId{f}, .frame = FrameIndex{0}};
+    o.covariance = PixelCovariance{sigma_px * sigma_px, 0.0F, sigma_px * sigma_px};
+    observations.push_back(o);
+  }
+  observations[8].covariance.reset();
+  observations[9].state = ObservationState::kPredicted;
+  file.tracks = TrackSet::Build(observations);
+  EXPECT_EQ(WithoutWeakObservations(file, 1.5).tracks.CountObserved(), 8u) << "all but 7 and 9";
+  EXPECT_EQ(WithoutWeakObservations(file, 2.0).tracks.CountObserved(), 9u);
+  EXPECT_EQ(WithoutWeakObservations(file, 0.0).tracks.CountObserved(), 9u) << "switched off";
+
+  const TempDir dir;
+  WriteColmapDatabase(dir / "a.db", file);
+  EXPECT_EQ(ReadColmapDatabase(dir / "a.db").images.at(1).keypoints.size(), 8u);
+}
+
 TEST(ColmapDatabase, CameraIsPinholeOpencvOrAGuess) {
   TrackFile file = ThreeFrames();
   EXPECT_EQ(BuildColmapDatabase(file).camera.model, ColmapCameraModel::kPinhole);
