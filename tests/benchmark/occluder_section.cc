@@ -125,12 +125,14 @@ std::string StateRow(const Clip& clip,
                      const Runs& runs,
                      const char* what,
                      std::string_view subject) {
-  return fmt::format("| {}, {} | {} | {} | {} | 0.95 | {} | {} |\n",
+  return fmt::format("| {}, {} | {} | {} | {} | 0.95 | {} | {} | {} | {} |\n",
                      clip.name,
                      clip.motion,
                      what,
                      Cell(runs, At(subject, "/predicted_precision")),
                      Cell(runs, At(subject, "/predicted_recall")),
+                     Count(runs, At(subject, "/predicted/0/count")),
+                     Cell(runs, At(subject, "/predicted/0/median_px")),
                      Count(runs, At(subject, "/hidden_but_observed/count")),
                      Cell(runs, At(subject, "/hidden_but_observed/median_px")));
 }
@@ -179,18 +181,19 @@ $ cohort evaluate dark.tracks --truth dark --edge-px {:.0f}
 The first table: how far a hidden point is from where the surface point that its track began on is now, median over the points in
 the frame in which they have been hidden for 1, 5 and 10 frames in a row. Hidden is what the exact truth does not show there: behind
 the bar, or behind another surface. Any state: every position that is written counts, also that of a point which the tracker takes
-for visible; what has ended does not ("points": how many are left). Corners within {:.0f} px of a jump of depth are no points of
+for visible; what has ended does not (how many are left stands beside it). Corners within {:.0f} px of a jump of depth are no points of
 the scene, as above; `--edge-px 0` counts them too.
 
 | clip, camera | points | how many after 1 / 5 / 10 frames | 1 hidden frame [px] | 5 | 10 | target |
 |---|---|---|---|---|---|---|
 {}
 The second: the state "predicted" as the statement that a point is hidden. Precision: of the positions called predicted, how many are
-hidden; of the others most are too weak in the dark to be confirmed. Recall: of the positions hidden, how many are called
-predicted; the others are called observed: how many, and how far off they are.
+hidden; the others are visible and were not confirmed. Recall: of the positions hidden, how many are called predicted; the others
+are called observed. Of both faults: how many, and the median of how far off they are. Corners on the bar itself have no truth and
+count nowhere.
 
-| clip, camera | points | precision | recall | target of both | hidden, called observed | their median error [px] |
-|---|---|---|---|---|---|---|
+| clip, camera | points | precision | recall | target of both | visible, called predicted | [px] | hidden, called observed | [px] |
+|---|---|---|---|---|---|---|---|---|
 {})",
       kFrames,
       kBarPxPerFrame,
