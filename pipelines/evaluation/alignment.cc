@@ -1,6 +1,7 @@
 #include "pipelines/evaluation/alignment.h"
 
 #include <Eigen/SVD>
+#include <cmath>
 
 #include "frontend/core/error.h"
 
@@ -40,6 +41,17 @@ std::optional<Sim3> AlignPoints(std::span<const Eigen::Vector3d> source,
   target_from_source.translation =
       target_mean - target_from_source.scale * (target_from_source.rotation * source_mean);
   return target_from_source;
+}
+
+std::optional<double> AlignedRmse(std::span<const Eigen::Vector3d> source,
+                                  std::span<const Eigen::Vector3d> target) {
+  const auto target_from_source = AlignPoints(source, target, AlignmentScale::kEstimated);
+  if (!target_from_source) return std::nullopt;
+  double sum = 0.0;
+  for (std::size_t i = 0; i < source.size(); ++i) {
+    sum += (*target_from_source * source[i] - target[i]).squaredNorm();
+  }
+  return std::sqrt(sum / static_cast<double>(source.size()));
 }
 
 }  // namespace cohort

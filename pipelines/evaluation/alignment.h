@@ -17,4 +17,8 @@ std::optional<Sim3> AlignPoints(std::span<const Eigen::Vector3d> source,
                                 std::span<const Eigen::Vector3d> target,
                                 AlignmentScale scale);
 
+// Root mean square distance between the two after the alignment by Sim(3), in the target's units.
+std::optional<double> AlignedRmse(std::span<const Eigen::Vector3d> source,
+                                  std::span<const Eigen::Vector3d> target);
+
 }  // namespace cohort

@@ -64,6 +64,13 @@ bool IsFinished(const Json& result, RowAdder& rows) {
   return true;
 }
 
+std::string WhyFailed(const Json& model) {
+  return fmt::format("{} of {} frames registered: {}",
+                     model.at("registered").get<std::size_t>(),
+                     model.at("frames").get<std::size_t>(),
+                     model.at("termination").get<std::string>());
+}
+
 // Protocol paper.
 void AddFollowRows(const Json& figures, RowAdder& rows) {
   rows.Add("features", figures.at("features"), "");
@@ -129,10 +136,7 @@ void AddModelRows(const TrackCell& cell,
   rows.Add("frames", model.at("frames"), "frames");
   rows.Add("seconds", model.at("seconds"), "s");
   if (model.at("failed").get<bool>()) {
-    rows.Fail(fmt::format("{} of {} frames registered: {}",
-                          model.at("registered").get<std::size_t>(),
-                          model.at("frames").get<std::size_t>(),
-                          model.at("termination").get<std::string>()));
+    rows.Fail(WhyFailed(model));
     return;
   }
   rows.Add("points", model.at("points"), "");
@@ -155,6 +159,41 @@ void AddModelRows(const TrackCell& cell,
     rows.Add("auc_10", errors.at("auc_10"), "");
     rows.Add("auc_20", errors.at("auc_20"), "");
   }
+}
+
+bool HasModel(const Json& result) {
+  return result.at("error").is_null() && result.at("figures").contains("model") &&
+         !result.at("figures").at("model").at("failed").get<bool>();
+}
+
+void AddHalvesRows(const TrackCell& cell,
+                   GridBackend backend,
+                   const Json& model,
+                   const Json& halves,
+                   ExperimentResults& results) {
+  RowAdder rows(cell, NameOf(kGridBackendNames, backend), results);
+  if (!HasModel(model)) {  // which is a failure with a reason already
+    rows.Add(kHalvesFailedMetric, true, "");
+    return;
+  }
+  if (halves.is_null()) return;
+  if (!halves.at("error").is_null()) {
+    rows.Add(kHalvesFailedMetric, true, "");
+    rows.Fail(fmt::format("halves: {}", halves.at("error").get<std::string>()));
+    return;
+  }
+  const Json& figures = halves.at("figures");
+  const bool failed = figures.at("disagreement").is_null();
+  rows.Add(kHalvesFailedMetric, failed, "");
+  rows.Add(kHalvesMetric, figures.at("disagreement"), "");
+  rows.Add("halves_frames", figures.at("frames_share"), "");
+  if (!failed) return;
+  for (const Json& half : figures.at("models")) {
+    if (!half.at("failed").get<bool>()) continue;
+    rows.Fail(fmt::format("halves: {}", WhyFailed(half)));
+    return;
+  }
+  rows.Fail("halves: their cameras fix no alignment");
 }
 
 }  // namespace cohort

@@ -16,4 +16,15 @@ void AddModelRows(const TrackCell& cell,
                   const nlohmann::ordered_json& result,
                   ExperimentResults& results);
 
+// Has the task of a model made one of enough frames?
+bool HasModel(const nlohmann::ordered_json& result);
+// Adds what has come of the two halves of a cell's tracks (TrackCell::HasHalves), of which `model`
+// was made; `halves` is null where they are another shard's. Halves of tracks that make no model
+// together have failed too.
+void AddHalvesRows(const TrackCell& cell,
+                   GridBackend backend,
+                   const nlohmann::ordered_json& model,
+                   const nlohmann::ordered_json& halves,
+                   ExperimentResults& results);
+
 }  // namespace cohort

@@ -76,6 +76,12 @@ struct TrackCell {
   std::filesystem::path Result(GridBackend backend) const {
     return folder / (std::string(NameOf(kGridBackendNames, backend)) + ".json");
   }
+  std::filesystem::path Halves(GridBackend backend) const {
+    return folder / (std::string(NameOf(kGridBackendNames, backend)) + "_halves");
+  }
+  std::filesystem::path HalvesResult(GridBackend backend) const {
+    return Halves(backend).string() + ".json";
+  }
   // COLMAP's own features go with COLMAP alone; a second pass would put measurements in the place
   // of the ceiling's tracks.
   bool Has(GridBackend backend) const {
@@ -88,6 +94,11 @@ struct TrackCell {
         return backend == GridBackend::kColmap;
     }
     return false;
+  }
+  // Is the model judged by the agreement of the two halves of the tracks, for want of true cameras?
+  bool HasHalves(GridBackend backend) const {
+    return !condition.clip.has_poses && tracker.source == TrackSource::kTracker &&
+           backend != GridBackend::kTriangulation;
   }
 };
 

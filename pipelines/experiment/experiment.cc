@@ -3,6 +3,7 @@
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
+#include <array>
 #include <charconv>
 #include <chrono>
 #include <limits>
@@ -22,6 +23,7 @@
 #include "pipelines/commands/track.h"
 #include "pipelines/commands/video_frames.h"
 #include "pipelines/console/json_file.h"
+#include "pipelines/evaluation/halves.h"
 #include "pipelines/experiment/ceiling.h"
 #include "pipelines/experiment/cell_rows.h"
 #include "pipelines/experiment/cells.h"
@@ -86,6 +88,11 @@ void CheckDistinct(const char* option, const std::vector<std::string>& names) {
 
 std::string LabelOf(const Condition& condition) {
   return fmt::format("{} {} {}", condition.clip.name, condition.level, condition.seed);
+}
+
+std::string LabelOf(const TrackCell& cell, GridBackend backend) {
+  return fmt::format(
+      "{} {} {}", NameOf(kGridBackendNames, backend), LabelOf(cell.condition), cell.tracker.name);
 }
 
 // The options that a tracker's tracks depend on: without those of the other trackers.
@@ -191,6 +198,7 @@ class Experiment {
     }
     RunTasks("track", TrackTasks(shard), options_.jobs, options_.resume);
     RunTasks("reconstruct", ReconstructTasks(shard), options_.jobs, options_.resume);
+    RunTasks("halves", HalvesTasks(shard), options_.jobs, options_.resume);
     return Collect();
   }
 
@@ -465,15 +473,34 @@ class Experiment {
         continue;
       for (const GridBackend backend : backends_) {
         if (!cell.Has(backend)) continue;
-        Json depends_on = DependenciesOf(cell);
-        depends_on["backend"] = OptionsOf(cell, backend);
-        tasks.push_back({fmt::format("{} {} {}",
-                                     NameOf(kGridBackendNames, backend),
-                                     LabelOf(cell.condition),
-                                     cell.tracker.name),
+        tasks.push_back({LabelOf(cell, backend),
                          cell.Result(backend),
-                         depends_on.dump(),
+                         ModelDependenciesOf(cell, backend),
                          [this, &cell, backend] { return ReconstructCell(cell, backend); }});
+      }
+    }
+    return tasks;
+  }
+
+  std::string ModelDependenciesOf(const TrackCell& cell, GridBackend backend) const {
+    Json depends_on = DependenciesOf(cell);
+    depends_on["backend"] = OptionsOf(cell, backend);
+    return depends_on.dump();
+  }
+
+  // Of the models that have been made. Tasks of their own: what goes wrong with a half leaves the
+  // model as it is.
+  std::vector<Task> HalvesTasks(const Shard& shard) const {
+    std::vector<Task> tasks;
+    for (std::size_t i = 0; i < cells_.size(); ++i) {
+      if (!shard.Takes(i)) continue;
+      const TrackCell& cell = cells_[i];
+      for (const GridBackend backend : backends_) {
+        if (!cell.HasHalves(backend) || !HasModel(ReadJsonFile(cell.Result(backend)))) continue;
+        tasks.push_back({"halves " + LabelOf(cell, backend),
+                         cell.HalvesResult(backend),
+                         ModelDependenciesOf(cell, backend),
+                         [this, &cell, backend] { return ByHalves(cell, backend); }});
       }
     }
     return tasks;
@@ -507,25 +534,44 @@ class Experiment {
       const Json error = ReadJsonFile(cell.Result()).at("error");
       if (!error.is_null()) ThrowError("tracking failed: {}", error.get<std::string>());
     }
+    if (cell.tracker.source == TrackSource::kSift) return BySift(cell);
+    if (backend == GridBackend::kTriangulation) return ByTriangulation(cell);
+    const Model model = MakeModel(cell, backend, cell.Tracks(), cell.Model(backend));
+    Json figures = WithErrors(cell, backend, model.folder, model.summary);
+    if (model.tracks != cell.Tracks() && cell.condition.clip.has_track_truth) {
+      figures["track_errors"] =
+          Evaluate(cell, model.tracks, cell.folder / "refined_track_errors.json");
+    }
+    return figures;
+  }
+
+  struct Model {
+    fs::path folder;
+    fs::path tracks;  // that it is made of
+    ReconstructionSummary summary;
+  };
+
+  Model MakeModel(const TrackCell& cell,
+                  GridBackend backend,
+                  const fs::path& tracks,
+                  const fs::path& out) const {
     switch (backend) {
       case GridBackend::kCeres:
-        return ByCommand(cell, backend, BackendKind::kCeres, cell.Tracks(), cell.Model(backend));
+        return ByCommand(cell, BackendKind::kCeres, tracks, out);
       case GridBackend::kColmap:
-        if (cell.tracker.source == TrackSource::kSift) return BySift(cell);
-        return ByCommand(cell, backend, BackendKind::kColmap, cell.Tracks(), cell.Model(backend));
+        return ByCommand(cell, BackendKind::kColmap, tracks, out);
       case GridBackend::kRefined:
-        return ByTwoPasses(cell);
+        return ByTwoPasses(cell, tracks, out);
       case GridBackend::kTriangulation:
-        return ByTriangulation(cell);
+        break;
     }
     ThrowUsageError("unknown backend");
   }
 
-  Json ByCommand(const TrackCell& cell,
-                 GridBackend backend,
-                 BackendKind kind,
-                 const fs::path& tracks,
-                 const fs::path& out) const {
+  Model ByCommand(const TrackCell& cell,
+                  BackendKind kind,
+                  const fs::path& tracks,
+                  const fs::path& out) const {
     ReconstructCommandOptions reconstruct;
     reconstruct.tracks = tracks.string();
     reconstruct.out = out.string();
@@ -533,8 +579,7 @@ class Experiment {
     reconstruct.write_frames = false;
     reconstruct.ceres = options_.ceres;
     reconstruct.colmap = ColmapOf(cell);
-    const ReconstructionSummary summary = ReconstructTracks(reconstruct);
-    return WithErrors(cell, backend, out, summary);
+    return {out, tracks, ReconstructTracks(reconstruct)};
   }
 
   // A finished model's figures.
@@ -550,22 +595,42 @@ class Experiment {
     return figures;
   }
 
-  Json ByTwoPasses(const TrackCell& cell) const {
-    const GridBackend backend = GridBackend::kRefined;
+  Model ByTwoPasses(const TrackCell& cell, const fs::path& tracks, const fs::path& out) const {
     RefineCommandOptions refine;
-    refine.tracks = cell.Tracks().string();
-    refine.model = (cell.folder / "refined_first").string();
-    refine.out = (cell.folder / "refined.tracks").string();
+    refine.tracks = tracks.string();
+    refine.model = out.string() + "_first";
+    refine.out = out.string() + ".tracks";
     refine.second_look = options_.refine;
-    Json first = ByCommand(cell, backend, BackendKind::kCeres, refine.tracks, refine.model);
-    if (first["model"]["failed"].get<bool>()) return first;  // no model to look again by
+    Model first = ByCommand(cell, BackendKind::kCeres, tracks, refine.model);
+    if (first.summary.Failed()) return first;  // no model to look again by
     RefineTracks(refine);
-    Json second = ByCommand(cell, backend, BackendKind::kCeres, refine.out, cell.Model(backend));
-    if (cell.condition.clip.has_track_truth) {
-      second["track_errors"] =
-          Evaluate(cell, refine.out, cell.folder / "refined_track_errors.json");
+    return ByCommand(cell, BackendKind::kCeres, refine.out, out);
+  }
+
+  Json ByHalves(const TrackCell& cell, GridBackend backend) const {
+    const fs::path folder = cell.Halves(backend);
+    fs::remove_all(folder);
+    fs::create_directories(folder);
+    TrackFile file = ReadTrackFile(cell.Tracks());
+    const std::array<TrackSet, 2> halves = SplitTracks(file.tracks);
+    std::array<std::map<FrameIndex, Rigid3>, 2> cam_from_world;
+    Json models = Json::array();
+    for (std::size_t i = 0; i < halves.size(); ++i) {
+      const fs::path out = folder / std::to_string(i + 1);
+      const fs::path tracks = out.string() + "_half.tracks";
+      file.tracks = halves[i];
+      WriteTrackFile(tracks, file);
+      const Model model = MakeModel(cell, backend, tracks, out);
+      models.push_back(ReadJsonFile(model.folder / "summary.json"));
+      if (model.summary.registered == 0) continue;  // no model in the folder
+      cam_from_world[i] = ReadReconstruction(model.folder).cam_from_world;
     }
-    return second;
+    const HalvesAgreement agreement =
+        CompareHalves(cam_from_world[0], cam_from_world[1], file.frames.size());
+    Json figures{
+        {"models", models}, {"frames_share", agreement.frames_share}, {"disagreement", nullptr}};
+    if (agreement.disagreement) figures["disagreement"] = *agreement.disagreement;
+    return figures;
   }
 
   Json ByTriangulation(const TrackCell& cell) const {
@@ -619,7 +684,13 @@ class Experiment {
       if (fs::exists(cell.Result())) AddTrackRows(cell, ReadJsonFile(cell.Result()), results);
       for (const GridBackend backend : backends_) {  // what is not there is another shard's
         if (!fs::exists(cell.Result(backend))) continue;
-        AddModelRows(cell, backend, ReadJsonFile(cell.Result(backend)), results);
+        const Json result = ReadJsonFile(cell.Result(backend));
+        AddModelRows(cell, backend, result, results);
+        if (cell.HasHalves(backend)) {
+          const fs::path halves = cell.HalvesResult(backend);
+          AddHalvesRows(
+              cell, backend, result, fs::exists(halves) ? ReadJsonFile(halves) : Json(), results);
+        }
         AddUndegradedRow(cell, backend, results);
       }
     }

@@ -3,6 +3,8 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
+#include <limits>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -33,7 +35,8 @@ std::optional<double> MedianOf(const ValuesOfMetric& values, const std::string& 
 }
 
 std::string Cell(const std::optional<double>& value, double factor, int decimals) {
-  return value ? fmt::format("{:.{}f}", *value * factor, decimals) : "-";
+  if (!value) return "-";
+  return std::isinf(*value) ? "failed" : fmt::format("{:.{}f}", *value * factor, decimals);
 }
 
 std::string Registered(const ValuesOfMetric& model) {
@@ -62,6 +65,8 @@ std::vector<std::string> TableRow(const Line& line,
           Registered(model),
           Cell(MedianOf(model, "ate"), 1e3, 2),
           Cell(MedianOf(model, "ate_to_undegraded"), 1e3, 2),
+          Cell(MedianOf(model, kHalvesMetric), 1e2, 2),
+          Cell(MedianOf(model, "halves_frames"), 1e2, 0),
           Cell(MedianOf(model, "rpe_rot"), 1.0, 3),
           Cell(MedianOf(model, "point_error_median"), 1e3, 1),
           Cell(MedianOf(model, "points"), 1.0, 0),
@@ -131,6 +136,9 @@ std::string ResultsTable(const ExperimentResults& results) {
     const Line line{row.sequence, row.level, row.tracker, row.backend};
     if (!row.backend.empty() && !values.contains(line)) order.push_back(line);
     values[line][row.metric].push_back(row.value);
+    if (row.metric == kHalvesFailedMetric && row.value != 0.0) {
+      values[line][kHalvesMetric].push_back(std::numeric_limits<double>::infinity());
+    }
   }
   std::vector<std::vector<std::string>> table{{"sequence",
                                                "level",
@@ -139,6 +147,8 @@ std::string ResultsTable(const ExperimentResults& results) {
                                                "registered",
                                                "ATE [mm]",
                                                "to undegraded [mm]",
+                                               "halves [%]",
+                                               "in both [%]",
                                                "rotation [deg]",
                                                "point error [mm]",
                                                "points",

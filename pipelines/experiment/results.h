@@ -12,6 +12,9 @@ namespace cohort {
 // Metrics that the paper's tables are made of.
 inline constexpr const char* kL1ErrorMetric = "l1_error_30_frames";
 inline constexpr const char* kFramesBetweenMetric = "frames_between_reinitializations";
+// How far the two halves of the tracks disagree (evaluation/halves.h), and whether they failed to.
+inline constexpr const char* kHalvesMetric = "halves_disagreement";
+inline constexpr const char* kHalvesFailedMetric = "halves_failed";
 
 // One figure of one cell. `backend` is empty for figures of the tracks alone.
 struct ResultRow {
@@ -58,6 +61,10 @@ void WriteResultsJson(const std::filesystem::path& path,
 //   registered        frames with a pose, of all
 //   ATE               rmse of camera centres after the Sim(3) alignment with the truth
 //   to undegraded     the same against the reconstruction of the undegraded frames (undegraded.h)
+//   halves            clips without true cameras: how far the camera paths of two halves of the
+//                     tracks disagree, share of the path's extent (evaluation/halves.h); halves
+//                     that failed, together or by themselves, are infinitely apart in the median
+//   in both           frames that both halves registered, of all
 //   rotation          rmse of the relative rotation of neighbouring frames
 //   point error       median distance to the true surface point, after that alignment
 //   reprojection      mean over the model's observations: no error, but what the model admits to

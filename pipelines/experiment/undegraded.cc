@@ -7,7 +7,6 @@
 #include "datasets/sequence.h"
 #include "pipelines/console/json_file.h"
 #include "pipelines/evaluation/alignment.h"
-#include "pipelines/evaluation/trajectory_error.h"
 
 namespace cohort {
 namespace {
@@ -76,13 +75,7 @@ std::optional<double> ErrorToUndegraded(const fs::path& model,
   for (auto& [place, centre] : reference_centres) centre = *metric * centre;
 
   const Paired paired = Pair(CentresOf(*dark, dark->cam_from_world), reference_centres);
-  const auto alignment = AlignPoints(paired.source, paired.target, AlignmentScale::kEstimated);
-  if (!alignment) return std::nullopt;
-  std::vector<double> errors;
-  for (std::size_t i = 0; i < paired.source.size(); ++i) {
-    errors.push_back((*alignment * paired.source[i] - paired.target[i]).norm());
-  }
-  return ComputeStatistics(std::move(errors))->rmse;
+  return AlignedRmse(paired.source, paired.target);
 }
 
 }  // namespace cohort

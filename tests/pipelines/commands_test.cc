@@ -657,8 +657,9 @@ TEST_F(Commands, ComparesWithTheCeilingAndTheTrueCameras) {
             values.at("anchored-klt15  observed_error_median"));
   EXPECT_GT(values.at("ceiling  mean_track_length"), values.at("klt  mean_track_length"));
   EXPECT_GT(values.at("klt refined mean_track_length"), values.at("klt  mean_track_length"));
-  EXPECT_FALSE(values.contains("klt triangulation ate"));   // its cameras are the truth
-  EXPECT_FALSE(values.contains("ceiling refined failed"));  // there is nothing to measure again
+  EXPECT_FALSE(values.contains("klt ceres halves_failed"));  // there are true cameras
+  EXPECT_FALSE(values.contains("klt triangulation ate"));    // its cameras are the truth
+  EXPECT_FALSE(values.contains("ceiling refined failed"));   // there is nothing to measure again
 
   // The noise of a clip as it is is unknown, and with it the ceiling: no failure of a tracker.
   const ProgramEnd as_is = RunCohort(compare + "as-is");
@@ -666,6 +667,38 @@ TEST_F(Commands, ComparesWithTheCeilingAndTheTrueCameras) {
   EXPECT_THAT(as_is.out,
               AllOf(HasSubstr("not available: clip as-is ceiling"), Not(HasSubstr("FAILED"))));
   EXPECT_EQ(ReadJson(Path("out/results.json"))["not_available"].size(), 1u);
+}
+
+TEST_F(Commands, CompareJudgesAClipWithoutTrueCamerasByTheHalvesOfItsTracks) {
+  ASSERT_EQ(RunCohort("synth " + Path("clip") +
+                      " --frames 16 --width-px 320 --height-px 240 --focal-px 260 --quiet")
+                .exit_code,
+            0);
+  const std::string compare = "compare " + Path("clip/rgb") +
+                              " --camera 260,260,159.5,119.5 --trackers klt --backends "
+                              "ceres,refined --features 150 --out " +
+                              Path("out");
+  const ProgramEnd end = RunCohort(compare);
+  ASSERT_EQ(end.exit_code, 0) << end.err;
+  EXPECT_THAT(end.out,
+              AllOf(HasSubstr("halves [%]"), HasSubstr("in both [%]"), Not(HasSubstr("ATE"))));
+  const auto json = ReadJson(Path("out/results.json"));
+  EXPECT_EQ(json["failures"].size(), 0u) << end.out;
+  std::map<std::string, double> apart;
+  for (const auto& row : json["rows"]) {
+    if (row["metric"] == "halves_frames") {
+      EXPECT_EQ(row["value"], 1.0);
+    }
+    if (row["metric"] == "halves_disagreement") apart[row["backend"]] = row["value"];
+  }
+  ASSERT_EQ(apart.size(), 2u);
+  for (const auto& [backend, value] : apart) {
+    EXPECT_GT(value, 0.0) << backend;
+    EXPECT_LT(value, 0.1) << backend;
+  }
+  const ProgramEnd again = RunCohort(compare + " --resume");
+  EXPECT_EQ(again.out, end.out);
+  EXPECT_THAT(again.err, HasSubstr("halves: 2 of 2 are done already"));
 }
 
 TEST_F(Commands, CompareDoesAgainWhatAChangedClipMakesStale) {
@@ -764,7 +797,10 @@ TEST_F(Commands, CompareRecordsFailuresAsFailures) {
               AllOf(HasSubstr("FAILED 0/8"), HasSubstr("FAILED -"), HasSubstr("nocolmap")));
   EXPECT_EQ(ReadJson(Path("out/results.json"))["failures"].size(), 2u);
   EXPECT_THAT(ReadBytes(Path("out/results.csv")),
-              AllOf(HasSubstr("still,as-is,klt,ceres,1,failed,1,\n"), Not(HasSubstr("ate"))));
+              AllOf(HasSubstr("still,as-is,klt,ceres,1,failed,1,\n"),
+                    HasSubstr("still,as-is,klt,ceres,1,halves_failed,1,\n"),
+                    Not(HasSubstr("halves_disagreement")),
+                    Not(HasSubstr("ate"))));
   ExpectFailure(RunCohort("compare " + Path("none") + " --quiet --out " + Path("out")),
                 1,
                 HasSubstr(Path("none")));

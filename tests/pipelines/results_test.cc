@@ -4,8 +4,10 @@
 #include <gtest/gtest.h>
 
 #include <nlohmann/json.hpp>
+#include <optional>
 
 #include "frontend/core/output.h"
+#include "pipelines/experiment/cell_rows.h"
 #include "tests/support/temp_dir.h"
 
 namespace cohort {
@@ -49,6 +51,75 @@ TEST(ResultsTable, ShowsMediansOverSeedsAndNeverTheErrorOfAFailure) {
             "room      hard   klt       ceres    FAILED 1 of 2, 58/100     10.00    15.0\n"
             "room      hard   descent   ceres     FAILED 2 of 2, 3/100         -    15.0\n"
             "room      hard   subspace  ceres                   99/100      2.50    15.0\n");
+}
+
+TEST(ResultsTable, HalvesThatFailedAreInfinitelyApart) {
+  ExperimentResults results = SomeResults();
+  const auto add = [&](const char* tracker, unsigned seed, std::optional<double> apart) {
+    const auto row = [&](const char* metric, double value) {
+      results.rows.push_back({"room", "hard", tracker, "ceres", seed, metric, value, ""});
+    };
+    row("halves_failed", !apart);
+    if (apart) row("halves_disagreement", *apart);
+  };
+  add("klt", 1, 0.01);
+  add("klt", 2, std::nullopt);
+  add("subspace", 1, 0.01);
+  add("subspace", 2, 0.04);
+  EXPECT_EQ(
+      ResultsTable(results),
+      "sequence  level  tracker   backend             registered  ATE [mm]  halves [%]  length\n"
+      "---------------------------------------------------------------------------------------\n"
+      "room      hard   klt       ceres    FAILED 1 of 2, 58/100     10.00      failed    15.0\n"
+      "room      hard   descent   ceres     FAILED 2 of 2, 3/100         -           -    15.0\n"
+      "room      hard   subspace  ceres                   99/100      2.50        2.50    15.0\n");
+}
+
+TEST(HalvesRows, AHalfThatFailsIsARecordedFailureAndNoFigure) {
+  using Json = nlohmann::ordered_json;
+  const Json whole{{"error", nullptr}, {"figures", {{"model", {{"failed", false}}}}}};
+  const auto rows_of = [](const Json& model, const Json& halves) {
+    ExperimentResults results;
+    AddHalvesRows(TrackCell(), GridBackend::kCeres, model, halves, results);
+    return results;
+  };
+  const Json good{{"failed", false}};
+  const Json bad{
+      {"failed", true}, {"registered", 3}, {"frames", 60}, {"termination", "no more views"}};
+  const auto halves_of = [&](const Json& second, const Json& disagreement) -> Json {
+    return {{"error", nullptr},
+            {"figures",
+             {{"models", Json::array({good, second})},
+              {"frames_share", 0.05},
+              {"disagreement", disagreement}}}};
+  };
+  const ExperimentResults agreed = rows_of(whole, halves_of(good, 0.02));
+  ASSERT_EQ(agreed.rows.size(), 3u);
+  EXPECT_EQ(agreed.rows[0].value, 0.0);
+  EXPECT_EQ(agreed.rows[1].metric, "halves_disagreement");
+  EXPECT_EQ(agreed.rows[1].value, 0.02);
+  EXPECT_TRUE(agreed.failures.empty());
+
+  const auto expect_failure = [](const ExperimentResults& results, const std::string& reason) {
+    ASSERT_FALSE(results.rows.empty());
+    EXPECT_EQ(results.rows[0].metric, "halves_failed");
+    EXPECT_EQ(results.rows[0].value, 1.0);
+    for (const ResultRow& row : results.rows) EXPECT_NE(row.metric, "halves_disagreement");
+    ASSERT_EQ(results.failures.size(), 1u);
+    EXPECT_EQ(results.failures[0].reason, reason);
+  };
+  expect_failure(rows_of(whole, halves_of(bad, nullptr)),
+                 "halves: 3 of 60 frames registered: no more views");
+  expect_failure(rows_of(whole, halves_of(good, nullptr)),
+                 "halves: their cameras fix no alignment");
+  expect_failure(rows_of(whole, {{"error", "killed by signal 9"}, {"figures", nullptr}}),
+                 "halves: killed by signal 9");
+
+  // The reason for this is noted with the model.
+  const ExperimentResults none = rows_of({{"error", "killed"}, {"figures", nullptr}}, nullptr);
+  ASSERT_EQ(none.rows.size(), 1u);
+  EXPECT_EQ(none.rows[0].metric, "halves_failed");
+  EXPECT_TRUE(none.failures.empty());
 }
 
 TEST(ResultsCsv, IsTidy) {

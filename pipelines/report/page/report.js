@@ -56,10 +56,14 @@ const quantile = (values, share) => {
 
 const key = (...parts) => parts.join('\u0000');
 const values = new Map();  // sequence, level, tracker, backend, metric -> values over seeds
-for (const [sequence, level, tracker, backend, , metric, value] of data.rows) {
-  const name = key(sequence, level, tracker, backend, metric);
+const addValue = (value, ...names) => {
+  const name = key(...names);
   if (!values.has(name)) values.set(name, []);
   values.get(name).push(value);
+};
+for (const [sequence, level, tracker, backend, , metric, value] of data.rows) {
+  addValue(value, sequence, level, tracker, backend, metric);
+  if (metric === 'halves_failed' && value) addValue(Infinity, sequence, level, tracker, backend, 'halves_disagreement');
 }
 const valuesOf = (sequence, level, tracker, backend, metric) =>
   values.get(key(sequence, level, tracker, backend, metric)) || [];
@@ -68,6 +72,7 @@ const failures = (...cell) => valuesOf(...cell, 'failed').filter((failed) => fai
 
 const METRICS = {
   ate: {name: 'camera error', unit: 'mm', factor: 1000},
+  halves_disagreement: {name: 'disagreement of halves', unit: '% of the path', factor: 100},
   point_error_median: {name: 'point error', unit: 'mm', factor: 1000},
   mean_track_length: {name: 'track length', unit: 'frames', factor: 1},
   observed_error_median: {name: 'track error', unit: 'px', factor: 1},
@@ -228,7 +233,8 @@ const darknessPlot = (holder, backend, metric) => {
   if (!trackers.length) return false;
   const columns = [xs];
   const series = [{}];
-  // What is measured of the tracks does not fail with the reconstruction.
+  // What is measured of the tracks does not fail with the reconstruction; halves that failed are
+  // among the values already.
   const isOfTracks = metric === 'observed_error_median' || metric === 'mean_track_length';
   const bands = [];
   const failedAt = [];
@@ -239,7 +245,7 @@ const darknessPlot = (holder, backend, metric) => {
       let failed = 0;
       for (const sequence of data.sequences) {
         all.push(...figure(sequence.name, level.name, tracker, backend, metric));
-        failed += failures(sequence.name, level.name, tracker, isOfTracks ? '' : backend);
+        if (metric !== 'halves_disagreement') failed += failures(sequence.name, level.name, tracker, isOfTracks ? '' : backend);
       }
       for (let n = 0; n < failed; ++n) all.push(metric === 'mean_track_length' ? 0 : Infinity);
       const finite = all.filter(Number.isFinite);
@@ -302,7 +308,7 @@ const darknessPlot = (holder, backend, metric) => {
 };
 
 {
-  const plots = ['ate', 'point_error_median', 'observed_error_median', 'mean_track_length'];
+  const plots = ['ate', 'halves_disagreement', 'point_error_median', 'observed_error_median', 'mean_track_length'];
   const holders = new Map();
   const grid = el('div', {class: 'pair'});
   for (const metric of plots) {
@@ -520,10 +526,10 @@ if (data.calibration.length) {
 
 {
   const columns = [
-    ['ate', 'ATE [mm]', 1000], ['ate_to_undegraded', 'to the undegraded [mm]', 1000], ['rpe_rot', 'rotation [deg]', 1], ['point_error_median', 'point error [mm]', 1000],
+    ['ate', 'ATE [mm]', 1000], ['ate_to_undegraded', 'to the undegraded [mm]', 1000], ['halves_disagreement', 'halves [%]', 100], ['halves_frames', 'in both [%]', 100], ['rpe_rot', 'rotation [deg]', 1], ['point_error_median', 'point error [mm]', 1000],
     ['points', 'points', 1], ['mean_reprojection', 'reprojection [px]', 1], ['mean_track_length', 'length [frames]', 1],
     ['observed_error_median', 'track error [px]', 1], ['nees_ratio', 'NEES', 1],
-  ].filter(([metric]) => data.rows.some((row) => row[5] === metric));
+  ].filter(([metric]) => [...values.keys()].some((name) => name.endsWith(key('', metric))));
   const lines = [];
   const notAvailable = new Set(data.not_available.map(([sequence, level, tracker, backend]) => key(sequence, level, tracker, backend)));
   for (const sequence of data.sequences) {
@@ -587,6 +593,8 @@ section('What was run, and what the words mean',
     data.backends.flatMap((backend) => [el('dt', {}, backend), el('dd', {}, ABOUT_BACKENDS[backend] || '')]),
     [['camera error (ATE)', 'root mean square distance of the camera centres from the true ones, after the best similarity alignment (a video tells no absolute scale)'],
       ['to the undegraded', 'real clips: the camera error against the reconstruction that the last plain KLT made of the undegraded frames, because their recorded truth is often worse than that'],
+      ['halves', 'clips without true cameras: every other feature is reconstructed by itself, and so are those left out; root mean square distance between the two camera paths after the best similarity alignment, as a share of the path\u2019s own extent (0\u00a0% is the same path, 100\u00a0% has nothing in common). Halves that failed are infinitely far apart. An error that both halves share is not seen'],
+      ['in both', 'frames that both halves gave a camera'],
       ['point error', 'median distance of the reconstructed points from the true surface, after that same alignment'],
       ['registered', 'frames that got a camera; below 80 % the reconstruction counts as failed'],
       ['track length', 'in how many frames the picture confirmed a feature, on average'],
