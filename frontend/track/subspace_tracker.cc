@@ -333,6 +333,12 @@ std::vector<Move> SubspaceMover::Measure(const Pyramid& current, const Eigen::Ma
     x.col(static_cast<Eigen::Index>(f)) = move.xy;
     if (fused.empty()) continue;
     x.col(static_cast<Eigen::Index>(f)) = fused[f].xy;
+    // What strays more than its noise from what the others say (a corner where two surfaces
+    // overlap) is worth less than its gradients promise.
+    if (move.covariance) {
+      move.covariance =
+          PixelCovariance::From(std::max(1.0, model_.Misfit(f)) * move.covariance->Matrix());
+    }
     if (measure_.fuse || move.state == ObservationState::kPredicted) move.xy = fused[f].xy;
   }
   history_.push_front(std::move(x));

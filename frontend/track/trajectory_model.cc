@@ -436,6 +436,21 @@ std::vector<TrajectoryModel::Estimate> TrajectoryModel::Update(std::span<const O
   return All(fit);
 }
 
+double TrajectoryModel::Misfit(std::size_t feature) const {
+  constexpr double kPrior = 6.0;  // degrees of freedom
+  double chi_square = kPrior;
+  double freedom = -static_cast<double>(rank_);
+  for (const Frame& frame : frames_) {
+    const Observation& o = frame.observations[feature];
+    if (rank_ == 0 || !Seen(o) || o.anchor) continue;
+    const Eigen::Vector2d d =
+        Residual(Project(frame.camera, features_[feature].mean), o, features_[feature]);
+    chi_square += d.dot(o.information * d);
+    freedom += 2.0;
+  }
+  return chi_square / (std::max(freedom, 0.0) + kPrior);
+}
+
 void TrajectoryModel::Forget(std::size_t feature) {
   Observation& newest = frames_.front().observations[feature];
   if (newest.anchor) return;

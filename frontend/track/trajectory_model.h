@@ -47,6 +47,10 @@ class TrajectoryModel {
   // Adds the frame; the estimates then count the features' own measurements in it.
   std::vector<Estimate> Update(std::span<const Observation> now);
 
+  // By how much a feature's residuals exceed what their noise explains: chi-square over its degrees
+  // of freedom, of all frames in the window; drawn to 1 where these are few.
+  double Misfit(std::size_t feature) const;
+
   // The last measurement was wrong.
   void Forget(std::size_t feature);
 

@@ -171,6 +171,22 @@ TEST(TrajectoryModel, TellsFeaturesThatGoTheirOwnWay) {
   EXPECT_LT(RootMeanSquare(model.Predict(now), At(scene, 10)), 0.4);
 }
 
+TEST(TrajectoryModel, TellsFeaturesThatStrayMoreThanTheirNoise) {
+  const Scene scene = MakeScene();
+  Measured measured(scene, 0.3);
+  TrajectoryModel model = Begun(scene);
+  RandomStream random(7, "test/trajectory_model/stray");
+  for (int t = 1; t < 20; ++t) {
+    std::vector<Observation> now = measured(t);
+    now[0].xy += Eigen::Vector2d(0.6 * random.Gaussian(), 0.6 * random.Gaussian());
+    model.Update(now);
+  }
+  EXPECT_GT(model.Misfit(0), 2.0);
+  double mean = 0.0;
+  for (std::size_t f = 1; f < kFeatures; ++f) mean += model.Misfit(f) / (kFeatures - 1);
+  EXPECT_NEAR(mean, 1.0, 0.2);
+}
+
 TEST(TrajectoryModel, NeedsEightFeatures) {
   const Scene scene = MakeScene();
   Measured measured(scene, 0.0);
