@@ -255,6 +255,31 @@ void TrajectoryModel::RefitCamera(Frame& frame) const {
   frame.camera.reshaped() += normal.ldlt().solve(rhs);
 }
 
+// Perspective leaves open which plane is at infinity: so that it keeps away from the features, the
+// depths 1 + c'z are 1 in the mean of the frames. [1 z] -> [1 + d'z, z], a small step every frame.
+void TrajectoryModel::CenterDepths() {
+  constexpr double kLeastChange = 0.5;
+  const Eigen::Index r = rank_;
+  Vector d = Vector::Zero(r);
+  for (const Frame& frame : frames_) {
+    d += frame.camera.row(2).tail(r).transpose() / static_cast<double>(frames_.size());
+  }
+  double least = 0.0;  // of d'z
+  for (const Feature& f : features_) least = std::min(least, d.dot(f.mean.head(r)));
+  if (least < kLeastChange - 1.0) d *= (kLeastChange - 1.0) / least;
+  for (Frame& frame : frames_) {
+    frame.camera.rightCols(r) -= frame.camera.col(0) * d.transpose();
+  }
+  for (Feature& f : features_) {
+    const double depth = 1.0 + d.dot(f.mean.head(r));
+    f.mean.head(r) /= depth;
+    const Matrix J = (Matrix::Identity(r, r) - f.mean.head(r) * d.transpose()) / depth;
+    f.covariance.topLeftCorner(r, r) = J * f.covariance.topLeftCorner(r, r) * J.transpose();
+    f.covariance.topRightCorner(r, 2) = J * f.covariance.topRightCorner(r, 2);
+    f.covariance.bottomLeftCorner(2, r) = f.covariance.topRightCorner(r, 2).transpose();
+  }
+}
+
 // The coordinates are defined up to an affine map: the one that makes their prior the cohort's own
 // distribution, and the axes those of the frames.
 void TrajectoryModel::Normalize() {
@@ -428,6 +453,7 @@ std::vector<TrajectoryModel::Estimate> TrajectoryModel::Update(std::span<const O
   for (int pass = 0; pass < passes; ++pass) {
     for (Frame& old : frames_) RefitCamera(old);
     for (std::size_t f = 0; f < features_.size(); ++f) InferFeature(f);
+    if (perspective_) CenterDepths();
     Normalize();
   }
   AdaptRank();

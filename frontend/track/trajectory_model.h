@@ -94,6 +94,7 @@ class TrajectoryModel {
   std::vector<Estimate> All(const Fit& fit) const;
   void InferFeature(std::size_t f);
   void RefitCamera(Frame& frame) const;
+  void CenterDepths();
   void Normalize();
   struct Cell;
   struct Direction;
