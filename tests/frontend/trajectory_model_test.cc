@@ -6,6 +6,7 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
@@ -115,6 +116,48 @@ TEST(TrajectoryModel, OfARigidSceneIsExactWithoutNoise) {
     for (int t = 1; t < 10; ++t) model.Update(measured(t));
     EXPECT_LT(RootMeanSquare(model.Predict(measured(10)), At(scene, 10)), 0.05);
     EXPECT_EQ(model.rank(), 3);  // two of the picture, one of depth
+  }
+}
+
+// Perspective leaves the plane at infinity open: it must not wander into the scene.
+TEST(TrajectoryModel, FollowsACameraThatTurnsAwayFromWhatItSawFirst) {
+  RandomStream random(8, "test/trajectory_model/turn");
+  std::vector<Eigen::Vector3d> points;
+  TrajectoryModel model(kFrames, kMaxRank, true);
+  model.Update({});
+  const auto project = [](const Eigen::Vector3d& p) -> Eigen::Vector2d {
+    return Eigen::Vector2d(320, 240) + 500.0 * p.head<2>() / p.z();
+  };
+  const auto is_seen = [&](const Eigen::Vector3d& p) {
+    const Eigen::Vector2d xy = project(p);
+    return p.z() > 1.0 && xy.x() > 0 && xy.x() < 640 && xy.y() > 0 && xy.y() < 480;
+  };
+  constexpr double kNoisePx = 1.0;
+  const Eigen::AngleAxisd turn(0.02, Eigen::Vector3d::UnitY());
+  for (int t = 0; t < 200; ++t) {
+    std::vector<Observation> now;
+    Eigen::Matrix2Xd truth(2, static_cast<Eigen::Index>(points.size()));
+    for (std::size_t f = 0; f < points.size(); ++f) {
+      points[f] = turn * points[f] - Eigen::Vector3d(0.1, 0.0, 0.05);
+      truth.col(static_cast<Eigen::Index>(f)) = project(points[f]);
+      const Eigen::Vector2d noise(random.Gaussian(), random.Gaussian());
+      now.push_back(Seen(project(points[f]) + kNoisePx * noise, kNoisePx));
+    }
+    if (t > 0) {
+      EXPECT_LT(RootMeanSquare(model.Update(now), truth), 2.0 * kNoisePx) << "in frame " << t;
+    }
+    std::vector<std::uint8_t> keep;
+    for (const Eigen::Vector3d& p : points) keep.push_back(is_seen(p) ? 1 : 0);
+    model.Keep(keep);
+    std::erase_if(points, [&](const Eigen::Vector3d& p) { return !is_seen(p); });
+    while (points.size() < 80) {
+      const Eigen::Vector3d p(random.Uniform(-4, 4), random.Uniform(-3, 3), random.Uniform(2, 20));
+      if (!is_seen(p)) continue;
+      points.push_back(p);
+      Observation anchor = Seen(project(p), 0.05);
+      anchor.anchor = true;
+      model.Add(std::vector<Observation>{anchor});
+    }
   }
 }
 
