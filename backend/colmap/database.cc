@@ -301,16 +301,25 @@ TrackFile WithoutWeakObservations(const TrackFile& file, double max_relative_sig
   const auto variance = [](const Observation& o) {
     return 0.5 * (double{o.covariance->xx} + double{o.covariance->yy});
   };
-  std::vector<double> variances;
+  std::vector<double> of_clip;
+  std::map<FrameIndex, std::vector<double>> of_frame;
   for (const Observation& o : file.tracks.observations()) {
-    if (o.state == ObservationState::kObserved && o.covariance) variances.push_back(variance(o));
+    if (o.state != ObservationState::kObserved || !o.covariance) continue;
+    of_clip.push_back(variance(o));
+    of_frame[o.frame].push_back(variance(o));
   }
-  if (variances.empty() || max_relative_sigma == 0.0) return file;
-  const double most = max_relative_sigma * max_relative_sigma * Median(std::move(variances));
+  if (of_clip.empty() || max_relative_sigma == 0.0) return file;
+  const double clip_median = Median(std::move(of_clip));
+  std::map<FrameIndex, double> most;
+  for (auto& [frame, variances] : of_frame) {
+    const double reference = std::max(clip_median, Median(std::move(variances)));
+    most[frame] = max_relative_sigma * max_relative_sigma * reference;
+  }
   std::vector<Observation> observations(file.tracks.observations().begin(),
                                         file.tracks.observations().end());
   for (Observation& o : observations) {
-    if (o.covariance && variance(o) > most) o.state = ObservationState::kPredicted;
+    if (o.state != ObservationState::kObserved || !o.covariance) continue;
+    if (variance(o) > most.at(o.frame)) o.state = ObservationState::kPredicted;
   }
   TrackFile strong = file;
   strong.tracks = TrackSet::Build(std::move(observations),

@@ -89,7 +89,8 @@ struct ColmapDatabaseOptions {
              o.max_relative_sigma,
              0.0,
              1e6,
-             "leave out observations whose deviation is more than this times the clip's median: "
+             "leave out observations whose deviation is more than this times the median of the "
+             "clip, or of their frame where that is larger: "
              "COLMAP weighs all alike; 0: none");
     v.Number("max_stride", o.max_stride, 1, 1 << 20, "longest distance of paired frames [frames]");
   }
@@ -97,7 +98,8 @@ struct ColmapDatabaseOptions {
 
 // COLMAP weighs all observations alike, so it is better off without those that are known to be
 // weak: with a deviation sqrt(trace(covariance) / 2) of more than `max_relative_sigma` times the
-// median of the clip's. They are marked predicted. What has no covariance stays.
+// median of the clip's, or of their frame's where that is larger (a blurred frame must keep what
+// ties it to the others). They are marked predicted. What has no covariance stays.
 TrackFile WithoutWeakObservations(const TrackFile& file, double max_relative_sigma);
 
 // The keypoints of a frame in the order that the database has them: ascending features, observed

@@ -32,6 +32,10 @@ AnchorPatch TakeAnchor(const Pyramid& pyramid,
                        int window_px,
                        int largest_px);
 
+// Small errors of warp and interpolation leave so much of the anchor's signal variance in a
+// residual.
+inline constexpr double kPatternShare = 0.04;
+
 struct Measurement {
   Eigen::Vector2d xy = Eigen::Vector2d::Zero();
   int window_px = 0;

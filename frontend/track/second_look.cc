@@ -97,7 +97,8 @@ void SecondLook::Measure(const Frame& frame, std::span<const Guide> guides) {
     s.correlation = m.correlation;
     // Noise, and what the small errors of warp and interpolation leave of the pattern.
     s.residual_variance_ratio =
-        m.residual_variance / std::max(noise_variance_ + 0.04 * signal_variances[i], 1e-12);
+        m.residual_variance /
+        std::max(noise_variance_ + kPatternShare * signal_variances[i], 1e-12);
     s.residual = m.residual;
     s.xy = m.xy;
     s.shape = m.shape;

@@ -111,9 +111,8 @@ Appearance SubspaceMover::TakeAppearance(const Pyramid& pyramid,
                                          const Eigen::Vector2d& xy) const {
   Appearance appearance;
   appearance.levels = TakeTemplates(pyramid, xy, options_.template_px);
-  appearance.anchor = TakeAnchor(
-      smooth, xy, measure_.window_px, std::max(measure_.window_px, measure_.wide_window_px));
   appearance.window_px = std::max(measure_.window_px, measure_.wide_window_px);
+  appearance.anchor = TakeAnchor(smooth, xy, measure_.window_px, appearance.window_px);
   return appearance;
 }
 
@@ -251,9 +250,6 @@ class SubspaceMover::Differences {
     const double darker = d.mean - appearance_[f].light;
     return d.variance + darker * darker;
   }
-
-  // Small errors of warp and interpolation leave so much of the pattern.
-  static constexpr double kPatternShare = 0.04;
 
   const Pyramid& current_;
   const std::vector<Appearance>& appearance_;

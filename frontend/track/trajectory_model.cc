@@ -82,7 +82,8 @@ TrajectoryModel::Fit TrajectoryModel::FitCamera(std::span<const Observation> now
   }
   const Eigen::VectorXd prior = steps.cwiseMax(1e-8).cwiseInverse().reshaped();
   std::vector<double> weights(seen.size(), 1.0);
-  for (int pass = 0; pass < 6; ++pass) {
+  constexpr int kPasses = 6;
+  for (int pass = 1;; ++pass) {
     Eigen::MatrixXd normal = Eigen::MatrixXd::Zero(n, n);
     Eigen::VectorXd rhs = Eigen::VectorXd::Zero(n);
     std::vector<double> squares;
@@ -115,14 +116,13 @@ TrajectoryModel::Fit TrajectoryModel::FitCamera(std::span<const Observation> now
     Fix(normal);
     const Eigen::LDLT<Eigen::MatrixXd> solver(normal);
     fit.camera.reshaped() += solver.solve(rhs);
-    if (pass == 5) {
+    if (pass == kPasses) {
       fit.covariance = solver.solve(Eigen::MatrixXd::Identity(n, n));
-      break;
+      return fit;
     }
     const double scale = std::max(1.0, Median(squares) / kMedianChiSquare);
     for (std::size_t i = 0; i < seen.size(); ++i) weights[i] = StudentWeight(squares[i] / scale);
   }
-  return fit;
 }
 
 TrajectoryModel::Estimate TrajectoryModel::Of(const Fit& fit, const Feature& feature) const {
@@ -214,24 +214,29 @@ void TrajectoryModel::InferFeature(std::size_t f) {
 void TrajectoryModel::RefitCamera(Frame& frame) const {
   const Eigen::Index r = rank_;
   const Eigen::Index n = 3 * (r + 1);
+  struct Sighting {
+    std::size_t feature;
+    Projection at;
+    Eigen::Vector2d residual;
+    double square;  // of the residual over its noise
+  };
+  std::vector<Sighting> sightings;
   std::vector<double> squares;
   for (std::size_t f = 0; f < features_.size(); ++f) {
     const Observation& o = frame.observations[f];
-    if (!Seen(o) || o.anchor) continue;
-    const Eigen::Vector2d d = Residual(Project(frame.camera, features_[f].mean), o, features_[f]);
-    squares.push_back(d.dot(o.information * d));
+    if (!Seen(o)) continue;
+    const Projection at = Project(frame.camera, features_[f].mean);
+    const Eigen::Vector2d d = Residual(at, o, features_[f]);
+    sightings.push_back({f, at, d, d.dot(o.information * d)});
+    if (!o.anchor) squares.push_back(sightings.back().square);
   }
   frame.misfit = std::max(1.0, Median(std::move(squares)) / kMedianChiSquare);
   Eigen::MatrixXd normal = Eigen::MatrixXd::Zero(n, n);
   Eigen::VectorXd rhs = Eigen::VectorXd::Zero(n);
-  for (std::size_t f = 0; f < features_.size(); ++f) {
+  for (const auto& [f, at, d, square] : sightings) {
     const Observation& o = frame.observations[f];
-    if (!Seen(o)) continue;
     const Feature& feature = features_[f];
-    const Projection at = Project(frame.camera, feature.mean);
-    const Eigen::Vector2d d = Residual(at, o, feature);
-    const Eigen::Matrix2d W =
-        StudentWeight(d.dot(o.information * d) / frame.misfit) * o.information;
+    const Eigen::Matrix2d W = StudentWeight(square / frame.misfit) * o.information;
     Vector z(r + 1);
     z << 1.0, feature.mean.head(r);
     Matrix zz = z * z.transpose();
@@ -464,11 +469,12 @@ std::vector<TrajectoryModel::Estimate> TrajectoryModel::Update(std::span<const O
 
 double TrajectoryModel::Misfit(std::size_t feature) const {
   constexpr double kPrior = 6.0;  // degrees of freedom
+  if (rank_ == 0) return 1.0;
   double chi_square = kPrior;
   double freedom = -static_cast<double>(rank_);
   for (const Frame& frame : frames_) {
     const Observation& o = frame.observations[feature];
-    if (rank_ == 0 || !Seen(o) || o.anchor) continue;
+    if (!Seen(o) || o.anchor) continue;
     const Eigen::Vector2d d =
         Residual(Project(frame.camera, features_[feature].mean), o, features_[feature]);
     chi_square += d.dot(o.information * d);

@@ -145,6 +145,25 @@ TEST(ColmapDatabase, LeavesOutWhatIsMeasuredMuchWorseThanTheRest) {
   EXPECT_EQ(ReadColmapDatabase(dir / "a.db").images.at(1).keypoints.size(), 8u);
 }
 
+TEST(ColmapDatabase, ABlurredFrameKeepsWhatTiesItToTheOthers) {
+  TrackFile file = ThreeFrames();
+  std::vector<Observation> observations;
+  for (std::uint32_t frame = 0; frame < 3; ++frame) {
+    const float sigma_px = frame == 1 ? 2.0F : 0.5F;
+    for (std::uint32_t f = 0; f < 10; ++f) {
+      const float own_px = f == 7 ? 2.0F * sigma_px : sigma_px;
+      Observation o{.feature = FeatureId{f}, .frame = FrameIndex{frame}};
+      o.covariance = PixelCovariance{own_px * own_px, 0.0F, own_px * own_px};
+      observations.push_back(o);
+    }
+  }
+  file.tracks = TrackSet::Build(observations);
+  const TrackFile strong = WithoutWeakObservations(file, 1.5);
+  for (std::uint32_t frame = 0; frame < 3; ++frame) {
+    EXPECT_EQ(ColmapKeypoints(strong.tracks, FrameIndex{frame}, false).size(), 9u) << frame;
+  }
+}
+
 TEST(ColmapDatabase, CameraIsPinholeOpencvOrAGuess) {
   TrackFile file = ThreeFrames();
   EXPECT_EQ(BuildColmapDatabase(file).camera.model, ColmapCameraModel::kPinhole);
