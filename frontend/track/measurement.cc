@@ -15,9 +15,42 @@ namespace {
 
 int MarginOf(int window_px) { return std::min(window_px / 2, (kMaxPatchSide - window_px) / 2); }
 
-cv::Mat CopyPatch(const cv::Mat& picture, const Eigen::Vector2d& xy, int side) {
+// Bilinear samples at x + A u, for u of an n x n window. Outside the picture its border repeats.
+void SampleAffine(
+    const cv::Mat& picture, const Eigen::Vector2d& x, const Eigen::Matrix2d& A, int n, float* out) {
+  const int half = n / 2;
+  const int last_x = picture.cols - 2;
+  const int last_y = picture.rows - 2;
+  const auto axx = static_cast<float>(A(0, 0));
+  const auto ayx = static_cast<float>(A(1, 0));
+  for (int v = -half; v <= half; ++v) {
+    const auto x0 = static_cast<float>(x.x() + A(0, 1) * v);
+    const auto y0 = static_cast<float>(x.y() + A(1, 1) * v);
+    for (int u = -half; u <= half; ++u) {
+      const float xu = x0 + axx * static_cast<float>(u);
+      const float yu = y0 + ayx * static_cast<float>(u);
+      const int xi = std::clamp(static_cast<int>(xu), 0, last_x);
+      const int yi = std::clamp(static_cast<int>(yu), 0, last_y);
+      const float a = std::clamp(xu - static_cast<float>(xi), 0.0F, 1.0F);
+      const float b = std::clamp(yu - static_cast<float>(yi), 0.0F, 1.0F);
+      const float* p = picture.ptr<float>(yi) + xi;
+      const float* q = picture.ptr<float>(yi + 1) + xi;
+      const float top = p[0] + a * (p[1] - p[0]);
+      *out++ = top + b * (q[0] + a * (q[1] - q[0]) - top);
+    }
+  }
+}
+
+cv::Mat CopyPatch(const cv::Mat& picture,
+                  const Eigen::Vector2d& xy,
+                  const Eigen::Matrix2d& warp,
+                  int side) {
   cv::Mat patch(side, side, CV_32FC1);
-  SamplePatch(picture, xy.x(), xy.y(), side, patch.ptr<float>());
+  if (warp.isIdentity()) {
+    SamplePatch(picture, xy.x(), xy.y(), side, patch.ptr<float>());
+  } else {
+    SampleAffine(picture, xy, warp, side, patch.ptr<float>());
+  }
   return patch;
 }
 
@@ -26,28 +59,8 @@ void WarpAnchor(const cv::Mat& wide,
                 const Eigen::Matrix2d& picture_from_anchor,
                 int n,
                 float* out) {
-  const Eigen::Matrix2d inverse = picture_from_anchor.inverse();
-  const int center = wide.cols / 2;
-  const int half = n / 2;
-  const int last = wide.cols - 2;
-  const auto ixx = static_cast<float>(inverse(0, 0));
-  const auto iyx = static_cast<float>(inverse(1, 0));
-  for (int v = -half; v <= half; ++v) {
-    const auto x0 = static_cast<float>(center + inverse(0, 1) * v);
-    const auto y0 = static_cast<float>(center + inverse(1, 1) * v);
-    for (int u = -half; u <= half; ++u) {
-      const float x = x0 + ixx * static_cast<float>(u);
-      const float y = y0 + iyx * static_cast<float>(u);
-      const int xi = std::clamp(static_cast<int>(x), 0, last);
-      const int yi = std::clamp(static_cast<int>(y), 0, last);
-      const float a = std::clamp(x - static_cast<float>(xi), 0.0F, 1.0F);
-      const float b = std::clamp(y - static_cast<float>(yi), 0.0F, 1.0F);
-      const float* p = wide.ptr<float>(yi) + xi;
-      const float* q = wide.ptr<float>(yi + 1) + xi;
-      const float top = p[0] + a * (p[1] - p[0]);
-      *out++ = top + b * (q[0] + a * (q[1] - q[0]) - top);
-    }
-  }
+  const double center = wide.cols / 2;
+  SampleAffine(wide, {center, center}, picture_from_anchor.inverse(), n, out);
 }
 
 // Values and gradient [1/px] of an n x n window. The gradient is Scharr's, not that of the bilinear
@@ -256,11 +269,12 @@ void Conclude(const cv::Mat& picture,
 AnchorPatch TakeAnchor(const Pyramid& pyramid,
                        const Eigen::Vector2d& xy,
                        int window_px,
-                       int largest_px) {
+                       int largest_px,
+                       const Eigen::Matrix2d& warp) {
   const int side = largest_px + 2 * MarginOf(largest_px);
   AnchorPatch anchor;
-  anchor.full = CopyPatch(pyramid.levels[0], xy, side);
-  if (pyramid.levels.size() > 1) anchor.half = CopyPatch(pyramid.levels[1], xy / 2, side);
+  anchor.full = CopyPatch(pyramid.levels[0], xy, warp, side);
+  if (pyramid.levels.size() > 1) anchor.half = CopyPatch(pyramid.levels[1], xy / 2, warp, side);
   float window[kMaxPatchArea];
   WarpAnchor(anchor.full, anchor.warp, window_px, window);
   const int area = window_px * window_px;

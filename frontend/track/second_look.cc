@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <opencv2/core.hpp>
+#include <set>
 
 #include "frontend/core/statistics.h"
 #include "frontend/image/pyramid.h"
@@ -34,17 +35,27 @@ AnchorPatch Mean(const AnchorPatch& sum, int frames, int window_px) {
   return mean;
 }
 
+// A mean of few values is drawn to `expected`, which counts as so many.
+double DrawnMean(double sum, double count, double expected) {
+  constexpr double kPrior = 6.0;
+  return (sum + kPrior * expected) / (count + kPrior);
+}
+
 }  // namespace
 
 SecondLook::SecondLook(const SecondLookOptions& options) : options_(options) {
   ValidateOptions(options);
+  for (const int px : std::set{options.window_px, options.wide_window_px}) {
+    windows_.emplace_back().px = px;
+  }
 }
 
 void SecondLook::Learn(const Frame& frame, std::span<const Guide> guides) {
   if (guides.empty()) return;
   const Pyramid pyramid = SmoothPyramidOf(frame, options_.denoise_sigma_px);
+  const int largest_px = windows_.back().px;
   for (const Guide& guide : guides) {
-    const AnchorPatch patch = TakeAnchor(pyramid, guide.xy, options_.window_px, options_.window_px);
+    const AnchorPatch patch = TakeAnchor(pyramid, guide.xy, largest_px, largest_px, guide.warp);
     Template& t = templates_[guide.feature];
     if (t.frames == 0) {
       t.sum = patch;
@@ -58,20 +69,27 @@ void SecondLook::Learn(const Frame& frame, std::span<const Guide> guides) {
 
 void SecondLook::Measure(const Frame& frame, std::span<const Guide> guides) {
   const Pyramid pyramid = SmoothPyramidOf(frame, options_.denoise_sigma_px);
+  for (Window& window : windows_) MeasureWith(window, frame, guides, pyramid);
+}
+
+void SecondLook::MeasureWith(Window& window,
+                             const Frame& frame,
+                             std::span<const Guide> guides,
+                             const Pyramid& pyramid) const {
   std::vector<std::pair<const Guide*, Measurement>> measured;
   std::vector<double> signal_variances;
   std::vector<double> variances;
   for (const Guide& guide : guides) {
     const auto it = templates_.find(guide.feature);
     if (it == templates_.end()) continue;
-    AnchorPatch anchor = Mean(it->second.sum, it->second.frames, options_.window_px);
-    const auto [known, first] = deformations_.try_emplace(guide.feature);
+    AnchorPatch anchor = Mean(it->second.sum, it->second.frames, window.px);
+    const auto [known, first] = window.deformations.try_emplace(guide.feature);
     Deformation& deformation = known->second;
     const double noise = first ? options_.warp_noise : kWarpNoisePerFrame;
     deformation.covariance.diagonal().array() += noise * noise;
     anchor.warp = deformation.beyond_guide * guide.warp;
     anchor.warp_covariance = deformation.covariance;
-    const Measurement m = MeasurePatch(pyramid, anchor, guide.xy, options_.window_px, kNoiseFactor);
+    const Measurement m = MeasurePatch(pyramid, anchor, guide.xy, window.px, kNoiseFactor);
     if (!m.converged) continue;
     if ((m.xy - guide.xy).norm() <= options_.max_distance_px &&
         m.correlation >= options_.min_correlation) {
@@ -83,8 +101,8 @@ void SecondLook::Measure(const Frame& frame, std::span<const Guide> guides) {
     if (guide.observed) variances.push_back(m.residual_variance);
   }
   constexpr std::size_t kEnough = 8;
-  if (variances.size() >= kEnough || noise_variance_ == 0.0) {
-    noise_variance_ = Median(std::move(variances));
+  if (variances.size() >= kEnough || window.noise_variance == 0.0) {
+    window.noise_variance = Median(std::move(variances));
   }
   for (std::size_t i = 0; i < measured.size(); ++i) {
     const auto& [guide, m] = measured[i];
@@ -98,18 +116,58 @@ void SecondLook::Measure(const Frame& frame, std::span<const Guide> guides) {
     // Noise, and what the small errors of warp and interpolation leave of the pattern.
     s.residual_variance_ratio =
         m.residual_variance /
-        std::max(noise_variance_ + kPatternShare * signal_variances[i], 1e-12);
+        std::max(window.noise_variance + kPatternShare * signal_variances[i], 1e-12);
     s.residual = m.residual;
     s.xy = m.xy;
     s.shape = m.shape;
-    sightings_[guide->feature].push_back(s);
+    window.sightings[guide->feature].push_back(s);
   }
 }
 
-std::vector<Observation> SecondLook::Finish() const {
-  std::vector<double> squares;
-  for (const auto& [feature, sightings] : sightings_) {
+std::map<FeatureId, double> SecondLook::MeanSquareDistances(const Window& window) const {
+  struct Sum {
+    double squares = 0.0;
+    double count = 0.0;
+  };
+  Sum all;
+  std::map<FeatureId, Sum> sums;
+  for (const auto& [feature, sightings] : window.sightings) {
+    Sum& sum = sums[feature];
     for (const Sighting& s : sightings) {
+      if (!s.observed_before) continue;
+      const double distance_px = std::min(s.distance_px, options_.max_distance_px);
+      sum.squares += distance_px * distance_px;
+      sum.count += 1.0;
+    }
+    all.squares += sum.squares;
+    all.count += sum.count;
+  }
+  std::map<FeatureId, double> means;
+  for (const auto& [feature, sum] : sums) {
+    means[feature] = DrawnMean(sum.squares, sum.count, all.squares / std::max(all.count, 1.0));
+  }
+  return means;
+}
+
+std::map<FeatureId, const SecondLook::Window*> SecondLook::ChooseWindows() const {
+  std::map<FeatureId, const Window*> chosen;
+  std::map<FeatureId, double> least;
+  for (const Window& window : windows_) {
+    for (const auto& [feature, mean_square] : MeanSquareDistances(window)) {
+      const auto [it, first] = least.try_emplace(feature, mean_square);
+      if (!first && mean_square >= it->second) continue;
+      it->second = mean_square;
+      chosen[feature] = &window;
+    }
+  }
+  return chosen;
+}
+
+std::vector<Observation> SecondLook::Finish() const {
+  const std::map<FeatureId, const Window*> chosen = ChooseWindows();
+  std::vector<double> squares;
+  for (const auto& [feature, window] : chosen) {
+    for (const Sighting& s : window->sightings.at(feature)) {
       if (s.observed_before && s.distance_px <= options_.max_distance_px) {
         squares.push_back(s.mahalanobis2);
       }
@@ -118,7 +176,8 @@ std::vector<Observation> SecondLook::Finish() const {
   const double scale = std::max(Median(std::move(squares)) / (2.0 * std::log(2.0)), 1e-6);
 
   std::vector<Observation> observations;
-  for (const auto& [feature, sightings] : sightings_) {
+  for (const auto& [feature, window] : chosen) {
+    const std::vector<Sighting>& sightings = window->sightings.at(feature);
     std::vector<double> correlations;
     for (const Sighting& s : sightings) {
       if (s.observed_before) correlations.push_back(s.correlation);

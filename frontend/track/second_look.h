@@ -7,6 +7,7 @@
 
 #include "frontend/core/options.h"
 #include "frontend/image/frame.h"
+#include "frontend/image/pyramid.h"
 #include "frontend/track/measurement.h"
 #include "frontend/tracks/observation.h"
 
@@ -14,8 +15,9 @@ namespace cohort {
 
 struct SecondLookOptions {
   int window_px = 21;
+  int wide_window_px = 31;
   double denoise_sigma_px = 0.8;
-  int template_frames = 5;
+  int template_frames = 21;
   double max_distance_px = 3.0;
   double min_correlation = 0.3;
   double min_relative_correlation = 0.7;
@@ -25,6 +27,11 @@ struct SecondLookOptions {
   template <typename Self, typename Visitor>
   static void Visit(Self& o, Visitor& v) {
     v.Number("window_px", o.window_px, 5, 63, "side of the measured patch [px], odd");
+    v.Number("wide_window_px",
+             o.wide_window_px,
+             5,
+             63,
+             "side of the patch where a larger one agrees better with the model [px], odd");
     v.Number(
         "denoise_sigma_px", o.denoise_sigma_px, 0.0, 10.0, "Gaussian blur before measuring [px]");
     v.Number("template_frames",
@@ -63,13 +70,17 @@ struct Guide {
 };
 
 // Measures every feature anew where a reconstruction says that it is: without constraint, against
-// one template for all of its track. The template is the mean of some neighbouring frames, so it
-// has less noise than any. Goes through the clip twice:
+// one template for all of its track. The template is the mean of some neighbouring frames, brought
+// to one shape by the guides' warps, so it has less noise than any. Goes through the clip twice:
 //
 //   SecondLook look(options);
 //   for each frame: look.Learn(frame, guides of the features whose template it is to enter);
 //   for each frame: look.Measure(frame, guides of all that should be in sight);
 //   std::vector<Observation> observations = look.Finish();
+//
+// A feature is measured with a narrow and with a wide patch; of the two, the one whose positions
+// lie nearer to the guides is taken for all of its track: a wide patch has less noise, a narrow one
+// shows less of what does not move with the feature.
 //
 // What is found counts as observed if it lies near the guide and looks as much like its template as
 // it does where the first pass saw it; so an occluder is not taken for the feature. Covariances are
@@ -103,12 +114,25 @@ class SecondLook {
     Eigen::Vector2d xy = Eigen::Vector2d::Zero();
     Eigen::Matrix2d shape = Eigen::Matrix2d::Identity();
   };
+  // All measurements with patches of one size.
+  struct Window {
+    int px = 0;
+    double noise_variance = 0.0;  // of a picture's difference to a template
+    std::map<FeatureId, Deformation> deformations;
+    std::map<FeatureId, std::vector<Sighting>> sightings;
+  };
+
+  void MeasureWith(Window& window,
+                   const Frame& frame,
+                   std::span<const Guide> guides,
+                   const Pyramid& pyramid) const;
+  // Of each feature's sightings from the guides [px^2]; of few drawn to the mean of all features.
+  std::map<FeatureId, double> MeanSquareDistances(const Window& window) const;
+  std::map<FeatureId, const Window*> ChooseWindows() const;
 
   SecondLookOptions options_;
-  double noise_variance_ = 0.0;  // of a picture's difference to a template
   std::map<FeatureId, Template> templates_;
-  std::map<FeatureId, Deformation> deformations_;
-  std::map<FeatureId, std::vector<Sighting>> sightings_;
+  std::vector<Window> windows_;  // ascending
 };
 
 }  // namespace cohort

@@ -41,6 +41,8 @@ void RunCompare(const ExperimentOptions& options) {
     fmt::print("{}", ResultsTable(results));
     if (const auto headline = MakeHeadline(results)) {
       fmt::print("\n{}", HeadlineTable(*headline));
+      const std::string others = OthersTable(*headline);
+      if (!others.empty()) fmt::print("\n{}", others);
     }
   }
   PrintNotes("FAILED", results.failures);

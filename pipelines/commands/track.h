@@ -3,8 +3,13 @@
 #include "frontend/track/tracker_options.h"
 #include "pipelines/commands/input_options.h"
 #include "pipelines/console/command.h"
+#include "pipelines/second_pass/second_pass.h"
 
 namespace cohort {
+
+enum class SecondPassMode { kAuto, kOn, kOff };
+inline constexpr ChoiceNames<SecondPassMode, 3> kSecondPassModeNames{
+    {{"auto", SecondPassMode::kAuto}, {"on", SecondPassMode::kOn}, {"off", SecondPassMode::kOff}}};
 
 struct TrackCommandOptions {
   InputOptions input;
@@ -15,6 +20,8 @@ struct TrackCommandOptions {
   int threads = 0;
   std::string json;
   TrackerOptions tracker;
+  SecondPassMode second_pass = SecondPassMode::kAuto;
+  SecondPassOptions second_look;
 
   template <typename Self, typename Visitor>
   static void Visit(Self& o, Visitor& v) {
@@ -26,10 +33,20 @@ struct TrackCommandOptions {
     v.Number("threads", o.threads, 0, 1024, "at most; 0: one a core; results do not depend on it");
     v.Text("json", o.json, "file for the figures of the run");
     TrackerOptions::Visit(o.tracker, v);
+    v.Choice("second_pass",
+             o.second_pass,
+             kSecondPassModeNames,
+             "after the last frame, reconstruct, and measure every feature again where the model "
+             "says that it is; auto: for the tracker subspace, strong and measured");
+    v.Group("second_look", o.second_look, "the second pass");
   }
 };
 
-// INPUT -> .tracks, frame by frame: a kill loses nothing but the frame it is at.
+// Is there to be a second pass?
+bool WantsSecondPass(SecondPassMode mode, const TrackerOptions& tracker);
+
+// INPUT -> .tracks, frame by frame: a kill loses nothing but the frame it is at. Then the second
+// pass, whose tracks take the place of the first's, if a reconstruction with Ceres succeeds.
 void RunTrack(const TrackCommandOptions& options);
 
 Command TrackCommand();

@@ -70,6 +70,23 @@ Eigen::Vector2d Normalise(const Eigen::Vector2d& error, const PixelCovariance& c
   return covariance.Matrix().llt().matrixL().solve(error);
 }
 
+// A track's errors about their own median, and normalised. With n of them that median takes one
+// part in n of their variance.
+void AddNormalised(const std::vector<std::pair<Eigen::Vector2d, PixelCovariance>>& errors,
+                   std::vector<Eigen::Vector2d>& normalised) {
+  const auto n = static_cast<double>(errors.size());
+  if (n < 2.0) return;
+  Eigen::Vector2d median;
+  for (int axis = 0; axis < 2; ++axis) {
+    std::vector<double> values;
+    for (const auto& [error, covariance] : errors) values.push_back(error[axis]);
+    median[axis] = InterpolatedMedian(std::move(values));
+  }
+  for (const auto& [error, covariance] : errors) {
+    normalised.push_back(std::sqrt(n / (n - 1.0)) * Normalise(error - median, covariance));
+  }
+}
+
 CalibrationFigure Calibration(const std::vector<Eigen::Vector2d>& normalised) {
   CalibrationFigure figure;
   figure.count = normalised.size();
@@ -180,6 +197,10 @@ TrackEvaluation EvaluateTracks(const TrackSet& tracks,
       continue;
     }
     int hidden_frames = 0;
+    std::vector<std::pair<Eigen::Vector2d, PixelCovariance>> errors;
+    if (const auto& covariance = track->observations.front().covariance) {
+      errors.emplace_back(Eigen::Vector2d::Zero(), *covariance);
+    }
     auto observation = track->observations.begin() + 1;
     for (const FrameIndex frame : track->frames.subspan(1)) {
       if (observation == track->observations.end()) break;
@@ -191,7 +212,7 @@ TrackEvaluation EvaluateTracks(const TrackSet& tracks,
       ++observation;
       if (!sighting) continue;
       const Eigen::Vector2d error = o.xy - sighting->xy;
-      if (!is_predicted && o.covariance) normalised.push_back(Normalise(error, *o.covariance));
+      if (!is_predicted && o.covariance) errors.emplace_back(error, *o.covariance);
       if (is_predicted) ++predicted;
       if (hidden_frames > 0) {
         ++hidden;
@@ -201,6 +222,7 @@ TrackEvaluation EvaluateTracks(const TrackSet& tracks,
       }
       (is_predicted ? predicted_px[hidden_frames] : observed_px).push_back(error.norm());
     }
+    AddNormalised(errors, normalised);
   }
   if (!normalised.empty()) evaluation.calibration = Calibration(normalised);
   evaluation.outlier_share =

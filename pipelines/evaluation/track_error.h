@@ -67,9 +67,10 @@ std::optional<TrajectoryL1Figure> MeasureTrajectoryL1(const TrackSet& tracks,
                                                       const TrackTruthOracle& truth,
                                                       std::size_t frames = 30);
 
-// Whether the tracker's covariances are right. An error d = observed - true position with the
-// covariance S = L L^T is normalised to L^-1 d: two numbers that, if S is right, are standard
-// normal, and whose squares' sum has the median 2 log 2 = 1.386.
+// Whether the tracker's covariances are right. An error d = observed - true position, less the
+// median of its track's (all have the error of where the track began: that says which point it
+// follows, not how well), with the covariance S = L L^T is normalised to L^-1 d: two numbers that,
+// if S is right, are standard normal, and whose squares' sum has the median 2 log 2 = 1.386.
 struct CalibrationFigure {
   static constexpr double kHistogramSigmas = 5.0;    // bins of equal width from -5 to 5 ...
   static constexpr std::size_t kHistogramBins = 41;  // ... the middle one about 0

@@ -142,10 +142,6 @@ void AddModelRows(const TrackCell& cell,
   rows.Add("points", model.at("points"), "");
   rows.Add("model_track_length", model.at("mean_track_length"), "frames");
   rows.Add("mean_reprojection", model.at("mean_reprojection_px"), "px");
-  if (figures.contains("track_errors")) {
-    rows.Add("mean_track_length", figures.at("track_errors").at("mean_track_length"), "frames");
-    AddErrorRows(figures.at("track_errors"), rows);
-  }
   if (!figures.contains("errors")) return;
   const Json& errors = figures.at("errors");
   if (backend != GridBackend::kTriangulation) {  // whose cameras are the truth

@@ -6,7 +6,7 @@
 
 #include "frontend/core/options.h"
 #include "frontend/track/tracker_options.h"
-#include "pipelines/commands/input_options.h"
+#include "pipelines/commands/track.h"
 
 namespace cohort {
 
@@ -47,18 +47,17 @@ struct GridTracker {
   std::string name;  // in the tables
   TrackSource source = TrackSource::kTracker;
   TrackerOptions options;
+  SecondPassMode second_pass = SecondPassMode::kAuto;
 };
 
 enum class GridBackend {
   kCeres,
   kColmap,
-  kRefined,        // ceres, `cohort refine`, ceres
   kTriangulation,  // points alone, from the true cameras: what the tracks are worth by themselves
 };
-inline constexpr ChoiceNames<GridBackend, 4> kGridBackendNames{
+inline constexpr ChoiceNames<GridBackend, 3> kGridBackendNames{
     {{"ceres", GridBackend::kCeres},
      {"colmap", GridBackend::kColmap},
-     {"refined", GridBackend::kRefined},
      {"triangulation", GridBackend::kTriangulation}}};
 
 struct TrackCell {
@@ -82,18 +81,8 @@ struct TrackCell {
   std::filesystem::path HalvesResult(GridBackend backend) const {
     return Halves(backend).string() + ".json";
   }
-  // COLMAP's own features go with COLMAP alone; a second pass would put measurements in the place
-  // of the ceiling's tracks.
-  bool Has(GridBackend backend) const {
-    switch (tracker.source) {
-      case TrackSource::kTracker:
-        return true;
-      case TrackSource::kCeiling:
-        return backend != GridBackend::kRefined;
-      case TrackSource::kSift:
-        return backend == GridBackend::kColmap;
-    }
-    return false;
+  bool Has(GridBackend backend) const {  // COLMAP's own features go with COLMAP alone
+    return tracker.source != TrackSource::kSift || backend == GridBackend::kColmap;
   }
   // Is the model judged by the agreement of the two halves of the tracks, for want of true cameras?
   bool HasHalves(GridBackend backend) const {

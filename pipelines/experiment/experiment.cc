@@ -19,7 +19,6 @@
 #include "pipelines/commands/degrade.h"
 #include "pipelines/commands/evaluate.h"
 #include "pipelines/commands/reconstruct.h"
-#include "pipelines/commands/refine.h"
 #include "pipelines/commands/track.h"
 #include "pipelines/commands/video_frames.h"
 #include "pipelines/console/json_file.h"
@@ -75,7 +74,7 @@ GridBackend ParseBackend(const std::string& text) {
   for (const auto& [name, backend] : kGridBackendNames) {
     if (name == text) return backend;
   }
-  ThrowUsageError("--backends '{}' is unknown: give ceres, colmap, refined or triangulation", text);
+  ThrowUsageError("--backends '{}' is unknown: give ceres, colmap or triangulation", text);
 }
 
 // Cells of the same name would share a folder and count twice.
@@ -128,7 +127,21 @@ Json OwnOptions(const GridTracker& tracker) {
 GridTracker TrackerOf(const std::string& name, const TrackerOptions& base) {
   if (name == "ceiling") return {name, TrackSource::kCeiling, base};
   if (name == "sift") return {name, TrackSource::kSift, base};
-  return {fs::path(name).stem().string(), TrackSource::kTracker, NamedTracker(name, base)};
+  GridTracker tracker{fs::path(name).stem().string(), TrackSource::kTracker, base};
+  std::string first_pass = name;
+  for (const auto& [suffix, mode] :
+       {std::pair("-refined", SecondPassMode::kOn), std::pair("-online", SecondPassMode::kOff)}) {
+    if (!name.ends_with(suffix)) continue;
+    first_pass = name.substr(0, name.size() - std::string_view(suffix).size());
+    tracker.second_pass = mode;
+  }
+  tracker.options = NamedTracker(first_pass, base);
+  return tracker;
+}
+
+bool HasSecondPass(const GridTracker& tracker) {
+  return tracker.source == TrackSource::kTracker &&
+         WantsSecondPass(tracker.second_pass, tracker.options);
 }
 
 // Changes when a file of the clip does: names, sizes and times of writing.
@@ -332,11 +345,28 @@ class Experiment {
 
   // The frames, and what is done to them.
   Json DependenciesOf(const TrackCell& cell) const {
-    return {{"clip", ToJson(ClipInput(cell.condition))},
-            {"fingerprint", cell.condition.clip.fingerprint},
-            {"level", cell.condition.level},
-            {"seed", cell.condition.seed},
-            {"tracker", OwnOptions(cell.tracker)}};
+    Json depends_on{{"clip", ToJson(ClipInput(cell.condition))},
+                    {"fingerprint", cell.condition.clip.fingerprint},
+                    {"level", cell.condition.level},
+                    {"seed", cell.condition.seed},
+                    {"tracker", OwnOptions(cell.tracker)}};
+    if (options_.protocol == Protocol::kReconstruction && HasSecondPass(cell.tracker)) {
+      depends_on["second_look"] = ToJson(options_.second_look);
+    }
+    return depends_on;
+  }
+
+  TrackCommandOptions TrackOf(const TrackCell& cell) const {
+    TrackCommandOptions track;
+    track.input = cell.frames;
+    track.out = cell.Tracks().string();
+    track.seed = cell.condition.seed;
+    track.threads = options_.jobs == 1 ? 0 : 1;
+    track.json = (cell.folder / "track.json").string();
+    track.tracker = cell.tracker.options;
+    track.second_pass = cell.tracker.second_pass;
+    track.second_look = options_.second_look;
+    return track;
   }
 
   std::vector<Task> TrackTasks(const Shard& shard) const {
@@ -354,13 +384,7 @@ class Experiment {
                          if (cell.tracker.source == TrackSource::kCeiling) {
                            return TrackCeiling(cell);
                          }
-                         TrackCommandOptions track;
-                         track.input = cell.frames;
-                         track.out = cell.Tracks().string();
-                         track.seed = cell.condition.seed;
-                         track.threads = options_.jobs == 1 ? 0 : 1;
-                         track.json = (cell.folder / "track.json").string();
-                         track.tracker = cell.tracker.options;
+                         const TrackCommandOptions track = TrackOf(cell);
                          RunTrack(track);
                          Json figures{{"track", ReadJsonFile(track.json)}};
                          if (cell.condition.clip.has_track_truth) {
@@ -517,8 +541,6 @@ class Experiment {
       case GridBackend::kCeres:
       case GridBackend::kTriangulation:
         return {{"ceres", ToJson(options_.ceres)}};
-      case GridBackend::kRefined:
-        return {{"ceres", ToJson(options_.ceres)}, {"refine", ToJson(options_.refine)}};
       case GridBackend::kColmap:
         Json options{{"colmap", ToJson(ColmapOf(cell))}};
         if (cell.tracker.source == TrackSource::kSift) options["sift"] = ToJson(options_.sift);
@@ -536,50 +558,24 @@ class Experiment {
     }
     if (cell.tracker.source == TrackSource::kSift) return BySift(cell);
     if (backend == GridBackend::kTriangulation) return ByTriangulation(cell);
-    const Model model = MakeModel(cell, backend, cell.Tracks(), cell.Model(backend));
-    Json figures = WithErrors(cell, backend, model.folder, model.summary);
-    if (model.tracks != cell.Tracks() && cell.condition.clip.has_track_truth) {
-      figures["track_errors"] =
-          Evaluate(cell, model.tracks, cell.folder / "refined_track_errors.json");
-    }
-    return figures;
+    const fs::path model = cell.Model(backend);
+    return WithErrors(cell, backend, model, MakeModel(cell, backend, cell.Tracks(), model));
   }
 
-  struct Model {
-    fs::path folder;
-    fs::path tracks;  // that it is made of
-    ReconstructionSummary summary;
-  };
-
-  Model MakeModel(const TrackCell& cell,
-                  GridBackend backend,
-                  const fs::path& tracks,
-                  const fs::path& out) const {
-    switch (backend) {
-      case GridBackend::kCeres:
-        return ByCommand(cell, BackendKind::kCeres, tracks, out);
-      case GridBackend::kColmap:
-        return ByCommand(cell, BackendKind::kColmap, tracks, out);
-      case GridBackend::kRefined:
-        return ByTwoPasses(cell, tracks, out);
-      case GridBackend::kTriangulation:
-        break;
-    }
-    ThrowUsageError("unknown backend");
-  }
-
-  Model ByCommand(const TrackCell& cell,
-                  BackendKind kind,
-                  const fs::path& tracks,
-                  const fs::path& out) const {
+  // By the command of ceres or colmap.
+  ReconstructionSummary MakeModel(const TrackCell& cell,
+                                  GridBackend backend,
+                                  const fs::path& tracks,
+                                  const fs::path& out) const {
     ReconstructCommandOptions reconstruct;
     reconstruct.tracks = tracks.string();
     reconstruct.out = out.string();
-    reconstruct.backend = kind;
+    reconstruct.backend =
+        backend == GridBackend::kColmap ? BackendKind::kColmap : BackendKind::kCeres;
     reconstruct.write_frames = false;
     reconstruct.ceres = options_.ceres;
     reconstruct.colmap = ColmapOf(cell);
-    return {out, tracks, ReconstructTracks(reconstruct)};
+    return ReconstructTracks(reconstruct);
   }
 
   // A finished model's figures.
@@ -595,35 +591,39 @@ class Experiment {
     return figures;
   }
 
-  Model ByTwoPasses(const TrackCell& cell, const fs::path& tracks, const fs::path& out) const {
-    RefineCommandOptions refine;
-    refine.tracks = tracks.string();
-    refine.model = out.string() + "_first";
-    refine.out = out.string() + ".tracks";
-    refine.second_look = options_.refine;
-    Model first = ByCommand(cell, BackendKind::kCeres, tracks, refine.model);
-    if (first.summary.Failed()) return first;  // no model to look again by
-    RefineTracks(refine);
-    return ByCommand(cell, BackendKind::kCeres, refine.out, out);
+  // Halves that had a second pass together would agree by it: each gets one of its own.
+  TrackFile TracksToHalve(const TrackCell& cell) const {
+    if (!HasSecondPass(cell.tracker)) return ReadTrackFile(cell.Tracks());
+    TrackCommandOptions track = TrackOf(cell);
+    track.out = cell.folder / "first_pass.tracks";
+    track.json.clear();
+    track.second_pass = SecondPassMode::kOff;
+    RunTrack(track);
+    return ReadTrackFile(track.out);
   }
 
   Json ByHalves(const TrackCell& cell, GridBackend backend) const {
     const fs::path folder = cell.Halves(backend);
     fs::remove_all(folder);
     fs::create_directories(folder);
-    TrackFile file = ReadTrackFile(cell.Tracks());
+    const TrackFile file = TracksToHalve(cell);
     const std::array<TrackSet, 2> halves = SplitTracks(file.tracks);
     std::array<std::map<FrameIndex, Rigid3>, 2> cam_from_world;
     Json models = Json::array();
     for (std::size_t i = 0; i < halves.size(); ++i) {
       const fs::path out = folder / std::to_string(i + 1);
       const fs::path tracks = out.string() + "_half.tracks";
-      file.tracks = halves[i];
-      WriteTrackFile(tracks, file);
-      const Model model = MakeModel(cell, backend, tracks, out);
-      models.push_back(ReadJsonFile(model.folder / "summary.json"));
-      if (model.summary.registered == 0) continue;  // no model in the folder
-      cam_from_world[i] = ReadReconstruction(model.folder).cam_from_world;
+      TrackFile half = file;
+      half.tracks = halves[i];
+      if (HasSecondPass(cell.tracker)) {
+        const auto frames = OpenInput(cell.frames);
+        half = WithSecondPass(std::move(half), *frames, {}, options_.second_look);
+      }
+      WriteTrackFile(tracks, half);
+      const ReconstructionSummary summary = MakeModel(cell, backend, tracks, out);
+      models.push_back(ReadJsonFile(out / "summary.json"));
+      if (summary.registered == 0) continue;  // no model in the folder
+      cam_from_world[i] = ReadReconstruction(out).cam_from_world;
     }
     const HalvesAgreement agreement =
         CompareHalves(cam_from_world[0], cam_from_world[1], file.frames.size());

@@ -8,10 +8,10 @@
 #include "backend/colmap/sift_mapper.h"
 #include "backend/scene/incremental_mapper.h"
 #include "datasets/sequence.h"
-#include "frontend/track/second_look.h"
 #include "frontend/track/tracker_options.h"
 #include "pipelines/experiment/paper_protocol.h"
 #include "pipelines/experiment/results.h"
+#include "pipelines/second_pass/second_pass.h"
 
 namespace cohort {
 
@@ -41,7 +41,7 @@ struct ExperimentOptions {
   TrackerOptions tracking;
   MapperOptions ceres;
   ColmapOptions colmap;
-  SecondLookOptions refine;
+  SecondPassOptions second_look;
   SiftOptions sift;
   PaperProtocolOptions paper;
 
@@ -55,17 +55,20 @@ struct ExperimentOptions {
              "reconstruction: models made of the tracks; paper: how far trackers stray from points "
              "of known course, on clips with exact truth; the trackers' own checks by which "
              "features end are off");
-    v.List("trackers",
-           o.trackers,
-           "those of `cohort track`; kltN, anchored-kltN: with a window of N px; subspace-paper, "
-           "descent-paper: joint and first-order tracker as the paper prints them, without "
-           "measurement; subspace-fused: subspace with the most probable positions; ceiling: the "
-           "truth with the least noise of a patch of 21 px; sift: COLMAP's own features (backend "
-           "colmap); F.json: the tracker options of this file");
+    v.List(
+        "trackers",
+        o.trackers,
+        "those of `cohort track`; kltN, anchored-kltN: with a window of N px; subspace-paper, "
+        "descent-paper: joint and first-order tracker as the paper prints them, without "
+        "measurement; subspace-fused: subspace with the most probable positions; NAME-refined, "
+        "NAME-online: with and without a second pass (of subspace the default is with); ceiling: "
+        "the "
+        "truth with the least noise of a patch of 21 px; sift: COLMAP's own features (backend "
+        "colmap); F.json: the tracker options of this file");
     v.List("backends",
            o.backends,
-           "of protocol reconstruction: ceres; colmap; refined: ceres, the second pass of `cohort "
-           "refine`, and ceres again; triangulation: points alone, from the true cameras");
+           "of protocol reconstruction: ceres; colmap; triangulation: points alone, from the true "
+           "cameras");
     v.List("levels",
            o.levels,
            "as-is, or how dark `cohort degrade` makes the clips: clean, medium, hard, a number; "
@@ -80,7 +83,7 @@ struct ExperimentOptions {
     v.Group("tracking", o.tracking, "all trackers");
     v.Group("ceres", o.ceres, "backend ceres");
     v.Group("colmap", o.colmap, "backend colmap");
-    v.Group("refine", o.refine, "second pass of backend refined");
+    v.Group("second_look", o.second_look, "second pass of trackers that have one");
     v.Group("sift", o.sift, "tracker sift");
     v.Group("paper", o.paper, "protocol paper");
   }

@@ -158,9 +158,7 @@ std::string ResultsTable(const ExperimentResults& results) {
                                                "90 % [px]"}};
   for (const Line& line : order) {
     const auto& [sequence, level, tracker, backend] = line;
-    ValuesOfMetric tracks = values[Line{sequence, level, tracker, ""}];
-    for (const auto& [metric, of_model] : values[line]) tracks[metric] = of_model;  // refined
-    table.push_back(TableRow(line, values[line], tracks));
+    table.push_back(TableRow(line, values[line], values[Line{sequence, level, tracker, ""}]));
   }
   return AlignedTable(WithoutEmptyColumns(table), 4);
 }

@@ -4,9 +4,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <limits>
 #include <map>
 #include <set>
+#include <string_view>
 #include <tuple>
 
 #include "frontend/core/statistics.h"
@@ -20,6 +22,7 @@ constexpr const char* kPoints = "point_error_median";
 constexpr const char* kLength = "mean_track_length";
 const std::string kKlt = "klt";
 const std::string kAnchored = "anchored-klt";
+const std::string kKltRefined = "klt-refined";
 const std::string kCeiling = "ceiling";
 
 // Values by seed of (sequence, level, tracker, backend, metric).
@@ -91,22 +94,34 @@ class Values {
   std::vector<std::string> sequences_, levels_, trackers_, backends_;  // in order of appearance
 };
 
-bool IsOf(const std::string& tracker, const std::string& family) {
-  return tracker == family ||
-         (tracker.starts_with(family) &&
-          tracker.find_first_not_of("0123456789", family.size()) == std::string::npos);
+// klt21 is of the family klt, klt21-refined of klt-refined.
+bool IsOf(std::string_view tracker, std::string_view family) {
+  constexpr std::string_view kRefined = "-refined";
+  if (tracker.ends_with(kRefined) != family.ends_with(kRefined)) return false;
+  if (family.ends_with(kRefined)) {
+    tracker.remove_suffix(kRefined.size());
+    family.remove_suffix(kRefined.size());
+  }
+  return tracker.starts_with(family) &&
+         tracker.find_first_not_of("0123456789", family.size()) == std::string_view::npos;
 }
 
-// The second pass makes tracks of its own; else the track length is the tracker's.
-Key KeyOf(const Values& values,
-          const std::string& sequence,
+// The length of tracks is the tracker's, whatever the backend.
+Key KeyOf(const std::string& sequence,
           const std::string& level,
           const std::string& tracker,
           const std::string& backend,
           const std::string& metric) {
-  const Key own{sequence, level, tracker, backend, metric};
-  const bool is_of_tracker = metric == kLength && values.Of(own).empty();
-  return is_of_tracker ? Key{sequence, level, tracker, "", metric} : own;
+  return {sequence, level, tracker, metric == kLength ? "" : backend, metric};
+}
+
+// Which trackers stand for one rival: the best of them counts.
+using IsRival = std::function<bool(const std::string& tracker)>;
+IsRival Family(const std::string& family) {
+  return [family](const std::string& tracker) { return IsOf(tracker, family); };
+}
+IsRival Only(const std::string& name) {
+  return [name](const std::string& tracker) { return tracker == name; };
 }
 
 std::optional<std::string> Best(const Values& values,
@@ -114,12 +129,12 @@ std::optional<std::string> Best(const Values& values,
                                 const std::string& level,
                                 const std::string& backend,
                                 const std::string& metric,
-                                const std::string& family) {
+                                const IsRival& is_rival) {
   std::optional<std::string> best;
   double best_value = 0.0;
   for (const std::string& tracker : values.trackers()) {
-    if (!IsOf(tracker, family) || values.Failed(sequence, level, tracker, backend)) continue;
-    const auto value = values.Median(KeyOf(values, sequence, level, tracker, backend, metric));
+    if (!is_rival(tracker) || values.Failed(sequence, level, tracker, backend)) continue;
+    const auto value = values.Median(KeyOf(sequence, level, tracker, backend, metric));
     if (!value) continue;
     const bool better = metric == kLength ? *value > best_value : *value < best_value;
     if (!best || better) {
@@ -145,23 +160,21 @@ double GeometricMean(const std::vector<double>& values) {
   return std::exp(sum / static_cast<double>(values.size()));
 }
 
-// Over the clips, rival / cohort or, with `rival_on_top` false, cohort / rival. The ceiling has no
-// second pass: what two passes reach is compared with the ceiling of one.
+// Over the clips, rival / cohort or, with `rival_on_top` false, cohort / rival.
 std::optional<HeadlineRatio> Ratio(const Values& values,
                                    const std::string& cohort,
                                    const std::string& level,
                                    const std::string& backend,
                                    const std::string& metric,
-                                   const std::string& family,
+                                   const IsRival& is_rival,
                                    bool rival_on_top) {
-  const std::string rival_backend = family == kCeiling && backend == "refined" ? "ceres" : backend;
   std::vector<double> ratios;
   std::map<unsigned, std::vector<double>> ratios_of_seed;
   for (const std::string& sequence : values.sequences()) {
-    const auto rival = Best(values, sequence, level, rival_backend, metric, family);
+    const auto rival = Best(values, sequence, level, backend, metric, is_rival);
     if (!rival || values.Failed(sequence, level, cohort, backend)) continue;
-    const Key rival_key = KeyOf(values, sequence, level, *rival, rival_backend, metric);
-    const Key cohort_key = KeyOf(values, sequence, level, cohort, backend, metric);
+    const Key rival_key = KeyOf(sequence, level, *rival, backend, metric);
+    const Key cohort_key = KeyOf(sequence, level, cohort, backend, metric);
     const auto theirs = values.Median(rival_key);
     const auto ours = values.Median(cohort_key);
     if (!theirs || !ours || !(*theirs > 0.0) || !(*ours > 0.0)) continue;
@@ -204,6 +217,32 @@ std::optional<double> RegisteredShare(const Values& values,
   return sum / static_cast<double>(runs.size());
 }
 
+void AddOther(const Values& values,
+              const std::string& cohort,
+              const std::string& name,
+              HeadlineRow& row) {
+  const auto ratio = [&](const char* metric, bool other_on_top) {
+    return Ratio(values, cohort, row.level, row.backend, metric, Only(name), other_on_top);
+  };
+  OtherTracker other;
+  other.name = name;
+  other.camera = ratio(kCamera, true);
+  other.points = ratio(kPoints, true);
+  other.length = ratio(kLength, false);
+  double registered = 0.0;
+  std::size_t clips = 0;
+  for (const std::string& sequence : values.sequences()) {
+    const auto share = RegisteredShare(values, name, row.level, row.backend, sequence);
+    if (!share) continue;
+    ++clips;
+    registered += *share;
+    if (values.Failed(sequence, row.level, name, row.backend)) ++other.failed;
+  }
+  if (clips == 0) return;
+  other.registered = registered / static_cast<double>(clips);
+  row.others.push_back(std::move(other));
+}
+
 HeadlineRow RowOf(const Values& values,
                   const std::string& cohort,
                   const std::string& level,
@@ -212,13 +251,15 @@ HeadlineRow RowOf(const Values& values,
   row.level = level;
   row.backend = backend;
   const auto ratio = [&](const char* metric, const std::string& family, bool rival_on_top) {
-    return Ratio(values, cohort, level, backend, metric, family, rival_on_top);
+    return Ratio(values, cohort, level, backend, metric, Family(family), rival_on_top);
   };
   row.camera_klt = ratio(kCamera, kKlt, true);
   row.camera_anchored = ratio(kCamera, kAnchored, true);
+  row.camera_refined = ratio(kCamera, kKltRefined, true);
   row.camera_ceiling = ratio(kCamera, kCeiling, false);
   row.points_klt = ratio(kPoints, kKlt, true);
   row.points_anchored = ratio(kPoints, kAnchored, true);
+  row.points_refined = ratio(kPoints, kKltRefined, true);
   row.length_klt = ratio(kLength, kKlt, false);
   std::vector<double> ours;
   std::vector<double> theirs;
@@ -242,6 +283,13 @@ HeadlineRow RowOf(const Values& values,
       if (ran && family == &kKlt) theirs.push_back(most);
     }
   }
+  const auto is_shown = [&](const std::string& name) {
+    return name == cohort || IsOf(name, kKlt) || IsOf(name, kAnchored) || IsOf(name, kKltRefined) ||
+           name == kCeiling;
+  };
+  for (const std::string& name : values.trackers()) {
+    if (!is_shown(name)) AddOther(values, cohort, name, row);
+  }
   const auto mean = [](const std::vector<double>& shares) -> std::optional<double> {
     if (shares.empty()) return std::nullopt;
     double sum = 0.0;
@@ -260,8 +308,8 @@ void AddLosses(const Values& values, const std::string& cohort, Headline& headli
         for (const char* metric : {kCamera, kPoints}) {
           std::optional<std::string> rival;
           double best = 0.0;
-          for (const std::string& family : {kKlt, kAnchored}) {
-            const auto tracker = Best(values, sequence, level, backend, metric, family);
+          for (const std::string& family : {kKlt, kAnchored, kKltRefined}) {
+            const auto tracker = Best(values, sequence, level, backend, metric, Family(family));
             if (!tracker) continue;
             const double value = *values.Median({sequence, level, *tracker, backend, metric});
             if (rival && value >= best) continue;
@@ -326,7 +374,7 @@ std::optional<std::string> BestTracker(const ExperimentResults& results,
                                        const std::string& backend,
                                        const std::string& metric,
                                        const std::string& family) {
-  return Best(Values(results), sequence, level, backend, metric, family);
+  return Best(Values(results), sequence, level, backend, metric, Family(family));
 }
 
 std::string HeadlineTable(const Headline& headline) {
@@ -336,9 +384,11 @@ std::string HeadlineTable(const Headline& headline) {
                                                "clips",
                                                "ATE: KLT/" + name,
                                                "anchored/" + name,
+                                               "KLT refined/" + name,
                                                name + "/ceiling",
                                                "points: KLT/" + name,
                                                "anchored/" + name,
+                                               "KLT refined/" + name,
                                                "length: " + name + "/KLT",
                                                "registered: " + name,
                                                "KLT",
@@ -349,15 +399,43 @@ std::string HeadlineTable(const Headline& headline) {
                      fmt::format("{}", row.clips),
                      RatioText(row.camera_klt, row.clips),
                      RatioText(row.camera_anchored, row.clips),
+                     RatioText(row.camera_refined, row.clips),
                      RatioText(row.camera_ceiling, row.clips),
                      RatioText(row.points_klt, row.clips),
                      RatioText(row.points_anchored, row.clips),
+                     RatioText(row.points_refined, row.clips),
                      RatioText(row.length_klt, row.clips),
                      Percent(row.registered),
                      Percent(row.registered_klt),
                      fmt::format("{}/{}/{}", row.failed, row.failed_klt, row.failed_anchored)});
   }
   return AlignedTable(WithoutEmptyColumns(table), 2);
+}
+
+std::string OthersTable(const Headline& headline) {
+  const std::string& name = headline.cohort;
+  std::vector<std::vector<std::string>> table{{"level",
+                                               "backend",
+                                               "tracker",
+                                               "ATE: it/" + name,
+                                               "points: it/" + name,
+                                               "length: " + name + "/it",
+                                               "registered: it",
+                                               "failed: it"}};
+  for (const HeadlineRow& row : headline.rows) {
+    for (const OtherTracker& other : row.others) {
+      table.push_back({row.level,
+                       row.backend,
+                       other.name,
+                       RatioText(other.camera, row.clips),
+                       RatioText(other.points, row.clips),
+                       RatioText(other.length, row.clips),
+                       Percent(other.registered),
+                       fmt::format("{} of {}", other.failed, row.clips)});
+    }
+  }
+  if (table.size() == 1) return "";
+  return AlignedTable(WithoutEmptyColumns(table), 3);
 }
 
 }  // namespace cohort

@@ -18,6 +18,16 @@ struct HeadlineRatio {
   std::size_t clips = 0;
 };
 
+// Any other tracker of the grid beside the cohort's.
+struct OtherTracker {
+  std::string name;
+  std::optional<HeadlineRatio> camera;  // the other / cohort
+  std::optional<HeadlineRatio> points;
+  std::optional<HeadlineRatio> length;  // cohort / the other
+  std::optional<double> registered;     // by the other
+  std::size_t failed = 0;               // its
+};
+
 // One level and backend. Of the baselines with several settings (klt21, klt31 ...) the best for
 // each clip and figure stands, so that nobody can say they were set badly.
 struct HeadlineRow {
@@ -26,9 +36,11 @@ struct HeadlineRow {
   std::size_t clips = 0;
   std::optional<HeadlineRatio> camera_klt;       // ate: best KLT / cohort
   std::optional<HeadlineRatio> camera_anchored;  // best anchored KLT / cohort
+  std::optional<HeadlineRatio> camera_refined;   // best KLT with a second pass / cohort
   std::optional<HeadlineRatio> camera_ceiling;   // cohort / ceiling
   std::optional<HeadlineRatio> points_klt;       // median point error
   std::optional<HeadlineRatio> points_anchored;
+  std::optional<HeadlineRatio> points_refined;
   std::optional<HeadlineRatio> length_klt;  // mean observed track length, cohort / best KLT
   std::optional<double> registered;         // share of frames with a pose, of all clips and seeds
   std::optional<double> registered_klt;     // the same of the best KLT
@@ -36,6 +48,8 @@ struct HeadlineRow {
   std::size_t failed = 0;
   std::size_t failed_klt = 0;
   std::size_t failed_anchored = 0;
+  // That are neither a KLT of some kind nor the ceiling, where they ran.
+  std::vector<OtherTracker> others;
 };
 
 // A clip in which a baseline did better.
@@ -57,8 +71,8 @@ struct Headline {
 };
 
 // Compares the tracker `subspace`, or else the first whose name begins so (not `subspace-paper`),
-// with the baselines klt, kltN, anchored-klt and anchored-kltN. None where one of either is
-// missing, or no truth gives errors.
+// with the baselines klt, kltN, anchored-klt, anchored-kltN and kltN-refined. None where one of
+// either is missing, or no truth gives errors.
 std::optional<Headline> MakeHeadline(const ExperimentResults& results);
 
 // Of the trackers FAMILY, FAMILY21, FAMILY31 ... the one with the least median of a figure in a
@@ -77,5 +91,8 @@ std::optional<std::string> BestTracker(const ExperimentResults& results,
 //   length       mean observed track length, the cohort's over the best KLT's
 //   failed       clips that failed: cohort / KLT / anchored KLT
 std::string HeadlineTable(const Headline& headline);
+
+// A line for every level, backend and other tracker; empty without.
+std::string OthersTable(const Headline& headline);
 
 }  // namespace cohort

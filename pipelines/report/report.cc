@@ -90,15 +90,29 @@ Json OrNull(const std::optional<T>& value) {
 Json HeadlineOf(const std::optional<Headline>& headline) {
   if (!headline) return nullptr;
   Json rows = Json::array();
+  Json others = Json::array();
   for (const HeadlineRow& row : headline->rows) {
+    for (const OtherTracker& other : row.others) {
+      others.push_back({{"level", row.level},
+                        {"backend", row.backend},
+                        {"clips", row.clips},
+                        {"name", other.name},
+                        {"camera", RatioOf(other.camera)},
+                        {"points", RatioOf(other.points)},
+                        {"length", RatioOf(other.length)},
+                        {"registered", OrNull(other.registered)},
+                        {"failed", other.failed}});
+    }
     rows.push_back({{"level", row.level},
                     {"backend", row.backend},
                     {"clips", row.clips},
                     {"camera_klt", RatioOf(row.camera_klt)},
                     {"camera_anchored", RatioOf(row.camera_anchored)},
+                    {"camera_refined", RatioOf(row.camera_refined)},
                     {"camera_ceiling", RatioOf(row.camera_ceiling)},
                     {"points_klt", RatioOf(row.points_klt)},
                     {"points_anchored", RatioOf(row.points_anchored)},
+                    {"points_refined", RatioOf(row.points_refined)},
                     {"length_klt", RatioOf(row.length_klt)},
                     {"registered", OrNull(row.registered)},
                     {"registered_klt", OrNull(row.registered_klt)},
@@ -119,6 +133,7 @@ Json HeadlineOf(const std::optional<Headline>& headline) {
   return {{"cohort", headline->cohort},
           {"contests", headline->contests},
           {"rows", rows},
+          {"others", others},
           {"losses", losses}};
 }
 
@@ -327,8 +342,7 @@ Json ModelsOf(const ExperimentResults& results,
     });
   };
   GridBackend backend = GridBackend::kCeres;
-  for (const GridBackend candidate :
-       {GridBackend::kColmap, GridBackend::kRefined, GridBackend::kCeres}) {
+  for (const GridBackend candidate : {GridBackend::kColmap, GridBackend::kCeres}) {
     if (has(candidate)) backend = candidate;
   }
   const TrackCell* left = cells.front();

@@ -508,7 +508,7 @@ TEST_F(Commands, RefineMeasuresTracksAgainWhereTheModelSaysTheyAre) {
   };
   run("synth " + path("clip") + " --width-px 320 --height-px 240 --focal-px 260 --frames 24");
   run("degrade " + path("clip") + " " + path("dark") + " --level medium");
-  run("track " + path("dark") + " --features 150 --out " + path("a.tracks"));
+  run("track " + path("dark") + " --features 150 --second-pass off --out " + path("a.tracks"));
   run("reconstruct " + path("a.tracks") + " --out " + path("first"));
   const std::string refine = "refine " + path("a.tracks") + " --out " + path("b.tracks");
   run(refine + " --model " + path("first") + " --json " + path("r.json"));
@@ -522,6 +522,14 @@ TEST_F(Commands, RefineMeasuresTracksAgainWhereTheModelSaysTheyAre) {
     return ReadJson(path("e.json"))["ate_m"].get<double>();
   };
   EXPECT_LT(ate("second"), ate("first"));
+
+  // `track` does the same by itself.
+  run("track " + path("dark") + " --features 150 --out " + path("c.tracks"));
+  const TrackFile by_refine = ReadTrackFile(path("b.tracks"));
+  const TrackFile by_track = ReadTrackFile(path("c.tracks"));
+  EXPECT_EQ(by_track.meta.at("second_pass"), "done");
+  EXPECT_EQ(by_track.tracks.CountObserved(), by_refine.tracks.CountObserved());
+  EXPECT_GT(by_track.tracks.CountPredicted(), 0u);
 
   const std::string images = WriteImages(path("images"), 24);
   ExpectFailure(RunCohort(refine + " --model " + path("first") + " --images " + images),
@@ -581,6 +589,20 @@ TEST_F(Interruption, CtrlCEndsCleanlyAndResumes) {
   ExpectResumeGivesTheSame();
 }
 
+TEST_F(Interruption, AKillDuringTheSecondPassKeepsTheFirstAndResumes) {
+  ASSERT_EQ(RunCohort(Tracking("hurt") + " --second-pass off").exit_code, 0);
+  TrackFile first_pass = ReadTrackFile(Path("hurt.tracks"));
+  first_pass.meta.at("second_pass") = "asked";
+  WriteTrackFile(Path("hurt.tracks"), first_pass);
+  ASSERT_EQ(RunCohort(Tracking("hurt") + " --resume").exit_code, 0);
+  ASSERT_EQ(Csv("hurt"), 0);
+  EXPECT_EQ(ReadBytes(Path("hurt.csv")), ReadBytes(Path("peace.csv")));
+  const ProgramEnd again = RunShell(fmt::format(
+      "{} track {} --features 200 --resume --out {}", COHORT_PROGRAM, clip_, Path("hurt.tracks")));
+  EXPECT_EQ(again.exit_code, 0);
+  EXPECT_THAT(again.err, HasSubstr("complete already"));
+}
+
 TEST_F(Interruption, OtherOptionsDoNotResume) {
   RunAndSignal("KILL");
   ExpectFailure(
@@ -627,17 +649,17 @@ TEST_F(Commands, CompareMeasuresEveryCellAndResumes) {
 }
 
 // A dark clip, with what bounds every tracker (the ceiling), what isolates tracks from the solver
-// (triangulation) and the second pass.
+// (triangulation) and the second pass, which any tracker's tracks can have.
 TEST_F(Commands, ComparesWithTheCeilingAndTheTrueCameras) {
   ASSERT_EQ(RunCohort("synth " + Path("clip") +
                       " --frames 16 --width-px 320 --height-px 240 --focal-px 260 --quiet")
                 .exit_code,
             0);
-  const std::string compare =
-      "compare " + Path("clip") +
-      " --trackers klt,anchored-klt15,ceiling --backends ceres,refined,triangulation --features "
-      "150 --jobs 2 --out " +
-      Path("out") + " --levels ";
+  const std::string compare = "compare " + Path("clip") +
+                              " --trackers klt,klt-refined,anchored-klt15,ceiling --backends "
+                              "ceres,triangulation --features "
+                              "150 --jobs 2 --out " +
+                              Path("out") + " --levels ";
   const ProgramEnd end = RunCohort(compare + "medium");
   ASSERT_EQ(end.exit_code, 0) << end.err;
   const auto json = ReadJson(Path("out/results.json"));
@@ -656,10 +678,9 @@ TEST_F(Commands, ComparesWithTheCeilingAndTheTrueCameras) {
   EXPECT_LT(values.at("ceiling  observed_error_median"),
             values.at("anchored-klt15  observed_error_median"));
   EXPECT_GT(values.at("ceiling  mean_track_length"), values.at("klt  mean_track_length"));
-  EXPECT_GT(values.at("klt refined mean_track_length"), values.at("klt  mean_track_length"));
+  EXPECT_GT(values.at("klt-refined  mean_track_length"), values.at("klt  mean_track_length"));
   EXPECT_FALSE(values.contains("klt ceres halves_failed"));  // there are true cameras
   EXPECT_FALSE(values.contains("klt triangulation ate"));    // its cameras are the truth
-  EXPECT_FALSE(values.contains("ceiling refined failed"));   // there is nothing to measure again
 
   // The noise of a clip as it is is unknown, and with it the ceiling: no failure of a tracker.
   const ProgramEnd as_is = RunCohort(compare + "as-is");
@@ -675,8 +696,8 @@ TEST_F(Commands, CompareJudgesAClipWithoutTrueCamerasByTheHalvesOfItsTracks) {
                 .exit_code,
             0);
   const std::string compare = "compare " + Path("clip/rgb") +
-                              " --camera 260,260,159.5,119.5 --trackers klt --backends "
-                              "ceres,refined --features 150 --out " +
+                              " --camera 260,260,159.5,119.5 --trackers klt,subspace --backends "
+                              "ceres --features 150 --out " +
                               Path("out");
   const ProgramEnd end = RunCohort(compare);
   ASSERT_EQ(end.exit_code, 0) << end.err;
@@ -689,12 +710,12 @@ TEST_F(Commands, CompareJudgesAClipWithoutTrueCamerasByTheHalvesOfItsTracks) {
     if (row["metric"] == "halves_frames") {
       EXPECT_EQ(row["value"], 1.0);
     }
-    if (row["metric"] == "halves_disagreement") apart[row["backend"]] = row["value"];
+    if (row["metric"] == "halves_disagreement") apart[row["tracker"]] = row["value"];
   }
   ASSERT_EQ(apart.size(), 2u);
-  for (const auto& [backend, value] : apart) {
-    EXPECT_GT(value, 0.0) << backend;
-    EXPECT_LT(value, 0.1) << backend;
+  for (const auto& [tracker, value] : apart) {
+    EXPECT_GT(value, 0.0) << tracker;
+    EXPECT_LT(value, 0.1) << tracker;
   }
   const ProgramEnd again = RunCohort(compare + " --resume");
   EXPECT_EQ(again.out, end.out);

@@ -141,15 +141,35 @@ TEST_F(HeadlineOf, TheCeilingAndOtherTrackersAreNoRivals) {
   EXPECT_THAT(HeadlineTable(*headline), HasSubstr("0/0/0"));
 }
 
-TEST_F(HeadlineOf, TwoPassesAreComparedWithTheCeilingOfOne) {
-  Add("a", "klt", 1, 4.0, "refined");
-  Add("a", "subspace", 1, 3.0, "refined");
-  Add("a", "ceiling", 1, 2.0, "ceres");
+TEST_F(HeadlineOf, KltWithASecondPassIsARivalOfItsOwn) {
+  Add("a", "klt21", 1, 4.0);
+  Add("a", "klt21-refined", 1, 3.0);
+  Add("a", "klt31-refined", 1, 1.0);
+  Add("a", "subspace", 1, 2.0);
   const auto headline = MakeHeadline(results_);
   ASSERT_TRUE(headline);
-  ASSERT_EQ(headline->rows.size(), 1u);
-  EXPECT_EQ(headline->rows[0].backend, "refined");
-  EXPECT_NEAR(headline->rows[0].camera_ceiling->value, 1.5, 1e-12);
+  EXPECT_NEAR(headline->rows[0].camera_klt->value, 2.0, 1e-12);
+  EXPECT_NEAR(headline->rows[0].camera_refined->value, 0.5, 1e-12);
+  ASSERT_EQ(headline->losses.size(), 1u);
+  EXPECT_EQ(headline->losses[0].rival, "klt31-refined");
+}
+
+TEST_F(HeadlineOf, OtherTrackersStandBesideTheCohort) {
+  Add("a", "klt", 1, 4.0);
+  Add("a", "descent", 1, 6.0);
+  Add("a", "subspace", 1, 2.0);
+  Add("b", "klt", 1, 4.0);
+  AddFailure("b", "descent", 1);
+  Add("b", "subspace", 1, 2.0);
+  const auto headline = MakeHeadline(results_);
+  ASSERT_TRUE(headline);
+  ASSERT_EQ(headline->rows[0].others.size(), 1u);
+  const OtherTracker& descent = headline->rows[0].others[0];
+  EXPECT_EQ(descent.name, "descent");
+  EXPECT_NEAR(descent.camera->value, 3.0, 1e-12);
+  EXPECT_EQ(descent.failed, 1u);
+  EXPECT_NEAR(*descent.registered, 0.55, 1e-12);
+  EXPECT_THAT(OthersTable(*headline), HasSubstr("3.00 of 1"));
 }
 
 TEST_F(HeadlineOf, ThereIsNoneWithoutARivalOrTruth) {

@@ -138,6 +138,7 @@ TrackEvaluation WithClaimedCovariance(double factor) {
     o.xy += L * Eigen::Vector2d(random.Gaussian(), random.Gaussian());
     o.covariance = PixelCovariance::From(factor * true_covariance);
   }
+  if (factor == 1.0) track.front().xy.x() -= 30.0;  // begins elsewhere: an offset of all errors
   const auto still_truth = [](FrameIndex, const Eigen::Vector2d& xy) -> std::optional<TruePath> {
     return [xy](FrameIndex) { return TrueSighting{.xy = xy, .visible = true}; };
   };

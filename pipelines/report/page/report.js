@@ -92,8 +92,8 @@ const colors = new Map();
   let blue = 0, green = 0, other = 0;
   for (const tracker of data.trackers) {
     if (tracker === cohort) colors.set(tracker, '#e8590c');
-    else if (/^klt\d*$/.test(tracker)) colors.set(tracker, BLUES[blue++ % BLUES.length]);
-    else if (/^anchored-klt\d*$/.test(tracker)) colors.set(tracker, GREENS[green++ % GREENS.length]);
+    else if (/^klt\d*(-refined)?$/.test(tracker)) colors.set(tracker, BLUES[blue++ % BLUES.length]);
+    else if (/^anchored-klt\d*(-refined)?$/.test(tracker)) colors.set(tracker, GREENS[green++ % GREENS.length]);
     else if (tracker === 'ceiling') colors.set(tracker, '#8a939b');
     else colors.set(tracker, PALETTE[other++ % PALETTE.length]);
   }
@@ -101,7 +101,9 @@ const colors = new Map();
 const ABOUT_TRACKERS = [
   [/^klt\d*$/, 'Lucas-Kanade from frame to frame, each feature for itself, checked by tracking back; the number is the window in pixels'],
   [/^anchored-klt\d*$/, 'KLT as a guide, then measured against the feature\u2019s own first frame; no joint constraint'],
-  [/^subspace$/, 'cohort: all features together, each then measured where the others say it is'],
+  [/^subspace$/, 'cohort: all features together, each then measured where the others say it is; after the last frame measured again where a reconstruction says it is'],
+  [/-online$/, 'the same without the second pass over the clip'],
+  [/^(anchored-)?klt\d*-refined$/, 'the same, followed by cohort\u2019s second pass: every feature measured again where a reconstruction says it is'],
   [/^subspace-paper$/, 'the joint tracker as its paper prints it, without measurement'],
   [/^descent/, 'first-order descent of each feature for itself'],
   [/^ceiling$/, 'the true tracks plus the least noise with which a patch of 21 x 21 px can be located by itself in such darkness (Cram\u00e9r-Rao bound)'],
@@ -112,7 +114,6 @@ const ABOUT_TRACKERS = [
 const ABOUT_BACKENDS = {
   ceres: 'cohort\u2019s own reconstruction',
   colmap: 'COLMAP\u2019s incremental mapper',
-  refined: 'cohort\u2019s own reconstruction, every feature measured again where it says, and reconstructed again',
   triangulation: 'points alone, seen from the true cameras: the tracks without the solver',
 };
 
@@ -165,9 +166,11 @@ if (data.headline) {
   const columns = [
     ['camera error: best KLT / cohort', (row) => ratioSpan(row, 'camera_klt'), 'camera_klt'],
     ['best anchored KLT / cohort', (row) => ratioSpan(row, 'camera_anchored'), 'camera_anchored'],
+    ['best KLT with cohort\u2019s second pass / cohort', (row) => ratioSpan(row, 'camera_refined'), 'camera_refined'],
     ['cohort / ceiling', (row) => ratioSpan(row, 'camera_ceiling'), 'camera_ceiling'],
     ['point error: best KLT / cohort', (row) => ratioSpan(row, 'points_klt'), 'points_klt'],
     ['best anchored KLT / cohort', (row) => ratioSpan(row, 'points_anchored'), 'points_anchored'],
+    ['best KLT with cohort\u2019s second pass / cohort', (row) => ratioSpan(row, 'points_refined'), 'points_refined'],
     ['track length: cohort / best KLT', (row) => ratioSpan(row, 'length_klt'), 'length_klt'],
     ['frames registered: cohort / KLT', (row) => `${percent(row.registered)} / ${percent(row.registered_klt)}`, 'registered'],
     ['failed: cohort, KLT, anchored', (row) => `${row.failed} / ${row.failed_klt} / ${row.failed_anchored}`, 'failed'],
@@ -185,6 +188,19 @@ if (data.headline) {
         el('td', {class: 'name'}, row.level), el('td', {class: 'name'}, row.backend), el('td', {}, String(row.clips)),
         columns.map(([, cell]) => el('td', {}, cell(row)))))))));
 
+  if (data.headline.others.length) {
+    section('Other trackers',
+      el('p', {}, 'Each beside cohort, as above: above 1\u00d7 cohort is better by that factor.'),
+      el('div', {class: 'scroll'}, el('table', {id: 'others'},
+        el('thead', {}, el('tr', {},
+          ['darkness', 'reconstruction', 'tracker'].map((title) => el('th', {class: 'name'}, title)),
+          ['camera error: it / cohort', 'point error: it / cohort', 'track length: cohort / it', 'frames registered', 'clips failed'].map((title) => el('th', {}, title)))),
+        el('tbody', {}, data.headline.others.map((row) => el('tr', {},
+          [row.level, row.backend, row.name].map((text) => el('td', {class: 'name'}, text)),
+          ['camera', 'points', 'length'].map((name) => el('td', {}, ratioSpan(row, name))),
+          el('td', {}, percent(row.registered)), el('td', {}, `${row.failed} of ${row.clips}`)))))));
+  }
+
   const losses = data.headline.losses;
   const text = (loss) => {
     const metric = METRICS[loss.metric];
@@ -196,8 +212,8 @@ if (data.headline) {
   const items = (part) => el('ul', {}, part.map((loss) => el('li', {}, text(loss))));
   section('Where cohort does not win',
     losses.length === 0
-      ? el('p', {}, `In none of ${data.headline.contests} comparisons (clip, darkness, reconstruction; camera error and point error) was any KLT, anchored or not, better.`)
-      : el('p', {}, `In ${losses.length} of ${data.headline.contests} comparisons (clip, darkness, reconstruction; camera error and point error) some KLT, anchored or not, was better. The widest first:`),
+      ? el('p', {}, `In none of ${data.headline.contests} comparisons (clip, darkness, reconstruction; camera error and point error) was any KLT, anchored, refined or neither, better.`)
+      : el('p', {}, `In ${losses.length} of ${data.headline.contests} comparisons (clip, darkness, reconstruction; camera error and point error) some KLT, anchored, refined or neither, was better. The widest first:`),
     items(sorted.slice(0, 8)),
     sorted.length > 8 ? el('details', {}, el('summary', {}, `${sorted.length - 8} more`), items(sorted.slice(8))) : null);
 }

@@ -1,0 +1,61 @@
+#pragma once
+
+#include <opencv2/core/mat.hpp>
+#include <string>
+
+#include "backend/scene/reconstruction.h"
+#include "datasets/sequence.h"
+#include "frontend/track/second_look.h"
+#include "frontend/tracks/track_store.h"
+
+namespace cohort {
+
+struct SecondPassOptions {
+  double border_px = 5.0;
+  double max_scale = 2.0;
+  SecondLookOptions look;
+
+  template <typename Self, typename Visitor>
+  static void Visit(Self& o, Visitor& v) {
+    v.Number("border_px", o.border_px, 0.0, 100.0, "not measured nearer to the image border [px]");
+    v.Number("max_scale",
+             o.max_scale,
+             1.0,
+             100.0,
+             "not measured where the feature looks larger or smaller than its template by this");
+    SecondLookOptions::Visit(o.look, v);
+  }
+};
+
+struct SecondPassFigures {
+  std::size_t before = 0;    // observations of the tracks that have a point
+  std::size_t kept = 0;      // of them, measured again
+  std::size_t regained = 0;  // observations where the first pass had none
+
+  std::string Brief() const;
+};
+
+struct SecondPass {
+  TrackFile file;
+  SecondPassFigures figures;
+};
+
+// Tracks and their model -> tracks measured anew where the model's points are seen (SecondLook).
+// Where a feature is not seen between its sightings, or the first pass had it, the model predicts
+// it. Tracks without a point, and frames without a pose, keep what they had.
+// `sequence`: the clip, rewound here; nothing is measured where `mask` (may be empty) is black.
+// Throws Error where clip, model and tracks do not belong together.
+SecondPass MeasureAgain(const TrackFile& file,
+                        const Reconstruction& model,
+                        Sequence& sequence,
+                        const cv::Mat& mask,
+                        const SecondPassOptions& options);
+
+// The same with a model of its own, by Ceres; where none succeeds, `file` itself, whose
+// meta["second_pass"] says why.
+TrackFile WithSecondPass(TrackFile file,
+                         Sequence& sequence,
+                         const cv::Mat& mask,
+                         const SecondPassOptions& options);
+
+}  // namespace cohort
