@@ -5,6 +5,7 @@
 
 #include "backend/colmap/model_io.h"
 #include "frontend/tracks/track_store.h"
+#include "pipelines/commands/track.h"
 #include "pipelines/console/json_file.h"
 #include "pipelines/console/table.h"
 
@@ -25,7 +26,12 @@ void RunRefine(const RefineCommandOptions& options) {
     }
   }
   const auto sequence = OpenSequence(options.images.empty() ? file.source : options.images);
-  SecondPass second = MeasureAgain(file, model, *sequence, {}, options.second_pass);
+  const auto mask = file.meta.find("mask");  // that the tracks were made with
+  SecondPass second = MeasureAgain(file,
+                                   model,
+                                   *sequence,
+                                   ReadMask(mask == file.meta.end() ? "" : mask->second),
+                                   options.second_pass);
   second.file.meta["refined_from"] =
       std::filesystem::absolute(options.tracks).lexically_normal().string();
   WriteTrackFile(options.out, second.file);

@@ -47,13 +47,6 @@ double MsSince(Clock::time_point start) {
   return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
 }
 
-cv::Mat ReadMask(const std::string& path) {
-  if (path.empty()) return {};
-  cv::Mat mask = cv::imread(path, cv::IMREAD_GRAYSCALE);
-  if (mask.empty()) ThrowError("cannot read the mask {}: give a picture", path);
-  return mask;
-}
-
 // meta["second_pass"]: asked for, then what came of it.
 constexpr const char* kSecondPassAsked = "asked";
 constexpr const char* kSecondPassOff = "off";
@@ -75,6 +68,9 @@ TrackFile Header(const TrackCommandOptions& options, const Sequence& sequence, c
       {"second_pass",
        WantsSecondPass(options.second_pass, options.tracker) ? kSecondPassAsked : kSecondPassOff},
       {"options", ToJson(options.tracker).dump()}};
+  if (header.meta.at("second_pass") == kSecondPassAsked) {
+    header.meta["second_pass_options"] = ToJson(options.second_look).dump();
+  }
   return header;
 }
 
@@ -96,7 +92,6 @@ EarlierRun FindEarlierRun(const fs::path& out, const TrackFile& header) {
   std::string& second_pass = earlier.meta["second_pass"];
   run.second_pass_ended = second_pass != kSecondPassAsked;
   if (second_pass != kSecondPassOff && asked != kSecondPassOff) second_pass = asked;
-  earlier.meta.erase("second_pass_options");
   if (earlier.source != header.source || earlier.meta != header.meta) {
     ThrowError(
         "cannot resume {}: it was made of another input or with other options; without "
@@ -179,6 +174,13 @@ void TrackFrames(const TrackCommandOptions& options,
 }
 
 }  // namespace
+
+cv::Mat ReadMask(const std::string& path) {
+  if (path.empty()) return {};
+  cv::Mat mask = cv::imread(path, cv::IMREAD_GRAYSCALE);
+  if (mask.empty()) ThrowError("cannot read the mask {}: give a picture", path);
+  return mask;
+}
 
 bool WantsSecondPass(SecondPassMode mode, const TrackerOptions& tracker) {
   switch (mode) {

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <opencv2/core/mat.hpp>
+
 #include "frontend/track/tracker_options.h"
 #include "pipelines/commands/input_options.h"
 #include "pipelines/console/command.h"
@@ -41,6 +43,9 @@ struct TrackCommandOptions {
     v.Group("second_look", o.second_look, "the second pass");
   }
 };
+
+// Of a file; empty without one. Throws Error naming the path.
+cv::Mat ReadMask(const std::string& path);
 
 // Is there to be a second pass?
 bool WantsSecondPass(SecondPassMode mode, const TrackerOptions& tracker);

@@ -593,6 +593,8 @@ TEST_F(Interruption, AKillDuringTheSecondPassKeepsTheFirstAndResumes) {
   ASSERT_EQ(RunCohort(Tracking("hurt") + " --second-pass off").exit_code, 0);
   TrackFile first_pass = ReadTrackFile(Path("hurt.tracks"));
   first_pass.meta.at("second_pass") = "asked";
+  first_pass.meta["second_pass_options"] =
+      ReadTrackFile(Path("peace.tracks")).meta.at("second_pass_options");
   WriteTrackFile(Path("hurt.tracks"), first_pass);
   ASSERT_EQ(RunCohort(Tracking("hurt") + " --resume").exit_code, 0);
   ASSERT_EQ(Csv("hurt"), 0);

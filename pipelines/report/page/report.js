@@ -139,6 +139,9 @@ page.append(
     `${plural(data.trackers.length, 'tracker')}, ${plural(data.backends.length, 'reconstruction method')}, `,
     `${plural(data.seeds.length, 'seed')} of the noise. Nothing but the tracker changes between columns that are compared.`));
 
+const beside = (ratio, whose) => (ratio ? el('div', {class: 'soft'}, ratio.value > 1
+  ? `${digits(ratio.value)}\u00d7 smaller than ${whose}` : `${digits(1 / ratio.value)}\u00d7 larger than ${whose}`) : null);
+
 const openingCards = () => {
   if (!data.headline) return null;
   const cards = el('div', {class: 'cards'});
@@ -146,15 +149,15 @@ const openingCards = () => {
     const ratio = row.camera_klt || row.points_klt;
     if (!ratio) continue;
     const anchored = row.camera_klt ? row.camera_anchored : row.points_anchored;
+    const refined = row.camera_klt ? row.camera_refined : row.points_refined;
     const what = row.camera_klt ? 'camera error' : 'point error';
     const wins = ratio.value > 1;
     cards.append(el('div', {class: 'card'},
       el('div', {class: 'soft'}, `${row.level}, ${row.backend}`),
       el('b', {class: wins ? 'win' : 'lose'}, `${digits(wins ? ratio.value : 1 / ratio.value)}\u00d7`),
       `${wins ? 'smaller' : 'larger'} ${what} than the best KLT${someClips(ratio, row) ? `, in ${someClips(ratio, row)}` : ''}`,
-      anchored ? el('div', {class: 'soft'}, anchored.value > 1
-        ? `${digits(anchored.value)}\u00d7 smaller than anchored KLT\u2019s`
-        : `${digits(1 / anchored.value)}\u00d7 larger than anchored KLT\u2019s`) : null));
+      beside(anchored, 'anchored KLT\u2019s'),
+      beside(refined, 'KLT\u2019s with cohort\u2019s second pass')));
   }
   return cards.children.length ? cards : null;
 };
