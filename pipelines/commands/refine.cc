@@ -1,5 +1,7 @@
 #include "pipelines/commands/refine.h"
 
+#include <spdlog/spdlog.h>
+
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
@@ -37,6 +39,9 @@ void RunRefine(const RefineCommandOptions& options) {
   WriteTrackFile(options.out, second.file);
 
   const SecondPassFigures& figures = second.figures;
+  if (figures.Confirmed() < options.second_pass.min_confirmed) {
+    spdlog::warn("only {}: the scene is not as the model has it", figures.Brief());
+  }
   if (!options.json.empty()) {
     WriteJsonFile(options.json,
                   {{"observations_before", figures.before},

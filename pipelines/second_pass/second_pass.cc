@@ -215,6 +215,10 @@ std::vector<TrackEnd> EndsOf(const TrackFile& file, const std::vector<Observatio
 
 }  // namespace
 
+double SecondPassFigures::Confirmed() const {
+  return before == 0 ? 0.0 : static_cast<double>(kept) / static_cast<double>(before);
+}
+
 std::string SecondPassFigures::Brief() const {
   return fmt::format("{} of {} observations measured again, {} regained", kept, before, regained);
 }
@@ -260,12 +264,19 @@ TrackFile WithSecondPass(TrackFile file,
                          const cv::Mat& mask,
                          const SecondPassOptions& options) {
   const MapperResult model = ReconstructWithCeres(file, {});
+  const auto without = [&file](const std::string& reason) {
+    spdlog::warn("no second pass: {}", reason);
+    file.meta["second_pass"] = "none: " + reason;
+    return std::move(file);
+  };
   if (model.summary.Failed()) {
-    spdlog::warn("no second pass, as the tracks do not reconstruct: {}", model.summary.Brief());
-    file.meta["second_pass"] = "none: " + model.summary.termination;
-    return file;
+    return without("the tracks do not reconstruct: " + model.summary.Brief());
   }
   SecondPass second = MeasureAgain(file, model.reconstruction, sequence, mask, options);
+  if (second.figures.Confirmed() < options.min_confirmed) {
+    return without(
+        fmt::format("only {}: the scene is not as the model has it", second.figures.Brief()));
+  }
   spdlog::info("second pass: {}", second.figures.Brief());
   return std::move(second.file);
 }

@@ -13,6 +13,7 @@ namespace cohort {
 struct SecondPassOptions {
   double border_px = 5.0;
   double max_scale = 2.0;
+  double min_confirmed = 0.75;
   SecondLookOptions look;
 
   template <typename Self, typename Visitor>
@@ -23,6 +24,13 @@ struct SecondPassOptions {
              1.0,
              100.0,
              "not measured where the feature looks larger or smaller than its template by this");
+    v.Number(
+        "min_confirmed",
+        o.min_confirmed,
+        0.0,
+        1.0,
+        "share of the first pass's observations that must be found again, else the scene is not "
+        "as the model has it: `track` then keeps the first pass, `refine` warns");
     SecondLookOptions::Visit(o.look, v);
   }
 };
@@ -32,6 +40,7 @@ struct SecondPassFigures {
   std::size_t kept = 0;      // of them, measured again
   std::size_t regained = 0;  // observations where the first pass had none
 
+  double Confirmed() const;  // kept, as a share
   std::string Brief() const;
 };
 
@@ -51,8 +60,8 @@ SecondPass MeasureAgain(const TrackFile& file,
                         const cv::Mat& mask,
                         const SecondPassOptions& options);
 
-// The same with a model of its own, by Ceres; where none succeeds, `file` itself, whose
-// meta["second_pass"] says why.
+// The same with a model of its own, by Ceres; where none succeeds, or too little is found again,
+// `file` itself, whose meta["second_pass"] says why.
 TrackFile WithSecondPass(TrackFile file,
                          Sequence& sequence,
                          const cv::Mat& mask,

@@ -190,9 +190,10 @@ struct Tracked {
   Poses truth;
 };
 
-// Clips and tracks are made once and kept in the work folder.
+// Clips and tracks are made once and kept in the work folder. Tracks with the tracker's second
+// pass, or without.
 template <typename Use>
-void ForEachClip(const RenderedOptions& o, const Use& use) {
+void ForEachClip(const RenderedOptions& o, bool second_pass, const Use& use) {
   fs::create_directories(o.work);
   for (const std::string& clip : o.clips) {
     const auto colon = clip.find(':');
@@ -207,16 +208,23 @@ void ForEachClip(const RenderedOptions& o, const Use& use) {
     }
     for (const std::string& level : o.levels) {
       const std::string seen = base + "_" + level;
-      const std::string tracks =
-          fmt::format("{}_{}_{}_{}.tracks", seen, o.tracker, o.features, o.frames);
+      const std::string tracks = fmt::format("{}_{}_{}_{}{}.tracks",
+                                             seen,
+                                             o.tracker,
+                                             o.features,
+                                             o.frames,
+                                             second_pass ? "" : "_online");
       if (!fs::exists(seen)) Cohort(fmt::format("degrade {} {} --level {}", base, seen, level));
       if (!fs::exists(tracks)) {
-        Cohort(fmt::format("track {} --out {} --tracker {} --features {} --frames 0:{} --threads 1",
-                           seen,
-                           tracks,
-                           o.tracker,
-                           o.features,
-                           o.frames));
+        Cohort(
+            fmt::format("track {} --out {} --tracker {} --features {} --frames 0:{} --threads 1 "
+                        "--second-pass {}",
+                        seen,
+                        tracks,
+                        o.tracker,
+                        o.features,
+                        o.frames,
+                        second_pass ? "on" : "off"));
       }
       use(Tracked{
           fs::path(seen).filename().string(), tracks, OpenSequence(seen)->TrueCamFromWorld()});
@@ -226,8 +234,9 @@ void ForEachClip(const RenderedOptions& o, const Use& use) {
 
 void Rendered(const RenderedOptions& o) {
   Race race(true);
-  ForEachClip(
-      o, [&](const Tracked& clip) { race.Add(clip.name, ReadTrackFile(clip.tracks), clip.truth); });
+  ForEachClip(o, true, [&](const Tracked& clip) {
+    race.Add(clip.name, ReadTrackFile(clip.tracks), clip.truth);
+  });
   race.Conclude();
 }
 
@@ -236,7 +245,7 @@ void Refined(const RenderedOptions& o) {
   const std::string columns = fmt::format("{:>7}{:>8}{:>8}|", "frames", "length", "ATE");
   fmt::print("{:<28}|{}{}{}\n", "", columns, columns, columns);
   std::array<std::vector<double>, 2> gains;
-  ForEachClip(o, [&](const Tracked& clip) {
+  ForEachClip(o, false, [&](const Tracked& clip) {
     fmt::print("{:<28}|", clip.name);
     const test::TempDir dir;
     std::string tracks = clip.tracks.string();

@@ -538,6 +538,23 @@ TEST_F(Commands, RefineMeasuresTracksAgainWhereTheModelSaysTheyAre) {
   ExpectFailure(RunCohort(refine + " --model " + path("nothing")), 1, HasSubstr("nothing"));
 }
 
+// One rigid model cannot say where the points of several bodies are.
+TEST_F(Commands, TrackKeepsTheFirstPassWhereTheSceneIsNotRigid) {
+  ASSERT_EQ(RunCohort("synth " + Path("clip") +
+                      " --scene bodies --width-px 320 --height-px 240 --focal-px 260 --frames 24")
+                .exit_code,
+            0);
+  const std::string track = "track " + Path("clip") + " --features 150 --out ";
+  const ProgramEnd two = RunCohort(track + Path("two.tracks"));
+  EXPECT_EQ(two.exit_code, 0) << two.err;
+  EXPECT_THAT(two.err, HasSubstr("no second pass"));
+  EXPECT_EQ(RunCohort(track + Path("one.tracks") + " --second-pass off").exit_code, 0);
+  const TrackFile kept = ReadTrackFile(Path("two.tracks"));
+  const TrackFile first = ReadTrackFile(Path("one.tracks"));
+  EXPECT_THAT(kept.meta.at("second_pass"), StartsWith("none: "));
+  EXPECT_EQ(kept.tracks.CountObserved(), first.tracks.CountObserved());
+}
+
 // The tracks of a run that was killed or interrupted and then resumed are those of a run in peace.
 class Interruption : public Commands {
  protected:

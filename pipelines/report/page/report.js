@@ -531,7 +531,7 @@ if (data.calibration.length) {
       el('figcaption', {}, `median squared error ${digits(entry.nees_ratio)} times what the covariances say (1 is right); ${entry.numbers} numbers`)), holder, entry];
   });
   section('Does the tracker know how wrong it is?',
-    el('p', {}, 'Each measured position comes with a covariance. Errors against the truth, divided by what it says (whitened), should be standard normal: the dashed curve. Wider bars: the tracker is too sure of itself.'),
+    el('p', {}, 'Each measured position comes with a covariance. Errors against the truth, less the median error of their track (which says which point it follows, not how well), divided by what it says (whitened), should be standard normal: the dashed curve. Wider bars: the tracker is too sure of itself.'),
     el('div', {class: 'gallery'}, holders.map(([box]) => box)));
   themed.push(() => {
     for (const [, holder, entry] of holders) {
