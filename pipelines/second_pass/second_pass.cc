@@ -12,6 +12,7 @@
 #include <optional>
 #include <vector>
 
+#include "backend/geometry/triangulation.h"
 #include "backend/scene/incremental_mapper.h"
 #include "pipelines/console/option_list.h"
 #include "pipelines/console/progress_bar.h"
@@ -215,12 +216,42 @@ std::vector<TrackEnd> EndsOf(const TrackFile& file, const std::vector<Observatio
 
 }  // namespace
 
+bool MovesOtherwise(std::span<const Observation> track,
+                    const Reconstruction& model,
+                    double max_error_px) {
+  constexpr std::size_t kLeastRays = 10;
+  std::vector<Ray> rays;
+  for (const Observation& o : track) {
+    const auto pose = model.cam_from_world.find(o.frame);
+    if (!Observed(o) || pose == model.cam_from_world.end()) continue;
+    rays.push_back({pose->second, model.camera.Unproject(o.xy)});
+  }
+  if (rays.size() < kLeastRays) return false;
+  const double max_error = max_error_px / model.camera.fx;
+  const std::size_t half = rays.size() / 2;
+  if (TriangulateRobustly(rays, max_error, half)) return false;
+  const Ray& middle = rays[half];
+  constexpr double kInfinitelyFar = 1e6;
+  const Eigen::Vector3d far_point =
+      middle.cam_from_world.Inverse() * (kInfinitelyFar * middle.n.homogeneous()).eval();
+  const auto explained = std::count_if(rays.begin(), rays.end(), [&](const Ray& ray) {
+    const auto error = RayError(ray, far_point);
+    return error && *error <= max_error;
+  });
+  return static_cast<std::size_t>(explained) < half;
+}
+
 double SecondPassFigures::Confirmed() const {
   return before == 0 ? 0.0 : static_cast<double>(kept) / static_cast<double>(before);
 }
 
 std::string SecondPassFigures::Brief() const {
-  return fmt::format("{} of {} observations measured again, {} regained", kept, before, regained);
+  return fmt::format(
+      "{} of {} observations measured again, {} regained, {} tracks dropped that move otherwise",
+      kept,
+      before,
+      regained,
+      movers);
 }
 
 SecondPass MeasureAgain(const TrackFile& file,
@@ -245,11 +276,19 @@ SecondPass MeasureAgain(const TrackFile& file,
     ++(was_observed ? second.figures.kept : second.figures.regained);
   }
   AddPredictions(file, guides, observations);
-  for (const Observation& o : file.tracks.observations()) {
-    if (!guides.Guides(o.feature, o.frame)) {
-      observations.push_back(o);
-    } else if (Observed(o)) {
-      ++second.figures.before;
+  for (const FeatureId feature : file.tracks.features()) {
+    const auto track = file.tracks.Track(feature);
+    if (options.drop_movers && !model.points.contains(feature) &&
+        MovesOtherwise(track, model, options.look.max_distance_px)) {
+      ++second.figures.movers;
+      continue;
+    }
+    for (const Observation& o : track) {
+      if (!guides.Guides(o.feature, o.frame)) {
+        observations.push_back(o);
+      } else if (Observed(o)) {
+        ++second.figures.before;
+      }
     }
   }
   std::vector<TrackEnd> ends = EndsOf(file, observations);
