@@ -51,12 +51,14 @@ double MsSince(Clock::time_point start) {
 constexpr const char* kSecondPassAsked = "asked";
 constexpr const char* kSecondPassOff = "off";
 
+std::string AbsoluteOrNone(const fs::path& path) {
+  return path.empty() ? "" : fs::absolute(path).lexically_normal().string();
+}
+
 TrackFile Header(const TrackCommandOptions& options, const Sequence& sequence, const Frame& first) {
   TrackFile header;
-  header.source = fs::absolute(options.input.input).lexically_normal().string();
-  if (!sequence.ImageRoot().empty()) {
-    header.image_root = fs::absolute(sequence.ImageRoot()).lexically_normal().string();
-  }
+  header.source = AbsoluteOrNone(options.input.input);
+  header.image_root = AbsoluteOrNone(sequence.ImageRoot());
   header.width_px = first.gray.cols;
   header.height_px = first.gray.rows;
   header.camera = CameraOf(options.input, sequence, first.gray.cols, first.gray.rows);
@@ -64,7 +66,7 @@ TrackFile Header(const TrackCommandOptions& options, const Sequence& sequence, c
       {"program", fmt::format("cohort {}", kVersion)},
       {"tracker", std::string(NameOf(kTrackerNames, options.tracker.tracker))},
       {"frames", options.input.frames},
-      {"mask", options.mask},
+      {"mask", AbsoluteOrNone(options.mask)},
       {"second_pass",
        WantsSecondPass(options.second_pass, options.tracker) ? kSecondPassAsked : kSecondPassOff},
       {"options", ToJson(options.tracker).dump()}};

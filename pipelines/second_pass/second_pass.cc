@@ -167,7 +167,7 @@ void AddPredictions(const TrackFile& file,
   std::map<FeatureId, std::vector<Observation>> seen;
   for (const Observation& o : observations) seen[o.feature].push_back(o);
   for (const auto& [feature, sightings] : seen) {
-    PixelCovariance mean;
+    PixelCovariance mean{.xx = 0.0F, .xy = 0.0F, .yy = 0.0F};
     for (const Observation& o : sightings) {
       const auto count = static_cast<float>(sightings.size());
       mean.xx += o.covariance->xx / count;
