@@ -6,12 +6,14 @@
 #include <cmath>
 #include <deque>
 #include <numeric>
+#include <optional>
 #include <utility>
 
 #include "frontend/core/statistics.h"
 #include "frontend/energy/patch_energy.h"
 #include "frontend/image/frame_offset.h"
 #include "frontend/track/guide.h"
+#include "frontend/track/lucas_kanade.h"
 #include "frontend/track/measurement.h"
 #include "frontend/track/trajectory_model.h"
 
@@ -30,6 +32,12 @@ constexpr double kSlowChange = 1.25;
 constexpr double kPriorFactor = 3.0;
 constexpr double kLeastPriorPx = 0.3;
 constexpr double kLeastSmallCorrelation = 0.1;
+// Neighbours whose motions differ by more do not tell that of a new feature [px].
+constexpr double kCommonMotionPx = 2.0;
+// Of Lucas-Kanade there and back.
+constexpr int kLkWindowPx = 21;
+constexpr int kLkMaxLevel = 3;
+constexpr double kReturnPx = 1.0;
 
 // Templates of one feature, taken from one frame.
 struct Appearance {
@@ -38,6 +46,7 @@ struct Appearance {
   int window_px = 0;    // of the measurement
   double light = 0.0;   // change of its brightness since; running mean
   double change = 1.0;  // of the anchor's innermost pixels, over what noise explains; running mean
+  bool open = true;     // the others could not say where it is
 };
 
 class SubspaceMover final : public FeatureMover {
@@ -62,6 +71,11 @@ class SubspaceMover final : public FeatureMover {
   void DeformAnchors(const Eigen::Matrix2Xd& x);
   class Differences;
   std::vector<Move> Measure(const Pyramid& current, const Eigen::Matrix2Xd& guide);
+  void ThereAndBack(const Pyramid& current);
+  bool Open(const TrajectoryModel::Estimate& predicted) const;
+  bool Astray(std::size_t f,
+              const Measurement& m,
+              const TrajectoryModel::Estimate& predicted) const;
   bool Agrees(std::size_t f,
               const Measurement& m,
               const TrajectoryModel::Estimate& predicted) const;
@@ -89,6 +103,9 @@ class SubspaceMover final : public FeatureMover {
   std::vector<int> unexplained_;          // frames in a row: not confirmed, and hidden by nothing
   std::deque<Eigen::Matrix2Xd> history_;  // where they were in the L newest frames, newest first
   TrajectoryModel model_{kModelFrames, measure_.max_rank, measure_.perspective};
+  // Where an open feature is by Lucas-Kanade, if that leads back to where it was.
+  std::vector<std::optional<Eigen::Vector2d>> returned_;
+  std::vector<cv::Mat> lk_previous_;
   Pyramid previous_;                // of the newest of these frames
   std::deque<Pyramid> smooth_;      // of the L newest, for measuring
   double covariance_scale_ = 10.0;  // until the cohort tells
@@ -270,13 +287,12 @@ TrajectoryModel::Observation SubspaceMover::Seen(const Measurement& m) const {
 std::vector<Move> SubspaceMover::Measure(const Pyramid& current, const Eigen::Matrix2Xd& guide) {
   const auto F = static_cast<std::size_t>(features());
   std::vector<Measurement> measured(F);
+  std::vector<Eigen::Vector2d> starts(F, Eigen::Vector2d::Zero());
   for (std::size_t f = 0; f < F; ++f) {
     if (!confirmed_[f]) continue;  // its guide is the others' alone: Doubt has a better start
-    measured[f] = MeasurePatch(current,
-                               appearance_[f].anchor,
-                               guide.col(static_cast<Eigen::Index>(f)),
-                               appearance_[f].window_px,
-                               covariance_scale_);
+    starts[f] = returned_[f].value_or(guide.col(static_cast<Eigen::Index>(f)));
+    measured[f] = MeasurePatch(
+        current, appearance_[f].anchor, starts[f], appearance_[f].window_px, covariance_scale_);
   }
   const Differences differences(current, appearance_, measured, confirmed_);
 
@@ -284,10 +300,8 @@ std::vector<Move> SubspaceMover::Measure(const Pyramid& current, const Eigen::Ma
   std::vector<TrajectoryModel::Observation> now(F);
   for (std::size_t f = 0; f < F; ++f) {
     const Measurement& m = measured[f];
-    trusted[f] =
-        confirmed_[f] &&
-        (m.xy - guide.col(static_cast<Eigen::Index>(f))).norm() <= measure_.max_distance_px &&
-        differences.LooksRight(f, m, measure_);
+    trusted[f] = confirmed_[f] && (m.xy - starts[f]).norm() <= measure_.max_distance_px &&
+                 differences.LooksRight(f, m, measure_);
     if (trusted[f]) now[f] = Seen(m);
   }
   std::vector<TrajectoryModel::Estimate> predicted = model_.Predict(now);
@@ -295,7 +309,7 @@ std::vector<Move> SubspaceMover::Measure(const Pyramid& current, const Eigen::Ma
                       static_cast<int>(history_.size()) >= std::min(4, options_.history_length);
   for (std::size_t f = 0; f < F; ++f) {
     if (trusted[f] && strong) {
-      trusted[f] = Agrees(f, measured[f], predicted[f]) &&
+      trusted[f] = Agrees(f, measured[f], predicted[f]) && !Astray(f, measured[f], predicted[f]) &&
                    !differences.Pushed(f, measured[f], predicted[f].measured_xy, measure_);
       if (!trusted[f]) now[f] = {};
     }
@@ -322,6 +336,7 @@ std::vector<Move> SubspaceMover::Measure(const Pyramid& current, const Eigen::Ma
                         moves[f]);
     if (moves[f].state == ObservationState::kObserved) now[f] = Seen(measured[f]);
   }
+  for (std::size_t f = 0; f < predicted.size(); ++f) appearance_[f].open = Open(predicted[f]);
   const std::vector<TrajectoryModel::Estimate> fused = model_.Update(now);
   Eigen::Matrix2Xd x(2, features());
   for (std::size_t f = 0; f < F; ++f) {
@@ -339,6 +354,40 @@ std::vector<Move> SubspaceMover::Measure(const Pyramid& current, const Eigen::Ma
   }
   history_.push_front(std::move(x));
   return moves;
+}
+
+void SubspaceMover::ThereAndBack(const Pyramid& current) {
+  std::vector<cv::Mat> lk_current = LkPyramid(current, kLkWindowPx, kLkMaxLevel);
+  std::vector<std::size_t> open;
+  std::vector<cv::Point2f> starts;
+  for (std::size_t f = 0; f < appearance_.size(); ++f) {
+    if (!appearance_[f].open || !confirmed_[f]) continue;
+    const Eigen::Vector2f xy = history_.front().col(static_cast<Eigen::Index>(f)).cast<float>();
+    open.push_back(f);
+    starts.emplace_back(xy.x(), xy.y());
+  }
+  const LkResult there = TrackByLk(lk_previous_, lk_current, starts, kLkWindowPx, kLkMaxLevel);
+  const LkResult back = TrackByLk(lk_current, lk_previous_, there.ends, kLkWindowPx, kLkMaxLevel);
+  for (std::size_t i = 0; i < open.size(); ++i) {
+    if (there.found[i] == 0 || back.found[i] == 0) continue;
+    if (!(cv::norm(back.ends[i] - starts[i]) <= kReturnPx)) continue;
+    returned_[open[i]] = Eigen::Vector2d(there.ends[i].x, there.ends[i].y);
+  }
+  lk_previous_ = std::move(lk_current);
+}
+
+bool SubspaceMover::Open(const TrajectoryModel::Estimate& predicted) const {
+  return std::sqrt(0.5 * predicted.measured_covariance.trace()) > measure_.max_open_px;
+}
+
+// Where the camera moves fast, the others cannot say where a new feature is, and alignment may end
+// at any similar pattern nearby: so it must be where Lucas-Kanade finds it and finds back from.
+bool SubspaceMover::Astray(std::size_t f,
+                           const Measurement& m,
+                           const TrajectoryModel::Estimate& predicted) const {
+  constexpr double kSamePx = 2.0;
+  if (measure_.max_open_px == 0.0 || !appearance_[f].open || !Open(predicted)) return false;
+  return !returned_[f] || (m.xy - *returned_[f]).norm() > kSamePx;
 }
 
 // The distance from the prediction against what both leave open. What was not seen in the last
@@ -404,7 +453,8 @@ Measurement SubspaceMover::Doubt(std::size_t f,
     const Measurement large = MeasurePatch(
         current, appearance_[f].anchor, at, appearance_[f].window_px, covariance_scale_);
     const auto agrees = [&](const Measurement& m) {
-      return strong ? Agrees(f, m, *own) : (m.xy - at).norm() <= measure_.max_distance_px;
+      return strong ? Agrees(f, m, *own) && !Astray(f, m, *own)
+                    : (m.xy - at).norm() <= measure_.max_distance_px;
     };
     if (agrees(large) && differences.LooksRight(f, large, measure_) &&
         !(strong && differences.Pushed(f, large, at, measure_))) {
@@ -473,6 +523,8 @@ std::vector<Move> SubspaceMover::MoveFeatures(const Pyramid& current) {
   std::vector<Move> moves;
   if (joint_ && measure_.enabled) {
     DeformAnchors(guide);
+    returned_.assign(appearance_.size(), std::nullopt);
+    if (measure_.max_open_px > 0.0) ThereAndBack(current);
     moves = Measure(smooth, guide);
   } else {
     for (Eigen::Index f = 0; f < features(); ++f) {
@@ -535,6 +587,7 @@ void SubspaceMover::Add(std::span<const Eigen::Vector2d> born, const Pyramid& cu
     model_.Update({});
     history_.emplace_front(2, 0);
     Remember(current, SmoothPyramid(current, measure_.denoise_sigma_px));
+    if (measure_.max_open_px > 0.0) lk_previous_ = LkPyramid(current, kLkWindowPx, kLkMaxLevel);
   }
   const Eigen::Index first_new = features();
   for (auto& x : history_) {
@@ -569,29 +622,38 @@ void SubspaceMover::FillHistory(Eigen::Index first_new) {
                       });
     std::vector<TrajectoryModel::Observation> course;
     course.push_back({at, Eigen::Matrix2d::Identity() / (kAnchorSigmaPx * kAnchorSigmaPx), true});
+    bool known = true;
     for (std::size_t l = 1; l < history_.size(); ++l) {
       Eigen::Vector2d motion = Eigen::Vector2d::Zero();
+      double square = 0.0;
       double total = 0.0;
       for (std::size_t k = 0; k < count; ++k) {
         const Eigen::Index g = near[k];
         const double weight = 1.0 / (100.0 + distance(g));  // [1/px^2]
-        motion += weight * (history_[l].col(g) - history_[l - 1].col(g));
+        const Eigen::Vector2d of_neighbour = history_[l].col(g) - history_[l - 1].col(g);
+        motion += weight * of_neighbour;
+        square += weight * of_neighbour.squaredNorm();
         total += weight;
       }
-      Eigen::Vector2d x = history_[l - 1].col(f);
-      if (total > 0.0) x += motion / total;
+      if (total > 0.0) {
+        motion /= total;
+        square /= total;
+      }
+      known = known && square - motion.squaredNorm() <= 2.0 * kCommonMotionPx * kCommonMotionPx;
+      const Eigen::Vector2d guessed = history_[l - 1].col(f) + motion;
+      history_[l].col(f) = guessed;
+      course.emplace_back();
+      if (!known) continue;
       const Measurement m = MeasurePatch(smooth_[l],
                                          appearance_[static_cast<std::size_t>(f)].anchor,
-                                         x,
+                                         guessed,
                                          measure_.window_px,
                                          covariance_scale_);
-      course.emplace_back();
       if (m.converged && m.correlation >= measure_.min_correlation &&
-          (m.xy - x).norm() <= measure_.max_distance_px) {
-        x = m.xy;
+          (m.xy - guessed).norm() <= measure_.max_distance_px) {
+        history_[l].col(f) = m.xy;
         course.back() = Seen(m);
       }
-      history_[l].col(f) = x;
     }
     model_.Add(course);
   }

@@ -255,6 +255,7 @@ struct MeasurementOptions {
   double max_sigma_px = 4.0;
   double max_disagreement_px = 3.0;
   double max_disagreement_sigmas = 5.0;
+  double max_open_px = 1.5;
   int max_rank = 8;
   bool perspective = true;
   int max_unexplained_frames = 4;
@@ -321,6 +322,13 @@ struct MeasurementOptions {
              1.0,
              1000.0,
              "the same as a multiple of their deviation");
+    v.Number(
+        "max_open_px",
+        o.max_open_px,
+        0.0,
+        1000.0,
+        "what the others may leave open of where a feature is (strong mode) [px]; beyond, it must "
+        "come back when tracked there and back by Lucas-Kanade; 0: no check");
     v.Number("max_rank",
              o.max_rank,
              2,

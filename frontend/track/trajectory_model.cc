@@ -14,6 +14,7 @@ namespace {
 
 constexpr std::ptrdiff_t kLeastSeen = 8;
 constexpr std::size_t kLeastSteps = 4;
+constexpr std::size_t kJointFrames = 12;
 constexpr double kUnknownDepthPx = 1.5;
 constexpr double kLeastDepth = 0.1;  // of the features' mean
 // Until the frames tell how cameras move.
@@ -28,6 +29,16 @@ const Eigen::Matrix2d kUnseenAnchor = 4.0 * Eigen::Matrix2d::Identity();
 bool Seen(const TrajectoryModel::Observation& o) { return o.information(0, 0) > 0.0; }
 
 double StudentWeight(double square) { return (kFreedom + 2.0) / (kFreedom + square); }
+double StudentCost(double square) { return (kFreedom + 2.0) * std::log1p(square / kFreedom); }
+
+// Of a residual d in the sum of squares; an anchor's is never in doubt.
+Eigen::Matrix2d Weight(const TrajectoryModel::Observation& o,
+                       const Eigen::Vector2d& d,
+                       bool robust,
+                       double misfit) {
+  if (!robust || o.anchor) return o.information;
+  return StudentWeight(d.dot(o.information * d) / misfit) * o.information;
+}
 
 }  // namespace
 
@@ -51,7 +62,7 @@ Eigen::Vector2d TrajectoryModel::Residual(const Projection& projection,
 }
 
 // What the scale of a camera matrix leaves open, and in an affine model its whole last row, stays.
-void TrajectoryModel::Fix(Eigen::MatrixXd& normal) const {
+void TrajectoryModel::Fix(Eigen::Ref<Eigen::MatrixXd> normal) const {
   const double much = 1e6 * normal.trace() + 1.0;
   normal(2, 2) += much;
   if (perspective_) return;
@@ -168,75 +179,224 @@ std::vector<TrajectoryModel::Estimate> TrajectoryModel::Predict(
   return All(FitCamera(now));
 }
 
-// The posterior of (z, e) from all frames in the window, linearised where it was before.
-void TrajectoryModel::InferFeature(std::size_t f) {
+// The normal equations of (z, e) from all frames in the window, linearised where it was before.
+TrajectoryModel::Normal TrajectoryModel::NormalOf(std::size_t f, bool robust) const {
   const Eigen::Index r = rank_;
+  const Feature& feature = features_[f];
+  Normal normal{Matrix::Zero(r + 2, r + 2), Vector::Zero(r + 2)};
+  Eigen::Matrix2d sum = Eigen::Matrix2d::Zero();
+  int count = 0;
+  for (const Frame& frame : frames_) {
+    const Observation& o = frame.observations[f];
+    if (!Seen(o)) continue;
+    const Projection at = Project(frame.camera, feature.mean);
+    const Eigen::Vector2d d = Residual(at, o, feature);
+    const Eigen::Matrix2d W = Weight(o, d, robust, frame.misfit);
+    const auto WJ = (W * at.of_z).eval();
+    normal.information.topLeftCorner(r, r).noalias() += at.of_z.transpose() * WJ;
+    normal.gradient.head(r).noalias() += WJ.transpose() * d;
+    if (!o.anchor) {
+      normal.information.bottomLeftCorner(2, r) += WJ;
+      normal.information.bottomRightCorner<2, 2>() += W;
+      normal.gradient.tail<2>() += W * d;
+      sum += o.information;
+      ++count;
+    }
+  }
+  // The anchor is as noisy as any picture.
+  normal.of_anchor = count > 0 ? Eigen::Matrix2d(sum / count) : Eigen::Matrix2d(kUnseenAnchor);
+  normal.information.topRightCorner(r, 2) = normal.information.bottomLeftCorner(2, r).transpose();
+  normal.information.diagonal().head(r).array() += 1.0;
+  normal.information.bottomRightCorner<2, 2>() += normal.of_anchor;
+  normal.gradient.head(r) -= feature.mean.head(r);
+  normal.gradient.tail<2>() -= normal.of_anchor * feature.mean.tail<2>();
+  return normal;
+}
+
+// Twice the negative logarithm of the posterior, up to a constant.
+double TrajectoryModel::Cost(std::size_t f, const Eigen::Matrix2d& of_anchor, bool robust) const {
+  const Feature& feature = features_[f];
+  double cost = feature.mean.head(rank_).squaredNorm() +
+                feature.mean.tail<2>().dot(of_anchor * feature.mean.tail<2>());
+  for (const Frame& frame : frames_) {
+    const Observation& o = frame.observations[f];
+    if (!Seen(o)) continue;
+    const Eigen::Vector2d d = Residual(Project(frame.camera, feature.mean), o, feature);
+    const double square = d.dot(o.information * d);
+    cost += robust && !o.anchor ? frame.misfit * StudentCost(square / frame.misfit) : square;
+  }
+  return cost;
+}
+
+// The posterior of (z, e). A step is shortened until it explains the measurements better: across a
+// camera's plane at infinity a full one leads anywhere.
+void TrajectoryModel::InferFeature(std::size_t f) {
+  constexpr int kFirstSteps = 8;
+  constexpr int kHalvings = 5;
   Feature& feature = features_[f];
-  const bool is_new = feature.mean.size() != r + 2;
-  if (is_new) feature.mean = Vector::Zero(r + 2);
-  for (int pass = 0; pass < (is_new ? 3 : 1); ++pass) {
-    Matrix information = Matrix::Zero(r + 2, r + 2);
-    Vector rhs = Vector::Zero(r + 2);
-    Eigen::Matrix2d sum = Eigen::Matrix2d::Zero();
-    int count = 0;
-    for (const Frame& frame : frames_) {
-      const Observation& o = frame.observations[f];
-      if (!Seen(o)) continue;
-      const Projection at = Project(frame.camera, feature.mean);
-      Eigen::Matrix2d W = o.information;
-      const Eigen::Vector2d d = Residual(at, o, feature);
-      if ((!is_new || pass > 0) && !o.anchor) W *= StudentWeight(d.dot(W * d) / frame.misfit);
-      // Of all unknowns, not of a step: the prior is at zero.
-      const Eigen::Vector2d y = o.xy - at.xy + at.of_z * feature.mean.head(r);
-      const auto WJ = (W * at.of_z).eval();
-      information.topLeftCorner(r, r).noalias() += at.of_z.transpose() * WJ;
-      rhs.head(r).noalias() += WJ.transpose() * y;
-      if (!o.anchor) {
-        information.bottomLeftCorner(2, r) += WJ;
-        information.bottomRightCorner<2, 2>() += W;
-        rhs.tail<2>() += W * y;
-        sum += o.information;
-        ++count;
+  const bool is_new = feature.mean.size() != rank_ + 2;
+  if (is_new) feature.mean = Vector::Zero(rank_ + 2);
+  for (int i = 0; i < (is_new ? kFirstSteps : 1); ++i) {
+    const bool robust = !is_new || i > 0;
+    const Normal normal = NormalOf(f, robust);
+    feature.covariance = normal.information.llt().solve(Matrix::Identity(rank_ + 2, rank_ + 2));
+    const Vector before = feature.mean;
+    Vector step = feature.covariance * normal.gradient;
+    const double cost = Cost(f, normal.of_anchor, robust);
+    for (int halving = 0;; ++halving, step *= 0.5) {
+      feature.mean = before + step;
+      if (Cost(f, normal.of_anchor, robust) <= cost) break;
+      if (halving == kHalvings) {
+        feature.mean = before;
+        return;
       }
     }
-    // The anchor is as noisy as any picture.
-    const Eigen::Matrix2d of_anchor =
-        count > 0 ? Eigen::Matrix2d(sum / count) : Eigen::Matrix2d(kUnseenAnchor);
-    information.topRightCorner(r, 2) = information.bottomLeftCorner(2, r).transpose();
-    information.diagonal().head(r).array() += 1.0;
-    information.bottomRightCorner<2, 2>() += of_anchor;
-    feature.covariance = information.llt().solve(Matrix::Identity(r + 2, r + 2));
-    feature.mean = feature.covariance * rhs;
   }
+}
+
+// A feature's unknowns, taken out of the joint normal equations (Schur complement).
+struct TrajectoryModel::Eliminated {
+  struct Coupling {  // with the frame's camera: [1 z] (x) block
+    Eigen::Index frame;
+    Eigen::Matrix<double, 3, Eigen::Dynamic, 0, 3, kMaxDimensions> block;
+  };
+  Vector extended;  // [1 z]
+  Eigen::Matrix2d of_anchor;
+  Matrix covariance;
+  Vector step;  // if the cameras stay
+  std::vector<Coupling> couplings;
+};
+
+// Adds a feature to the normal equations of the newest cameras; only their lower triangle counts.
+TrajectoryModel::Eliminated TrajectoryModel::Eliminate(std::size_t f,
+                                                       Eigen::MatrixXd& normal,
+                                                       Eigen::VectorXd& rhs) const {
+  const Eigen::Index r = rank_;
+  const Eigen::Index n = 3 * (r + 1);
+  const Feature& feature = features_[f];
+  const Normal own = NormalOf(f, true);
+  Eliminated e;
+  e.extended.resize(r + 1);
+  e.extended << 1.0, feature.mean.head(r);
+  e.of_anchor = own.of_anchor;
+  e.covariance = own.information.llt().solve(Matrix::Identity(r + 2, r + 2));
+  e.step = e.covariance * own.gradient;
+  const Matrix zz = e.extended * e.extended.transpose();
+  const auto add = [&](Eigen::Index k, Eigen::Index l, const Eigen::Matrix3d& block) {
+    for (Eigen::Index p = 0; p <= r; ++p) {
+      for (Eigen::Index q = 0; q <= r; ++q) {
+        normal.block<3, 3>(n * k + 3 * p, n * l + 3 * q) += zz(p, q) * block;
+      }
+    }
+  };
+  for (Eigen::Index l = 0; n * l < rhs.size(); ++l) {
+    const Frame& frame = frames_[static_cast<std::size_t>(l)];
+    const Observation& o = frame.observations[f];
+    if (!Seen(o)) continue;
+    const Projection at = Project(frame.camera, feature.mean);
+    const Eigen::Vector2d d = Residual(at, o, feature);
+    const Eigen::Matrix<double, 3, 2> HW =
+        at.of_homogeneous.transpose() * Weight(o, d, true, frame.misfit);
+    Eliminated::Coupling& c = e.couplings.emplace_back();
+    c.frame = l;
+    c.block.setZero(3, r + 2);
+    c.block.leftCols(r) = HW * at.of_z;
+    if (!o.anchor) c.block.rightCols(2) = HW;
+    add(l, l, HW * at.of_homogeneous);
+    const Eigen::Vector3d g = HW * d - c.block * e.step;
+    for (Eigen::Index p = 0; p <= r; ++p) rhs.segment<3>(n * l + 3 * p) += e.extended[p] * g;
+  }
+  for (std::size_t i = 0; i < e.couplings.size(); ++i) {
+    const auto with_feature = (e.couplings[i].block * e.covariance).eval();
+    for (std::size_t j = 0; j <= i; ++j) {
+      add(e.couplings[i].frame,
+          e.couplings[j].frame,
+          -with_feature * e.couplings[j].block.transpose());
+    }
+  }
+  return e;
+}
+
+// One step of Levenberg and Marquardt of the newest cameras and all features together: where the
+// camera moves ahead, alternation alone needs hundreds.
+void TrajectoryModel::StepJointly() {
+  constexpr int kTrials = 5;
+  constexpr double kLeastDamping = 1e-6;
+  const Eigen::Index n = 3 * (rank_ + 1);
+  const std::size_t N = std::min(kJointFrames, frames_.size());
+  for (Frame& frame : frames_) UpdateMisfit(frame);
+
+  Eigen::MatrixXd normal =
+      Eigen::MatrixXd::Zero(n * static_cast<Eigen::Index>(N), n * static_cast<Eigen::Index>(N));
+  Eigen::VectorXd rhs = Eigen::VectorXd::Zero(normal.rows());
+  std::vector<Eliminated> eliminated;
+  double cost = 0.0;
+  for (std::size_t f = 0; f < features_.size(); ++f) {
+    eliminated.push_back(Eliminate(f, normal, rhs));
+    cost += Cost(f, eliminated[f].of_anchor, true);
+  }
+  std::vector<Camera> cameras;
+  for (std::size_t l = 0; l < N; ++l) {
+    Fix(normal.block(n * static_cast<Eigen::Index>(l), n * static_cast<Eigen::Index>(l), n, n));
+    cameras.push_back(frames_[l].camera);
+  }
+  const std::vector<Feature> features = features_;
+  for (int trial = 0; trial < kTrials; ++trial) {
+    Eigen::MatrixXd damped = normal;
+    damped.diagonal() *= 1.0 + damping_;
+    const Eigen::VectorXd solution = damped.selfadjointView<Eigen::Lower>().ldlt().solve(rhs);
+    const auto step = [&](Eigen::Index l) {
+      return solution.segment(n * l, n).reshaped(3, rank_ + 1);
+    };
+    for (std::size_t l = 0; l < N; ++l) {
+      frames_[l].camera = cameras[l] + step(static_cast<Eigen::Index>(l));
+    }
+    double now = 0.0;
+    for (std::size_t f = 0; f < features_.size(); ++f) {
+      const Eliminated& e = eliminated[f];
+      Vector of_cameras = Vector::Zero(rank_ + 2);
+      for (const Eliminated::Coupling& c : e.couplings) {
+        of_cameras += c.block.transpose() * (step(c.frame) * e.extended);
+      }
+      features_[f].mean = features[f].mean + e.step - e.covariance * of_cameras;
+      now += Cost(f, e.of_anchor, true);
+    }
+    if (now <= cost) {
+      damping_ = std::max(0.1 * damping_, kLeastDamping);
+      return;
+    }
+    damping_ *= 10.0;
+  }
+  damping_ = kFirstDamping;
+  features_ = features;
+  for (std::size_t l = 0; l < N; ++l) frames_[l].camera = cameras[l];
+}
+
+void TrajectoryModel::UpdateMisfit(Frame& frame) const {
+  std::vector<double> squares;
+  for (std::size_t f = 0; f < features_.size(); ++f) {
+    const Observation& o = frame.observations[f];
+    if (!Seen(o) || o.anchor) continue;
+    const Eigen::Vector2d d = Residual(Project(frame.camera, features_[f].mean), o, features_[f]);
+    squares.push_back(d.dot(o.information * d));
+  }
+  frame.misfit = std::max(1.0, Median(std::move(squares)) / kMedianChiSquare);
 }
 
 // The expected normal equations: the coordinates count with their covariance.
 void TrajectoryModel::RefitCamera(Frame& frame) const {
   const Eigen::Index r = rank_;
   const Eigen::Index n = 3 * (r + 1);
-  struct Sighting {
-    std::size_t feature;
-    Projection at;
-    Eigen::Vector2d residual;
-    double square;  // of the residual over its noise
-  };
-  std::vector<Sighting> sightings;
-  std::vector<double> squares;
+  UpdateMisfit(frame);
+  Eigen::MatrixXd normal = Eigen::MatrixXd::Zero(n, n);
+  Eigen::VectorXd rhs = Eigen::VectorXd::Zero(n);
   for (std::size_t f = 0; f < features_.size(); ++f) {
     const Observation& o = frame.observations[f];
     if (!Seen(o)) continue;
-    const Projection at = Project(frame.camera, features_[f].mean);
-    const Eigen::Vector2d d = Residual(at, o, features_[f]);
-    sightings.push_back({f, at, d, d.dot(o.information * d)});
-    if (!o.anchor) squares.push_back(sightings.back().square);
-  }
-  frame.misfit = std::max(1.0, Median(std::move(squares)) / kMedianChiSquare);
-  Eigen::MatrixXd normal = Eigen::MatrixXd::Zero(n, n);
-  Eigen::VectorXd rhs = Eigen::VectorXd::Zero(n);
-  for (const auto& [f, at, d, square] : sightings) {
-    const Observation& o = frame.observations[f];
     const Feature& feature = features_[f];
-    const Eigen::Matrix2d W = StudentWeight(square / frame.misfit) * o.information;
+    const Projection at = Project(frame.camera, feature.mean);
+    const Eigen::Vector2d d = Residual(at, o, feature);
+    const Eigen::Matrix2d W = Weight(o, d, true, frame.misfit);
     Vector z(r + 1);
     z << 1.0, feature.mean.head(r);
     Matrix zz = z * z.transpose();
@@ -456,7 +616,8 @@ std::vector<TrajectoryModel::Estimate> TrajectoryModel::Update(std::span<const O
   // What is new takes more passes; later every frame goes on from the last.
   const int passes = frames_.size() < 8 ? 6 : 2;
   for (int pass = 0; pass < passes; ++pass) {
-    for (Frame& old : frames_) RefitCamera(old);
+    StepJointly();
+    for (std::size_t l = kJointFrames; l < frames_.size(); ++l) RefitCamera(frames_[l]);
     for (std::size_t f = 0; f < features_.size(); ++f) InferFeature(f);
     if (perspective_) CenterDepths();
     Normalize();

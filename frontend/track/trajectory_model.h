@@ -16,10 +16,11 @@ namespace cohort {
 // error of its anchor, which all its measurements share (none in the frame of the anchor itself,
 // where the position is exact by definition), and noise_lf and e_f of the covariance that the
 // measurement states. With r = 3, [m B; 1 c'] is a projective camera and z_f a point of a rigid
-// scene in a projective frame; with c = 0 it is the paper's affine subspace. Fitted by expectation
-// maximisation (linearised where the last frame left off) with weights of Student's t, over a
-// sliding window of frames. The rank r grows while the residuals hold a direction that noise alone
-// would not have, so that it fits few features, a plane, a scene and several bodies.
+// scene in a projective frame; with c = 0 it is the paper's affine subspace. Fitted to a sliding
+// window of frames with weights of Student's t: the newest cameras and all features by joint
+// Levenberg-Marquardt steps, older cameras by expectation maximisation. The rank r grows while the
+// residuals hold a direction that noise alone would not have, so that it fits few features, a
+// plane, a scene and several bodies.
 class TrajectoryModel {
  public:
   struct Observation {
@@ -60,6 +61,7 @@ class TrajectoryModel {
 
  private:
   static constexpr int kMaxDimensions = 12;
+  static constexpr double kFirstDamping = 1e-3;
   using Vector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMaxDimensions, 1>;
   using Matrix =
       Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxDimensions, kMaxDimensions>;
@@ -88,12 +90,23 @@ class TrajectoryModel {
                            const Observation& o,
                            const Feature& feature) const;
   bool CanFit(std::span<const Observation> now) const;
-  void Fix(Eigen::MatrixXd& normal) const;
+  void Fix(Eigen::Ref<Eigen::MatrixXd> normal) const;
   Fit FitCamera(std::span<const Observation> now) const;
   Estimate Of(const Fit& fit, const Feature& feature) const;
   std::vector<Estimate> All(const Fit& fit) const;
+  struct Normal {
+    Matrix information;
+    Vector gradient;
+    Eigen::Matrix2d of_anchor = Eigen::Matrix2d::Zero();  // information of its prior
+  };
+  Normal NormalOf(std::size_t f, bool robust) const;
+  double Cost(std::size_t f, const Eigen::Matrix2d& of_anchor, bool robust) const;
   void InferFeature(std::size_t f);
+  void UpdateMisfit(Frame& frame) const;
   void RefitCamera(Frame& frame) const;
+  struct Eliminated;
+  Eliminated Eliminate(std::size_t f, Eigen::MatrixXd& normal, Eigen::VectorXd& rhs) const;
+  void StepJointly();
   void CenterDepths();
   void Normalize();
   struct Cell;
@@ -105,6 +118,7 @@ class TrajectoryModel {
   int max_rank_;
   bool perspective_;
   int rank_ = 0;
+  double damping_ = 1e-3;     // of the joint steps
   std::deque<Frame> frames_;  // newest first
   std::vector<Feature> features_;
 };

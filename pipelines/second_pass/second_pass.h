@@ -14,7 +14,7 @@ namespace cohort {
 struct SecondPassOptions {
   double border_px = 5.0;
   double max_scale = 2.0;
-  double min_confirmed = 0.75;
+  double min_confirmed = 0.78;
   bool drop_movers = true;
   SecondLookOptions look;
 

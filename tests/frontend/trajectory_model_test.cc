@@ -12,6 +12,7 @@
 #include <cmath>
 
 #include "frontend/core/random_stream.h"
+#include "frontend/core/statistics.h"
 
 namespace cohort {
 namespace {
@@ -159,6 +160,71 @@ TEST(TrajectoryModel, FollowsACameraThatTurnsAwayFromWhatItSawFirst) {
       model.Add(std::vector<Observation>{anchor});
     }
   }
+}
+
+// As from a car: features come near within a few frames, others follow, each with its course in the
+// frames before. Alternation does not converge here, and full Gauss-Newton steps run away.
+TEST(TrajectoryModel, PredictsWhatPassesACarToItsNoise) {
+  RandomStream random(9, "test/trajectory_model/drive");
+  struct Point {
+    Eigen::Vector3d in_world;
+    Eigen::Vector2d anchor_error;
+  };
+  constexpr double kNoisePx = 0.2;
+  constexpr double kStep = 1.2;  // [m] a frame
+  const auto noise = [&] {
+    return Eigen::Vector2d(kNoisePx * random.Gaussian(), kNoisePx * random.Gaussian());
+  };
+  const auto at = [](const Point& p, int t) -> Eigen::Vector2d {
+    const Eigen::Vector3d x = p.in_world - Eigen::Vector3d(0, 0, kStep * t);
+    return Eigen::Vector2d(600, 180) + 700.0 * x.head<2>() / x.z() + p.anchor_error;
+  };
+  const auto is_seen = [&](const Point& p, int t) {
+    const Eigen::Vector2d xy = at(p, t);
+    return p.in_world.z() - kStep * t > 1.0 && xy.x() > 5 && xy.x() < 1195 && xy.y() > 5 &&
+           xy.y() < 365;
+  };
+  std::vector<Point> points;
+  TrajectoryModel model(kFrames, kMaxRank, true);
+  model.Update({});
+  for (int t = 0; t < 50; ++t) {
+    if (t > 0) {
+      std::vector<Observation> now;
+      for (const Point& p : points) now.push_back(Seen(at(p, t) + noise(), kNoisePx));
+      if (t > 5) {
+        const auto predicted = model.Predict(now);
+        ASSERT_EQ(predicted.size(), now.size());
+        std::vector<double> distances;
+        for (std::size_t f = 0; f < now.size(); ++f) {
+          distances.push_back((predicted[f].measured_xy - now[f].xy).norm());
+        }
+        EXPECT_LT(Median(distances), 3.0 * kNoisePx) << "in frame " << t;
+        EXPECT_LT(Quantile(distances, 0.9), 6.0 * kNoisePx) << "in frame " << t;
+      }
+      model.Update(now);
+      std::vector<std::uint8_t> keep;
+      for (const Point& p : points) keep.push_back(is_seen(p, t) ? 1 : 0);
+      model.Keep(keep);
+      std::erase_if(points, [&](const Point& p) { return !is_seen(p, t); });
+    }
+    while (points.size() < 300) {  // along both sides of the road, and on it
+      const double x = random.Uniform(-595, 595) / 700.0;
+      const double y = random.Uniform(-175, 180) / 700.0;
+      double z = std::min(150.0, random.Uniform(6, 9) / std::max(std::abs(x), 1e-6));
+      if (y > 0.0) z = std::min(z, 1.65 / y);
+      const Point p{z * Eigen::Vector3d(x, y, 1.0) + Eigen::Vector3d(0, 0, kStep * t), noise()};
+      if (!is_seen(p, t)) continue;
+      points.push_back(p);
+      Observation anchor = Seen(at(p, t), 0.05);
+      anchor.anchor = true;
+      std::vector<Observation> course = {anchor};
+      for (int before = t - 1; before >= std::max(0, t - 9); --before) {
+        course.push_back(Seen(at(p, before) + noise(), kNoisePx));
+      }
+      model.Add(course);
+    }
+  }
+  EXPECT_LE(model.rank(), 4);
 }
 
 TEST(TrajectoryModel, WithoutPerspectiveDoesNotFitMotionAhead) {

@@ -81,5 +81,16 @@ TEST(MainJobOnRealFrames, RegistersAtLeast95PercentAsTheyAreAndDarkened) {
   }
 }
 
+// Fast motion ahead: 13 px a frame in the median, and no feature stays long.
+TEST(MainJobOnRealFrames, FromACarIsHalfAsFarFromTheTruePathAsKlt) {
+  const auto clip = test::SharedData("kitti_odo_seq1");
+  COHORT_SKIP_WITHOUT(clip);
+  const test::TempDir dir;
+  const Figures figures =
+      CompareThroughColmap(clip.string(), "--trackers klt,subspace --levels medium", dir / "out");
+  EXPECT_EQ(figures.at({"subspace", "colmap", "registered"}), 51.0);
+  EXPECT_LT(figures.at({"subspace", "colmap", "ate"}), 0.5 * figures.at({"klt", "colmap", "ate"}));
+}
+
 }  // namespace
 }  // namespace cohort

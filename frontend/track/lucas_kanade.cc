@@ -1,0 +1,38 @@
+#include "frontend/track/lucas_kanade.h"
+
+#include <opencv2/video/tracking.hpp>
+
+#include "frontend/track/frame_to_frame.h"
+
+namespace cohort {
+
+std::vector<cv::Mat> LkPyramid(const Pyramid& picture, int window_px, int max_level) {
+  std::vector<cv::Mat> pyramid;
+  cv::buildOpticalFlowPyramid(
+      EightBit(picture), pyramid, cv::Size(window_px, window_px), max_level);
+  return pyramid;
+}
+
+LkResult TrackByLk(const std::vector<cv::Mat>& from,
+                   const std::vector<cv::Mat>& to,
+                   const std::vector<cv::Point2f>& starts,
+                   int window_px,
+                   int max_level,
+                   const std::vector<cv::Point2f>& guesses) {
+  LkResult result{guesses, {}};
+  if (starts.empty()) return result;
+  cv::calcOpticalFlowPyrLK(
+      from,
+      to,
+      starts,
+      result.ends,
+      result.found,
+      cv::noArray(),
+      cv::Size(window_px, window_px),
+      max_level,
+      cv::TermCriteria(cv::TermCriteria::COUNT + cv::TermCriteria::EPS, 30, 0.01),
+      guesses.empty() ? 0 : cv::OPTFLOW_USE_INITIAL_FLOW);
+  return result;
+}
+
+}  // namespace cohort

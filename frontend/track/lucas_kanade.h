@@ -1,0 +1,29 @@
+#pragma once
+
+#include <cstdint>
+#include <opencv2/core/mat.hpp>
+#include <opencv2/core/types.hpp>
+#include <vector>
+
+#include "frontend/image/pyramid.h"
+
+namespace cohort {
+
+// OpenCV's pyramidal Lucas-Kanade, of points from one picture to another.
+struct LkResult {
+  std::vector<cv::Point2f> ends;
+  std::vector<std::uint8_t> found;
+};
+
+// A picture for TrackByLk: 8 bits, `max_level` levels above full resolution.
+std::vector<cv::Mat> LkPyramid(const Pyramid& picture, int window_px, int max_level);
+
+// From `starts` in one picture to the other, beginning at `guesses` or, without, where they were.
+LkResult TrackByLk(const std::vector<cv::Mat>& from,
+                   const std::vector<cv::Mat>& to,
+                   const std::vector<cv::Point2f>& starts,
+                   int window_px,
+                   int max_level,
+                   const std::vector<cv::Point2f>& guesses = {});
+
+}  // namespace cohort
