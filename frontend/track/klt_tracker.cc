@@ -106,22 +106,19 @@ class AnchoredKltMover final : public FeatureMover {
       in_anchor.push_back(features_[f].in_anchor);
       guides.push_back(features_[f].xy);
     }
-    const auto track = [&](const Picture& from,
-                           const Picture& to,
-                           const auto& starts,
-                           const auto& guesses) {
-      return TrackByLk(
-          from.levels, to.levels, starts, options_.window_px, options_.anchor_max_level, guesses);
-    };
-    const LkResult there = track(anchor, picture, in_anchor, guides);
-    const LkResult back = track(picture, anchor, there.ends, in_anchor);
+    const LkResult measured = TrackThereAndBack(anchor.levels,
+                                                picture.levels,
+                                                in_anchor,
+                                                options_.window_px,
+                                                options_.anchor_max_level,
+                                                options_.forward_backward_px,
+                                                guides);
     for (std::size_t i = 0; i < features.size(); ++i) {
       Feature& feature = features_[features[i]];
       Move& move = moves[features[i]];
-      const bool confirmed = there.found[i] != 0 && back.found[i] != 0 &&
-                             cv::norm(there.ends[i] - guides[i]) <= options_.max_distance_px &&
-                             cv::norm(back.ends[i] - in_anchor[i]) <= options_.forward_backward_px;
-      if (confirmed) feature.xy = there.ends[i];
+      const bool confirmed = measured.found[i] != 0 &&
+                             cv::norm(measured.ends[i] - guides[i]) <= options_.max_distance_px;
+      if (confirmed) feature.xy = measured.ends[i];
       feature.unconfirmed_frames = confirmed ? 0 : feature.unconfirmed_frames + 1;
       if (feature.unconfirmed_frames > options_.max_unconfirmed_frames) {
         move.loss = LossReason::kContradicted;

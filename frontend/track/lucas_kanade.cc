@@ -35,4 +35,25 @@ LkResult TrackByLk(const std::vector<cv::Mat>& from,
   return result;
 }
 
+LkResult TrackThereAndBack(const std::vector<cv::Mat>& from,
+                           const std::vector<cv::Mat>& to,
+                           const std::vector<cv::Point2f>& starts,
+                           int window_px,
+                           int max_level,
+                           double return_px,
+                           const std::vector<cv::Point2f>& guesses) {
+  LkResult there = TrackByLk(from, to, starts, window_px, max_level, guesses);
+  const LkResult back = TrackByLk(to,
+                                  from,
+                                  there.ends,
+                                  window_px,
+                                  max_level,
+                                  guesses.empty() ? std::vector<cv::Point2f>() : starts);
+  for (std::size_t i = 0; i < starts.size(); ++i) {
+    const bool returned = back.found[i] != 0 && cv::norm(back.ends[i] - starts[i]) <= return_px;
+    there.found[i] = there.found[i] != 0 && returned ? 1 : 0;
+  }
+  return there;
+}
+
 }  // namespace cohort

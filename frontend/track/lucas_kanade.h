@@ -26,4 +26,14 @@ LkResult TrackByLk(const std::vector<cv::Mat>& from,
                    int max_level,
                    const std::vector<cv::Point2f>& guesses = {});
 
+// The same and from there back; `found` only what comes back to within `return_px` of its start.
+// With `guesses` the way back begins at the starts.
+LkResult TrackThereAndBack(const std::vector<cv::Mat>& from,
+                           const std::vector<cv::Mat>& to,
+                           const std::vector<cv::Point2f>& starts,
+                           int window_px,
+                           int max_level,
+                           double return_px,
+                           const std::vector<cv::Point2f>& guesses = {});
+
 }  // namespace cohort

@@ -366,12 +366,11 @@ void SubspaceMover::ThereAndBack(const Pyramid& current) {
     open.push_back(f);
     starts.emplace_back(xy.x(), xy.y());
   }
-  const LkResult there = TrackByLk(lk_previous_, lk_current, starts, kLkWindowPx, kLkMaxLevel);
-  const LkResult back = TrackByLk(lk_current, lk_previous_, there.ends, kLkWindowPx, kLkMaxLevel);
+  const LkResult returned =
+      TrackThereAndBack(lk_previous_, lk_current, starts, kLkWindowPx, kLkMaxLevel, kReturnPx);
   for (std::size_t i = 0; i < open.size(); ++i) {
-    if (there.found[i] == 0 || back.found[i] == 0) continue;
-    if (!(cv::norm(back.ends[i] - starts[i]) <= kReturnPx)) continue;
-    returned_[open[i]] = Eigen::Vector2d(there.ends[i].x, there.ends[i].y);
+    if (returned.found[i] == 0) continue;
+    returned_[open[i]] = Eigen::Vector2d(returned.ends[i].x, returned.ends[i].y);
   }
   lk_previous_ = std::move(lk_current);
 }
