@@ -327,8 +327,8 @@ struct MeasurementOptions {
         o.max_open_px,
         0.0,
         1000.0,
-        "what the others may leave open of where a feature is (strong mode) [px]; beyond, it must "
-        "come back when tracked there and back by Lucas-Kanade; 0: no check");
+        "what the others may leave open of where a feature is [px]; beyond, Lucas-Kanade gives its "
+        "start and (strong mode) it must come back when tracked there and back; 0: neither");
     v.Number("max_rank",
              o.max_rank,
              2,

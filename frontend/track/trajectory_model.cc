@@ -15,6 +15,8 @@ namespace {
 constexpr std::ptrdiff_t kLeastSeen = 8;
 constexpr std::size_t kLeastSteps = 4;
 constexpr std::size_t kJointFrames = 12;
+// A feature seen less often adds no dimension to the three of a rigid scene.
+constexpr std::size_t kEstablished = 8;
 constexpr double kUnknownDepthPx = 1.5;
 constexpr double kLeastDepth = 0.1;  // of the features' mean
 // Until the frames tell how cameras move.
@@ -527,15 +529,24 @@ TrajectoryModel::Direction TrajectoryModel::Explain(std::span<const Cell> cells,
   return direction;
 }
 
+// Besides the frame of its anchor.
+std::size_t TrajectoryModel::TimesSeen(std::size_t f) const {
+  return static_cast<std::size_t>(
+      std::count_if(frames_.begin(), frames_.end(), [f](const Frame& frame) {
+        const Observation& o = frame.observations[f];
+        return Seen(o) && !o.anchor;
+      }));
+}
+
 // Where the residuals have a direction in common, stronger than white noise would, the model gets
 // one more coordinate. The search starts at the strongest affine direction (sideways motion,
 // another body), and at the one that moves features towards and away from their centre (motion
 // ahead).
 void TrajectoryModel::AdaptRank() {
   // Of the edge of white noise, which itself reaches 0.6: the fit has taken a part of it out. A
-  // rigid scene has three dimensions; for more the evidence must be stronger, since what covers the
-  // scene looks like one more body too.
-  const double least_strength = rank_ < 3 ? 0.5 : 0.85;
+  // rigid scene has three dimensions; for more the evidence must be stronger, and from features
+  // that are no newcomers, since what comes to cover the scene looks like one more body too.
+  const double least_strength = rank_ < 3 ? 0.5 : 1.0;
   constexpr std::size_t kLeastCells = 20;
   constexpr Eigen::Index kFeaturesPerRank = 2;
   const Eigen::Index r = rank_;
@@ -546,12 +557,17 @@ void TrajectoryModel::AdaptRank() {
   Eigen::MatrixXd R = Eigen::MatrixXd::Zero(2 * N, F);
   Eigen::VectorXd radial = Eigen::VectorXd::Zero(F);
   double total = 0.0;
+  std::vector<std::uint8_t> counts(features_.size(), 1);
+  if (rank_ >= 3) {
+    const std::size_t least = std::min(kEstablished, frames_.size() - 2);  // one miss of a few
+    for (std::size_t f = 0; f < features_.size(); ++f) counts[f] = TimesSeen(f) >= least;
+  }
   for (std::size_t l = 0; l < frames_.size(); ++l) {
     const Frame& frame = frames_[l];
     const Eigen::Vector2d center = frame.camera.topLeftCorner<2, 1>();
     for (std::size_t f = 0; f < features_.size(); ++f) {
       const Observation& o = frame.observations[f];
-      if (!Seen(o) || o.anchor) continue;
+      if (counts[f] == 0 || !Seen(o) || o.anchor) continue;
       const Projection at = Project(frame.camera, features_[f].mean);
       const Eigen::Vector2d d = Residual(at, o, features_[f]);
       const double weight = std::sqrt(StudentWeight(d.dot(o.information * d)));

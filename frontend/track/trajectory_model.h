@@ -20,7 +20,8 @@ namespace cohort {
 // window of frames with weights of Student's t: the newest cameras and all features by joint
 // Levenberg-Marquardt steps, older cameras by expectation maximisation. The rank r grows while the
 // residuals hold a direction that noise alone would not have, so that it fits few features, a
-// plane, a scene and several bodies.
+// plane, a scene and several bodies; beyond a rigid scene's 3 only for features seen often, as what
+// has just come to cover the scene is none of its bodies.
 class TrajectoryModel {
  public:
   struct Observation {
@@ -112,6 +113,7 @@ class TrajectoryModel {
   struct Cell;
   struct Direction;
   Direction Explain(std::span<const Cell> cells, Eigen::VectorXd v) const;
+  std::size_t TimesSeen(std::size_t f) const;
   void AdaptRank();
 
   std::size_t max_frames_;

@@ -380,5 +380,50 @@ TEST(TrajectoryModel, GrowsToWhatTwoBodiesNeed) {
   EXPECT_LT(std::sqrt(square / kFeatures), 0.5);
 }
 
+// What comes to cover the scene is a rigid body too, which one more dimension would fit. As the
+// tracker does, this gives the model what is within five deviations of its prediction.
+TEST(TrajectoryModel, WhatHasJustComeIntoThePictureAddsNoDimension) {
+  constexpr int kEnters = 12;
+  constexpr Eigen::Index kOfBar = 60;
+  for (const bool ahead : {false, true}) {
+    const Scene scene = MakeScene(ahead);
+    Measured measured(scene, 0.3);
+    TrajectoryModel model = Begun(scene);
+    for (int t = 1; t <= kEnters; ++t) model.Update(measured(t));
+    ASSERT_EQ(model.rank(), 3);
+    RandomStream random(9, "test/trajectory_model/bar");
+    Eigen::Matrix2Xd bar(2, kOfBar);
+    for (Eigen::Index f = 0; f < kOfBar; ++f) {
+      bar.col(f) = Eigen::Vector2d(random.Uniform(60, 140), random.Uniform(0, 480));
+      Observation anchor = Seen(bar.col(f), 0.05);
+      anchor.anchor = true;
+      model.Add(std::vector<Observation>{anchor});
+    }
+    Eigen::Index believed = 0;  // of the bar, in the newest frame
+    for (int t = kEnters + 1; t <= kEnters + 6; ++t) {
+      std::vector<Observation> now = measured(t);
+      for (Eigen::Index f = 0; f < kOfBar; ++f) {
+        const Eigen::Vector2d noise(0.3 * random.Gaussian(), 0.3 * random.Gaussian());
+        now.push_back(Seen(bar.col(f) + Eigen::Vector2d(6.0 * (t - kEnters), 0.0) + noise, 0.3));
+      }
+      const std::vector<TrajectoryModel::Estimate> predicted = model.Predict(now);
+      believed = 0;
+      for (std::size_t f = kFeatures; f < now.size(); ++f) {
+        const Eigen::Vector2d d = now[f].xy - predicted[f].measured_xy;
+        const Eigen::Matrix2d S =
+            predicted[f].measured_covariance + 0.09 * Eigen::Matrix2d::Identity();
+        if (d.dot(S.inverse() * d) <= 25.0) {
+          ++believed;
+        } else {
+          now[f] = {};
+        }
+      }
+      model.Update(now);
+      EXPECT_EQ(model.rank(), 3) << "ahead: " << ahead << ", " << t - kEnters << " frames after";
+    }
+    EXPECT_LT(believed, kOfBar / 4) << "ahead: " << ahead;
+  }
+}
+
 }  // namespace
 }  // namespace cohort
