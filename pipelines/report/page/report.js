@@ -139,8 +139,12 @@ page.append(
     `${plural(data.trackers.length, 'tracker')}, ${plural(data.backends.length, 'reconstruction method')}, `,
     `${plural(data.seeds.length, 'seed')} of the noise. Nothing but the tracker changes between columns that are compared.`));
 
-const beside = (ratio, whose) => (ratio ? el('div', {class: 'soft'}, ratio.value > 1
-  ? `${digits(ratio.value)}\u00d7 smaller than ${whose}` : `${digits(1 / ratio.value)}\u00d7 larger than ${whose}`) : null);
+const compared = (value, whose) => {
+  const times = digits(Math.max(value, 1 / value));
+  if (Number(times) === 1) return `the same as ${whose}`;
+  return `${times}\u00d7 ${value > 1 ? 'smaller' : 'larger'} than ${whose}`;
+};
+const beside = (ratio, whose) => (ratio ? el('div', {class: 'soft'}, compared(ratio.value, whose)) : null);
 
 const openingCards = () => {
   if (!data.headline) return null;
