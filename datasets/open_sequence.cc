@@ -1,12 +1,12 @@
 #include <array>
 #include <system_error>
 
-#include "datasets/euroc.h"
-#include "datasets/image_folder.h"
-#include "datasets/kitti.h"
-#include "datasets/sequence.h"
-#include "datasets/tum.h"
-#include "datasets/video_sequence.h"
+#include "datasets/readers/euroc.h"
+#include "datasets/readers/image_folder.h"
+#include "datasets/readers/kitti.h"
+#include "datasets/readers/sequence.h"
+#include "datasets/readers/tum.h"
+#include "datasets/readers/video_sequence.h"
 #include "frontend/core/error.h"
 
 namespace cohort {

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "backend/geometry/camera.h"
+#include "frontend/geometry/camera.h"
 
 namespace cohort {
 

@@ -4,7 +4,7 @@
 #include <optional>
 #include <span>
 
-#include "backend/geometry/rigid3.h"
+#include "frontend/geometry/rigid3.h"
 
 namespace cohort {
 

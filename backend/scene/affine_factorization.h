@@ -6,7 +6,7 @@
 #include <span>
 #include <vector>
 
-#include "backend/geometry/rigid3.h"
+#include "frontend/geometry/rigid3.h"
 
 namespace cohort {
 

@@ -6,9 +6,9 @@
 #include <string>
 #include <vector>
 
-#include "backend/geometry/camera.h"
-#include "backend/geometry/rigid3.h"
 #include "frontend/core/options.h"
+#include "frontend/geometry/camera.h"
+#include "frontend/geometry/rigid3.h"
 
 namespace cohort {
 

@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
-#include "backend/geometry/camera.h"
-#include "backend/geometry/rigid3.h"
+#include "frontend/geometry/camera.h"
+#include "frontend/geometry/rigid3.h"
 #include "frontend/tracks/observation.h"
 
 namespace cohort {

@@ -3,7 +3,7 @@
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 
-#include "backend/geometry/camera.h"
+#include "frontend/geometry/camera.h"
 
 namespace cohort {
 

@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "backend/geometry/camera.h"
+#include "frontend/geometry/camera.h"
 #include "frontend/tracks/track_set.h"
 
 namespace cohort {

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "datasets/degrade.h"
+#include "datasets/degrade/degrade.h"
 #include "pipelines/commands/input_options.h"
 #include "pipelines/console/command.h"
 

@@ -5,7 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "backend/colmap/model_io.h"
-#include "datasets/track_truth.h"
+#include "datasets/truth/track_truth.h"
 #include "frontend/tracks/track_store.h"
 #include "pipelines/console/json_file.h"
 #include "pipelines/console/table.h"

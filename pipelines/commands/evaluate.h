@@ -1,6 +1,6 @@
 #pragma once
 
-#include "datasets/sequence.h"
+#include "datasets/readers/sequence.h"
 #include "pipelines/console/command.h"
 
 namespace cohort {

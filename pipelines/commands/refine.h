@@ -3,7 +3,7 @@
 #include <string>
 
 #include "pipelines/console/command.h"
-#include "pipelines/second_pass/second_pass.h"
+#include "pipelines/sfm/second_pass.h"
 
 namespace cohort {
 

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "datasets/synthetic_scene.h"
+#include "datasets/render/synthetic_scene.h"
 #include "pipelines/console/command.h"
 
 namespace cohort {

@@ -5,7 +5,7 @@
 #include "frontend/track/tracker_options.h"
 #include "pipelines/commands/input_options.h"
 #include "pipelines/console/command.h"
-#include "pipelines/second_pass/second_pass.h"
+#include "pipelines/sfm/second_pass.h"
 
 namespace cohort {
 

@@ -4,7 +4,7 @@
 #include <optional>
 #include <span>
 
-#include "backend/geometry/sim3.h"
+#include "frontend/geometry/sim3.h"
 
 namespace cohort {
 

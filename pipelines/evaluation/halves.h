@@ -5,7 +5,7 @@
 #include <map>
 #include <optional>
 
-#include "backend/geometry/rigid3.h"
+#include "frontend/geometry/rigid3.h"
 #include "frontend/tracks/track_set.h"
 
 namespace cohort {

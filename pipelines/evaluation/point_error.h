@@ -5,8 +5,8 @@
 #include <optional>
 #include <vector>
 
-#include "backend/geometry/sim3.h"
 #include "backend/scene/reconstruction.h"
+#include "frontend/geometry/sim3.h"
 
 namespace cohort {
 

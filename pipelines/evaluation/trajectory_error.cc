@@ -7,7 +7,7 @@
 #include <numbers>
 #include <numeric>
 
-#include "datasets/text_table.h"
+#include "datasets/readers/text_table.h"
 #include "frontend/core/error.h"
 #include "frontend/core/statistics.h"
 

@@ -6,8 +6,8 @@
 #include <span>
 #include <vector>
 
-#include "backend/geometry/rigid3.h"
-#include "backend/geometry/sim3.h"
+#include "frontend/geometry/rigid3.h"
+#include "frontend/geometry/sim3.h"
 
 namespace cohort {
 

@@ -5,7 +5,7 @@
 #include <memory>
 #include <utility>
 
-#include "datasets/position_bound.h"
+#include "datasets/truth/position_bound.h"
 #include "frontend/core/random_stream.h"
 #include "frontend/track/track_loop.h"
 

@@ -2,8 +2,8 @@
 
 #include <optional>
 
-#include "datasets/degrade.h"
-#include "datasets/track_truth.h"
+#include "datasets/degrade/degrade.h"
+#include "datasets/truth/track_truth.h"
 #include "frontend/track/tracker_options.h"
 #include "frontend/tracks/track_store.h"
 

@@ -13,8 +13,8 @@
 #include <set>
 
 #include "backend/colmap/model_io.h"
-#include "datasets/degrade.h"
-#include "datasets/track_truth.h"
+#include "datasets/degrade/degrade.h"
+#include "datasets/truth/track_truth.h"
 #include "frontend/core/output.h"
 #include "pipelines/commands/degrade.h"
 #include "pipelines/commands/evaluate.h"

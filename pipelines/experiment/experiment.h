@@ -7,11 +7,11 @@
 #include "backend/colmap/colmap_mapper.h"
 #include "backend/colmap/sift_mapper.h"
 #include "backend/scene/incremental_mapper.h"
-#include "datasets/sequence.h"
+#include "datasets/readers/sequence.h"
 #include "frontend/track/tracker_options.h"
 #include "pipelines/experiment/paper_protocol.h"
 #include "pipelines/experiment/results.h"
-#include "pipelines/second_pass/second_pass.h"
+#include "pipelines/sfm/second_pass.h"
 
 namespace cohort {
 

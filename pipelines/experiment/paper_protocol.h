@@ -6,8 +6,8 @@
 #include <optional>
 #include <vector>
 
-#include "datasets/sequence.h"
-#include "datasets/track_truth.h"
+#include "datasets/readers/sequence.h"
+#include "datasets/truth/track_truth.h"
 #include "frontend/track/track_loop.h"
 
 namespace cohort {

@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "backend/colmap/model_io.h"
-#include "datasets/sequence.h"
+#include "datasets/readers/sequence.h"
 #include "pipelines/console/json_file.h"
 #include "pipelines/evaluation/alignment.h"
 

@@ -4,7 +4,7 @@
 #include <map>
 #include <optional>
 
-#include "backend/geometry/rigid3.h"
+#include "frontend/geometry/rigid3.h"
 #include "frontend/tracks/observation.h"
 
 namespace cohort {

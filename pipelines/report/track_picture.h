@@ -3,7 +3,7 @@
 #include <opencv2/core/mat.hpp>
 #include <string>
 
-#include "datasets/track_truth.h"
+#include "datasets/truth/track_truth.h"
 #include "frontend/image/frame.h"
 #include "frontend/tracks/track_set.h"
 

@@ -15,8 +15,8 @@
 #include <opencv2/core/utility.hpp>
 #include <vector>
 
-#include "datasets/degrade.h"
-#include "datasets/track_truth.h"
+#include "datasets/degrade/degrade.h"
+#include "datasets/truth/track_truth.h"
 #include "frontend/core/output.h"
 #include "frontend/core/statistics.h"
 #include "frontend/image/frame_offset.h"

@@ -12,8 +12,8 @@
 #include <opencv2/imgproc.hpp>
 #include <vector>
 
-#include "datasets/synthetic_scene.h"
-#include "datasets/track_truth.h"
+#include "datasets/render/synthetic_scene.h"
+#include "datasets/truth/track_truth.h"
 #include "frontend/core/output.h"
 #include "pipelines/console/json_file.h"
 #include "pipelines/experiment/experiment.h"

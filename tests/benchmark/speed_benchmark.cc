@@ -13,7 +13,7 @@
 #include <opencv2/core/utility.hpp>
 #include <vector>
 
-#include "datasets/degrade.h"
+#include "datasets/degrade/degrade.h"
 #include "frontend/core/output.h"
 #include "frontend/core/statistics.h"
 #include "frontend/image/frame_offset.h"

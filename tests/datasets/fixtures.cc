@@ -4,9 +4,9 @@
 #include <opencv2/imgcodecs.hpp>
 #include <stdexcept>
 
-#include "datasets/render.h"
-#include "datasets/scene_geometry.h"
-#include "datasets/tum_writer.h"
+#include "datasets/readers/tum_writer.h"
+#include "datasets/render/render.h"
+#include "datasets/render/scene_geometry.h"
 #include "tests/support/closed_form_image.h"
 
 namespace cohort::test {

@@ -4,8 +4,8 @@
 #include <string>
 #include <vector>
 
-#include "datasets/sequence.h"
-#include "datasets/synthetic_scene.h"
+#include "datasets/readers/sequence.h"
+#include "datasets/render/synthetic_scene.h"
 
 namespace cohort::test {
 

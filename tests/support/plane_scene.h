@@ -5,9 +5,9 @@
 #include <optional>
 #include <vector>
 
-#include "backend/geometry/camera.h"
-#include "backend/geometry/rigid3.h"
 #include "frontend/core/random_stream.h"
+#include "frontend/geometry/camera.h"
+#include "frontend/geometry/rigid3.h"
 #include "tests/support/closed_form_image.h"
 
 namespace cohort::test {

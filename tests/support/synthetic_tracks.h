@@ -5,8 +5,8 @@
 #include <set>
 #include <utility>
 
-#include "backend/geometry/camera.h"
-#include "backend/geometry/rigid3.h"
+#include "frontend/geometry/camera.h"
+#include "frontend/geometry/rigid3.h"
 #include "frontend/tracks/track_store.h"
 
 namespace cohort::test {

@@ -1,0 +1,339 @@
+#include "datasets/degrade/degrade.h"
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <mutex>
+#include <numbers>
+#include <opencv2/imgproc.hpp>
+#include <vector>
+
+#include "datasets/readers/tum_writer.h"
+#include "datasets/render/texture.h"
+#include "frontend/core/error.h"
+#include "frontend/core/parallel.h"
+#include "frontend/core/random_stream.h"
+#include "frontend/core/statistics.h"
+
+namespace cohort {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr int kBarWidthPx = 80;
+constexpr double kGamma = 2.2;
+constexpr double kHandMotionPx = 5.0;  // at most, between frames
+
+// Through (0, clean), (1, medium), (2, hard) and on.
+double Straight(double level, double clean, double medium, double hard) {
+  return level <= 1.0 ? clean + level * (medium - clean) : medium + (level - 1.0) * (hard - medium);
+}
+
+double Geometric(double level, double clean, double medium, double hard) {
+  return std::exp(Straight(level, std::log(clean), std::log(medium), std::log(hard)));
+}
+
+cv::Mat ToUnit(const cv::Mat& gray) {
+  Check(gray.type() == CV_8UC1 || gray.type() == CV_16UC1, "frames are CV_8UC1 or CV_16UC1");
+  cv::Mat unit;
+  gray.convertTo(unit, CV_32F, gray.depth() == CV_16U ? 1.0 / 65535.0 : 1.0 / 255.0);
+  return unit;
+}
+
+void AddNoise(cv::Mat& image, double sigma, RandomStream& random) {
+  for (float& v : cv::Mat_<float>(image)) v += static_cast<float>(sigma * random.Gaussian());
+}
+
+// The mean of the picture moved by -motion/2 ... +motion/2, at most a pixel a step.
+cv::Mat Smear(const cv::Mat& image, const cv::Mat& motion) {
+  double longest = 0.0;
+  for (const cv::Vec2f& m : cv::Mat_<cv::Vec2f>(motion)) longest = std::max(longest, cv::norm(m));
+  const int steps = 1 + 2 * static_cast<int>(std::ceil(0.5 * std::min(longest, 40.0)));
+  if (longest == 0.0) return image;
+  cv::Mat here(image.size(), CV_32FC2);
+  for (int y = 0; y < here.rows; ++y) {
+    for (int x = 0; x < here.cols; ++x) {
+      here.at<cv::Vec2f>(y, x) = {static_cast<float>(x), static_cast<float>(y)};
+    }
+  }
+  cv::Mat sum = cv::Mat::zeros(image.size(), CV_32FC1);
+  for (int i = 0; i < steps; ++i) {
+    const double t = (i + 0.5) / steps - 0.5;
+    cv::Mat from;
+    cv::scaleAdd(motion, -t, here, from);
+    cv::Mat moved;
+    cv::remap(image, moved, from, cv::noArray(), cv::INTER_LINEAR, cv::BORDER_REPLICATE);
+    sum += moved;
+  }
+  return sum / steps;
+}
+
+cv::Mat Paper(cv::Mat image, const PaperLevel& level, RandomStream& random) {
+  image *= level.gain;
+  AddNoise(image, level.noise_before, random);
+  if (level.blur_px > 0.0) cv::GaussianBlur(image, image, cv::Size(0, 0), level.blur_px);
+  if (level.noise_after > 0.0) AddNoise(image, level.noise_after, random);
+  return image;
+}
+
+// Linear light that reaches the sensor.
+cv::Mat SensorSignal(cv::Mat image,
+                     const SensorLevel& level,
+                     cv::Mat motion,
+                     RandomStream& random) {
+  cv::pow(image, kGamma, image);
+  const double angle = random.Uniform(0.0, 2.0 * std::numbers::pi);
+  const double hand_px = kHandMotionPx * random.Uniform();
+  if (motion.empty()) {
+    motion = cv::Mat(
+        image.size(), CV_32FC2, cv::Scalar(hand_px * std::cos(angle), hand_px * std::sin(angle)));
+  }
+  return level.gain * Smear(image, level.shutter * motion);
+}
+
+cv::Mat Sensor(const cv::Mat& unit,
+               const SensorLevel& level,
+               const cv::Mat& motion,
+               RandomStream& random) {
+  cv::Mat image = SensorSignal(unit, level, motion, random);
+  for (float& v : cv::Mat_<float>(image)) {
+    v += static_cast<float>(std::sqrt(level.shot * v + level.read) * random.Gaussian());
+  }
+  image = cv::max(level.digital_gain * image, 0.0);
+  cv::pow(image, 1.0 / kGamma, image);
+  return image;
+}
+
+// The pattern of the bar, CV_32FC1 in 0..1.
+cv::Mat BarPattern(int height_px, unsigned seed) {
+  constexpr double kTexelsPerMetre = 100.0;
+  const TextureSpec spec{.material = Material::kPoster,
+                         .width_m = kBarWidthPx / kTexelsPerMetre,
+                         .height_m = height_px / kTexelsPerMetre,
+                         .texels_per_m = kTexelsPerMetre,
+                         .brightness = 1.0};
+  cv::Mat pattern;
+  cv::pow(MakeTexture(spec, RandomStream(seed, "degrade/occluder")), 1.0 / kGamma, pattern);
+  return pattern;
+}
+
+RandomStream NoiseOf(const DegradeOptions& options, std::uint32_t frame) {
+  return RandomStream(options.seed, "degrade/noise").Fork(frame);
+}
+
+}  // namespace
+
+double ParseLevel(const std::string& text) {
+  if (text == "clean") return 0.0;
+  if (text == "medium") return 1.0;
+  if (text == "hard") return 2.0;
+  double level = -1.0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), level);
+  if (error != std::errc() || end != text.data() + text.size() ||
+      !(level >= 0.0 && level <= 10.0)) {
+    ThrowUsageError("level '{}' is unknown: give clean, medium, hard or a number from 0 to 10",
+                    text);
+  }
+  return level;
+}
+
+PaperLevel PaperLevelOf(double level) {
+  return {Geometric(level, 1.0, 0.3, 0.2),
+          Straight(level, 0.004, 0.04, 0.06),
+          std::min(2.0, 2.0 * level),
+          Straight(level, 0.0, 0.02, 0.03)};
+}
+
+SensorLevel SensorLevelOf(double level) {
+  const double gain = Geometric(level, 1.0, 0.08, 0.04);
+  const double shot = Geometric(level, 1e-4, 0.006, 0.012);
+  return {gain,
+          shot,
+          std::exp(2.18 * std::log(shot) + 1.2),
+          std::max(1.0, 0.2 / gain),
+          std::min(1.0, Straight(level, 0.0, 0.35, 0.6))};
+}
+
+cv::Mat DegradeFrame(const cv::Mat& gray,
+                     const DegradeOptions& options,
+                     std::uint32_t frame,
+                     const cv::Mat& motion) {
+  RandomStream random = NoiseOf(options, frame);
+  cv::Mat image = ToUnit(gray);
+  switch (options.recipe) {
+    case DegradeRecipe::kPaper:
+      image = Paper(image, PaperLevelOf(options.level), random);
+      break;
+    case DegradeRecipe::kSensor:
+      image = Sensor(image, SensorLevelOf(options.level), motion, random);
+      break;
+  }
+  cv::Mat out;
+  image.convertTo(out, CV_8U, 255.0);
+  return out;
+}
+
+cv::Mat TrueMotion(const Sequence& sequence, FrameIndex frame, const cv::Mat& depth_m) {
+  const std::map<FrameIndex, Rigid3>& poses = sequence.TrueCamFromWorld();
+  const auto here = poses.find(frame);
+  const std::optional<Camera> camera = sequence.KnownCamera();
+  if (here == poses.end() || depth_m.empty() || !camera) return {};
+  const auto next = poses.find(FrameIndex(ToInt(frame) + 1));
+  const auto previous = ToInt(frame) == 0 ? poses.end() : poses.find(FrameIndex(ToInt(frame) - 1));
+  const auto after = next == poses.end() ? here : next;
+  const auto before = previous == poses.end() ? here : previous;
+  if (after == before) return {};
+  const double frames = static_cast<double>(ToInt(after->first) - ToInt(before->first));
+  const Rigid3 world_from_cam = here->second.Inverse();
+  const Rigid3 after_from_here = after->second * world_from_cam;
+  const Rigid3 before_from_here = before->second * world_from_cam;
+
+  // Where the depth is unknown: as far as half of the picture.
+  std::vector<double> known;
+  for (const float z : cv::Mat_<float>(depth_m)) {
+    if (z > 0.0F) known.push_back(z);
+  }
+  if (known.empty()) return {};
+  const auto usual = static_cast<float>(Median(std::move(known)));
+
+  constexpr int kStep = 4;  // dense enough for a blur
+  cv::Mat coarse((depth_m.rows + kStep - 1) / kStep, (depth_m.cols + kStep - 1) / kStep, CV_32FC2);
+  for (int y = 0; y < coarse.rows; ++y) {
+    for (int x = 0; x < coarse.cols; ++x) {
+      const cv::Point at(std::min(kStep * x + kStep / 2, depth_m.cols - 1),
+                         std::min(kStep * y + kStep / 2, depth_m.rows - 1));
+      const float z = depth_m.at<float>(at);
+      const Eigen::Vector2d pixel(at.x, at.y);
+      const Eigen::Vector3d x_in_cam =
+          (z > 0.0F ? z : usual) * camera->Unproject(pixel).homogeneous();
+      const auto end = camera->Project(after_from_here * x_in_cam);
+      const auto begin = camera->Project(before_from_here * x_in_cam);
+      const Eigen::Vector2d motion =
+          begin && end ? Eigen::Vector2d((*end - *begin) / frames) : Eigen::Vector2d::Zero();
+      coarse.at<cv::Vec2f>(y, x) = {static_cast<float>(motion.x()), static_cast<float>(motion.y())};
+    }
+  }
+  cv::Mat motion;
+  cv::resize(coarse, motion, depth_m.size(), 0, 0, cv::INTER_LINEAR);
+  return motion;
+}
+
+cv::Mat SignalOf(const cv::Mat& gray,
+                 const DegradeOptions& options,
+                 std::uint32_t frame,
+                 const cv::Mat& motion) {
+  cv::Mat image = ToUnit(gray);
+  switch (options.recipe) {
+    case DegradeRecipe::kPaper: {
+      const PaperLevel level = PaperLevelOf(options.level);
+      image *= level.gain;
+      if (level.blur_px > 0.0) cv::GaussianBlur(image, image, cv::Size(0, 0), level.blur_px);
+      return image;
+    }
+    case DegradeRecipe::kSensor: {
+      RandomStream random = NoiseOf(options, frame);
+      return SensorSignal(image, SensorLevelOf(options.level), motion, random);
+    }
+  }
+  ThrowUsageError("unknown recipe");
+}
+
+OccludedFrame DrawOccluder(const cv::Mat& gray,
+                           const DegradeOptions& options,
+                           std::uint32_t frame) {
+  OccludedFrame result{gray.clone(), cv::Mat::zeros(gray.size(), CV_8UC1)};
+  const double course = 2.0 * gray.cols + kBarWidthPx;
+  const double travelled = std::fmod(options.occluder_px_per_frame * frame, course);
+  const int left = static_cast<int>(std::lround(travelled)) - kBarWidthPx;
+  const cv::Rect bar =
+      cv::Rect(left, 0, kBarWidthPx, gray.rows) & cv::Rect(0, 0, gray.cols, gray.rows);
+  if (bar.empty()) return result;
+  result.mask(bar) = 255;
+  cv::Mat pattern;
+  BarPattern(gray.rows, options.seed)
+      .convertTo(pattern, gray.depth(), gray.depth() == CV_16U ? 65535.0 : 255.0);
+  pattern(bar - cv::Point(left, 0)).copyTo(result.gray(bar));
+  return result;
+}
+
+void DegradeSequence(Sequence& sequence,
+                     const fs::path& source,
+                     const DegradeOptions& options,
+                     const fs::path& out,
+                     const Progress& progress,
+                     unsigned threads) {
+  ValidateOptions(options);
+  std::error_code ignored;
+  if (fs::equivalent(source, out, ignored)) {
+    ThrowError("{} is the input itself: give another folder to write", out.string());
+  }
+  TumWriter writer(out);
+  if (const auto camera = sequence.KnownCamera()) writer.WriteCamera(*camera);
+  const std::map<FrameIndex, Rigid3>& poses = sequence.TrueCamFromWorld();
+
+  std::mutex mutex;  // of what follows, and of the sequence
+  std::vector<FrameIndex> read;
+  bool at_end = false;
+  std::size_t done = 0;
+  const auto work = [&] {
+    for (;;) {
+      std::optional<Frame> frame;
+      TumWriter::Record record;
+      std::size_t place = 0;
+      {
+        const std::lock_guard lock(mutex);
+        if (at_end) return;
+        frame = sequence.Next();
+        at_end = !frame;
+        if (!frame) return;
+        place = read.size();
+        read.push_back(frame->index);
+        record.depth_m = sequence.TrueDepth(frame->index);
+        record.occluder = sequence.OccluderMask(frame->index);
+      }
+      record.timestamp_ns = frame->timestamp_ns;
+      if (const auto pose = poses.find(frame->index); pose != poses.end()) {
+        record.cam_from_world = pose->second;
+      }
+      const std::uint32_t index = ToInt(frame->index);
+      cv::Mat motion;
+      if (options.recipe == DegradeRecipe::kSensor) {
+        motion = TrueMotion(sequence, frame->index, record.depth_m.value_or(cv::Mat()));
+      }
+      cv::Mat gray = frame->gray;
+      if (options.occluder_px_per_frame > 0.0) {
+        OccludedFrame occluded = DrawOccluder(gray, options, index);
+        gray = occluded.gray;
+        record.occluder = record.occluder ? *record.occluder | occluded.mask : occluded.mask;
+        if (!motion.empty()) {
+          motion.setTo(cv::Scalar(options.occluder_px_per_frame, 0.0), occluded.mask);
+        }
+      }
+      record.picture = DegradeFrame(gray, options, index, motion);
+      writer.Write(place, record);
+      const std::lock_guard lock(mutex);
+      if (progress) progress(++done, sequence.FrameCount().value_or(0));
+    }
+  };
+  ParallelFor(ThreadCount(threads), threads, [&](std::size_t) {
+    try {
+      work();
+    } catch (...) {
+      const std::lock_guard lock(mutex);
+      at_end = true;
+      throw;
+    }
+  });
+
+  if (auto scene = fs::is_directory(source) ? ReadSceneFile(source) : std::nullopt;
+      scene && !read.empty()) {
+    const auto source_step =
+        read.size() > 1 ? static_cast<int>(ToInt(read[1]) - ToInt(read[0])) : 1;
+    scene->first_frame += static_cast<int>(ToInt(read[0])) * scene->frame_step;
+    scene->frame_step *= source_step;
+    writer.WriteFile("scene.json", scene->Text());
+  }
+  writer.Finish();
+}
+
+}  // namespace cohort

@@ -1,0 +1,100 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <opencv2/core/mat.hpp>
+#include <string>
+
+#include "datasets/readers/sequence.h"
+#include "datasets/render/synthetic_scene.h"
+
+namespace cohort {
+
+enum class DegradeRecipe { kPaper, kSensor };
+inline constexpr ChoiceNames<DegradeRecipe, 2> kRecipeNames{
+    {{"paper", DegradeRecipe::kPaper}, {"sensor", DegradeRecipe::kSensor}}};
+
+struct DegradeOptions {
+  DegradeRecipe recipe = DegradeRecipe::kPaper;
+  double level = 1.0;  // 0 clean, 1 medium, 2 hard; as text: ParseLevel
+  double occluder_px_per_frame = 0.0;
+  unsigned seed = 1;
+
+  template <typename Self, typename Visitor>
+  static void Visit(Self& o, Visitor& v) {
+    v.Choice(
+        "recipe", o.recipe, kRecipeNames, "paper: darken, noise, blur, noise; sensor: a camera");
+    v.Number("occluder_px_per_frame",
+             o.occluder_px_per_frame,
+             0.0,
+             1000.0,
+             "speed of an opaque bar, 80 px wide, that crosses the picture; 0: none");
+    v.Number("seed", o.seed, 0U, 4294967295U, "of the noise and the bar's pattern");
+  }
+};
+
+// Level by name: clean 0, medium 1, hard 2, or a number. Throws UsageError.
+double ParseLevel(const std::string& text);
+
+// What a level stands for: piecewise linear through the table's three levels and on beyond hard,
+// gains and shot in their logarithm, blur up to 2 px, shutter up to 1.
+//   paper    clean                medium                           hard
+//            gain 1, noise .004   gain .3, .04, blur 2 px, .02     gain .2, .06, blur 2 px, .03
+//   sensor   gain 1, shot 1e-4,   gain .08, shot .006, shutter .35 gain .04, shot .012, shutter .6
+//            shutter 0            log read = 2.18 log shot + 1.2
+struct PaperLevel {
+  double gain, noise_before, blur_px, noise_after;
+};
+struct SensorLevel {
+  double gain, shot, read;
+  double digital_gain;  // back to a fifth of the full range, as an automatic exposure does
+  double shutter;       // open for this share of the time between frames
+};
+PaperLevel PaperLevelOf(double level);
+SensorLevel SensorLevelOf(double level);
+
+// One frame; `gray` is CV_8UC1 or CV_16UC1, the result CV_8UC1. With v in 0..1 and n normal noise:
+//   paper   g v + s1 n, Gaussian blur, + s2 n
+//   sensor  linear = gain v^2.2, blurred by motion, + noise of variance shot linear + read, digital
+//           gain, cut to 0..1, ^(1/2.2)
+// `motion` is how far the picture moves from frame to frame (CV_32FC2, px): it is smeared half
+// forwards, half backwards, so that nothing is displaced. Empty: a hand that moves the whole
+// picture by up to 5 px in some direction. The random numbers of frame i are
+// RandomStream(seed, "degrade/noise").Fork(i).
+cv::Mat DegradeFrame(const cv::Mat& gray,
+                     const DegradeOptions& options,
+                     std::uint32_t frame,
+                     const cv::Mat& motion = {});
+
+// The same frame as it would be without noise, digital gain, gamma and 8 bits, CV_32FC1: what the
+// noise is added to. Sensor: in linear light.
+cv::Mat SignalOf(const cv::Mat& gray,
+                 const DegradeOptions& options,
+                 std::uint32_t frame,
+                 const cv::Mat& motion = {});
+
+// How the true camera moves the picture, a frame's worth about `frame`: `motion` above. Empty
+// without true poses, camera or depth.
+cv::Mat TrueMotion(const Sequence& sequence, FrameIndex frame, const cv::Mat& depth_m);
+
+// An opaque, textured bar, 80 px wide, that crosses the picture from the left again and again; it
+// stays away for as long as it takes to cross.
+struct OccludedFrame {
+  cv::Mat gray;
+  cv::Mat mask;  // CV_8UC1, 255: covered
+};
+OccludedFrame DrawOccluder(const cv::Mat& gray, const DegradeOptions& options, std::uint32_t frame);
+
+// Degrades a clip into a folder in TUM layout, with calibration, true poses, depth and scene.json
+// where the source has them; `source` is what `sequence` was opened from. The occluder is drawn
+// first, as a real foreground would be. Motion blur follows the true cameras where there are poses
+// and depth (bodies that move on their own are blurred as if they stood still). Whole or not at
+// all; the bytes do not depend on `threads` (0: one a core).
+void DegradeSequence(Sequence& sequence,
+                     const std::filesystem::path& source,
+                     const DegradeOptions& options,
+                     const std::filesystem::path& out,
+                     const Progress& progress = {},
+                     unsigned threads = 0);
+
+}  // namespace cohort

@@ -1,0 +1,125 @@
+#include "datasets/readers/euroc.h"
+
+#include <opencv2/core.hpp>
+#include <string>
+#include <vector>
+
+#include "datasets/readers/text_table.h"
+#include "frontend/core/error.h"
+#include "frontend/core/output.h"
+
+namespace cohort {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct CameraSensor {
+  Camera camera;
+  Rigid3 body_from_cam;
+};
+
+// The folder of cam0: FOLDER/mav0, or FOLDER itself.
+fs::path Mav(const fs::path& folder) {
+  return fs::exists(folder / "mav0") ? folder / "mav0" : folder;
+}
+
+std::vector<double> Numbers(const cv::FileNode& node,
+                            const char* name,
+                            std::size_t count,
+                            const std::string& file) {
+  std::vector<double> numbers;
+  for (const cv::FileNode& item : node) {
+    if (!item.isReal() && !item.isInt()) ThrowError("{}: {} is not all numbers", file, name);
+    numbers.push_back(static_cast<double>(item));
+  }
+  if (numbers.size() != count) {
+    ThrowError("{}: {} has {} numbers instead of {}", file, name, numbers.size(), count);
+  }
+  return numbers;
+}
+
+CameraSensor ReadSensor(const fs::path& path) {
+  const std::string file = path.string();
+  CameraSensor sensor;
+  try {
+    // OpenCV wants a line that the data set's files do not have.
+    const cv::FileStorage yaml(
+        "%YAML:1.0\n---\n" + ReadBytes(path),
+        cv::FileStorage::READ | cv::FileStorage::MEMORY | cv::FileStorage::FORMAT_YAML);
+    const auto model = static_cast<std::string>(yaml["camera_model"]);
+    const auto distortion = static_cast<std::string>(yaml["distortion_model"]);
+    if (model != "pinhole" || (distortion != "radial-tangential" && distortion != "radtan")) {
+      ThrowError(
+          "{}: camera model '{}' with distortion '{}' is not supported: give pinhole with "
+          "radial-tangential, or read the image folder with --layout images",
+          file,
+          model,
+          distortion);
+    }
+    const auto resolution = Numbers(yaml["resolution"], "resolution", 2, file);
+    const auto f = Numbers(yaml["intrinsics"], "intrinsics", 4, file);
+    const auto d = Numbers(yaml["distortion_coefficients"], "distortion_coefficients", 4, file);
+    const auto t = Numbers(yaml["T_BS"]["data"], "T_BS", 16, file);
+    sensor.camera = {.width_px = static_cast<int>(resolution[0]),
+                     .height_px = static_cast<int>(resolution[1]),
+                     .fx = f[0],
+                     .fy = f[1],
+                     .cx = f[2],
+                     .cy = f[3],
+                     .k1 = d[0],
+                     .k2 = d[1],
+                     .p1 = d[2],
+                     .p2 = d[3]};
+    const auto body_from_cam = RigidFromMatrix(
+        Eigen::Map<const Eigen::Matrix<double, 4, 4, Eigen::RowMajor>>(t.data()).topRows<3>());
+    if (!body_from_cam) ThrowError("{}: T_BS is no rigid motion", file);
+    sensor.body_from_cam = *body_from_cam;
+  } catch (const cv::Exception& e) {
+    ThrowError("{} is no YAML that OpenCV reads: {}", file, e.err);
+  }
+  return sensor;
+}
+
+std::map<std::int64_t, Rigid3> ReadWorldFromBody(const fs::path& file) {
+  const TextTable table(file);
+  std::map<std::int64_t, Rigid3> by_time;
+  for (std::size_t row = 0; row < table.rows(); ++row) {
+    const auto number = [&](std::size_t column) { return table.Number(row, column); };
+    const Eigen::Quaterniond rotation(number(4), number(5), number(6), number(7));
+    if (rotation.norm() < 0.5) table.Fail(row, "qw qx qy qz is no unit quaternion");
+    by_time.emplace(table.Integer(row, 0),
+                    Rigid3{rotation.normalized(), {number(1), number(2), number(3)}});
+  }
+  return by_time;
+}
+
+}  // namespace
+
+bool IsEuroc(const fs::path& folder) { return fs::exists(Mav(folder) / "cam0" / "data.csv"); }
+
+ImageList ReadEuroc(const fs::path& folder) {
+  const fs::path mav = Mav(folder);
+  ImageList list;
+  list.name = FolderName(folder);
+  if (list.name == "mav0") list.name = FolderName(folder / "..");
+  list.root = mav / "cam0" / "data";
+  const TextTable images(mav / "cam0" / "data.csv");
+  for (std::size_t row = 0; row < images.rows(); ++row) {
+    list.images.push_back({images.Text(row, 1), images.Integer(row, 0)});
+  }
+
+  const fs::path sensor_file = mav / "cam0" / "sensor.yaml";
+  if (!fs::exists(sensor_file)) return list;
+  const CameraSensor sensor = ReadSensor(sensor_file);
+  list.camera = sensor.camera;
+
+  const fs::path truth_file = mav / "state_groundtruth_estimate0" / "data.csv";
+  if (!fs::exists(truth_file)) return list;
+  for (const auto& [frame, world_from_body] :
+       ByNearestTime(list.images, ReadWorldFromBody(truth_file))) {
+    list.cam_from_world.emplace(frame, (world_from_body * sensor.body_from_cam).Inverse());
+  }
+  return list;
+}
+
+}  // namespace cohort

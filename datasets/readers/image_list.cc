@@ -1,0 +1,118 @@
+#include "datasets/readers/image_list.h"
+
+#include <utility>
+
+#include "datasets/readers/gray_image.h"
+#include "frontend/core/error.h"
+
+namespace cohort {
+namespace {
+
+constexpr double kDepthUnitsPerMetre = 5000.0;
+
+class ImageListSequence final : public Sequence {
+ public:
+  ImageListSequence(ImageList list, const FrameRange& range)
+      : list_(std::move(list)), range_(range), count_(range.Count(list_.images.size())) {
+    if (list_.images.empty()) ThrowError("{} lists no images", list_.name);
+    if (count_ == 0) {
+      ThrowError("{} has {} frames, the range starts at frame {}: give an earlier one",
+                 list_.name,
+                 list_.images.size(),
+                 range.first);
+    }
+    size_ = ReadImage(FileOf(range.first)).size();
+    if (Camera* camera = list_.camera ? &*list_.camera : nullptr) {
+      if (camera->width_px == 0) {
+        camera->width_px = size_.width;
+        camera->height_px = size_.height;
+      }
+      if (cv::Size(camera->width_px, camera->height_px) != size_) {
+        ThrowError(
+            "the calibration of {} is for {}x{}, its images are {}x{}: use the one that "
+            "belongs to these images",
+            list_.name,
+            camera->width_px,
+            camera->height_px,
+            size_.width,
+            size_.height);
+      }
+    }
+  }
+
+  std::optional<Frame> Next() override {
+    if (read_ == count_) return std::nullopt;
+    const std::size_t i = range_.first + read_ * range_.stride;
+    const std::string file = FileOf(i).string();
+    cv::Mat picture;
+    try {
+      picture = ReadImage(file);
+    } catch (const Error& e) {
+      warning_ = fmt::format("read {} frames of {}: {}", read_, count_, e.what());
+      count_ = read_;
+      return std::nullopt;
+    }
+    RequireSize(picture.size(), size_, file);
+    ++read_;
+    return Frame{
+        FrameIndex(i), list_.images[i].timestamp_ns, list_.images[i].name, ToGray(picture, file)};
+  }
+
+  void Rewind() override { read_ = 0; }
+  std::string Name() const override { return list_.name; }
+  std::filesystem::path ImageRoot() const override { return list_.root; }
+  std::optional<std::size_t> FrameCount() const override { return count_; }
+  std::optional<Camera> KnownCamera() const override { return list_.camera; }
+  const std::map<FrameIndex, Rigid3>& TrueCamFromWorld() const override {
+    return list_.cam_from_world;
+  }
+
+  std::optional<cv::Mat> TrueDepth(FrameIndex frame) const override {
+    const auto found = list_.depth_files.find(frame);
+    if (found == list_.depth_files.end()) return std::nullopt;
+    const cv::Mat units = ReadImage(found->second);
+    if (units.type() != CV_16UC1) {
+      ThrowError("depth map {} is no 16-bit grey image", found->second.string());
+    }
+    RequireSize(units.size(), size_, found->second.string());
+    cv::Mat metres;
+    units.convertTo(metres, CV_32F, 1.0 / kDepthUnitsPerMetre);
+    return metres;
+  }
+
+  std::optional<cv::Mat> OccluderMask(FrameIndex frame) const override {
+    const auto found = list_.occluder_files.find(frame);
+    if (found == list_.occluder_files.end()) return std::nullopt;
+    const std::string file = found->second.string();
+    const cv::Mat mask = ToGray(ReadImage(file), file);
+    RequireSize(mask.size(), size_, file);
+    return cv::Mat(mask != 0);
+  }
+
+  const std::string& Warning() const override { return warning_; }
+
+ private:
+  std::filesystem::path FileOf(std::size_t image) const {
+    return list_.root / list_.images[image].name;
+  }
+
+  ImageList list_;
+  FrameRange range_;
+  std::size_t count_;     // frames of the range
+  std::size_t read_ = 0;  // of them
+  cv::Size size_;
+  std::string warning_;
+};
+
+}  // namespace
+
+std::string FolderName(const std::filesystem::path& folder) {
+  const std::filesystem::path absolute = std::filesystem::weakly_canonical(folder);
+  return (absolute.has_filename() ? absolute : absolute.parent_path()).filename().string();
+}
+
+std::unique_ptr<Sequence> OpenImageList(ImageList list, const FrameRange& range) {
+  return std::make_unique<ImageListSequence>(std::move(list), range);
+}
+
+}  // namespace cohort

@@ -1,0 +1,76 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "frontend/core/options.h"
+#include "frontend/geometry/camera.h"
+#include "frontend/geometry/rigid3.h"
+#include "frontend/image/frame.h"
+
+namespace cohort {
+
+enum class Layout { kAuto, kVideo, kImages, kTum, kEuroc, kKitti };
+inline constexpr ChoiceNames<Layout, 6> kLayoutNames{{{"auto", Layout::kAuto},
+                                                      {"video", Layout::kVideo},
+                                                      {"images", Layout::kImages},
+                                                      {"tum", Layout::kTum},
+                                                      {"euroc", Layout::kEuroc},
+                                                      {"kitti", Layout::kKitti}}};
+
+// Frames first, first + stride, ... up to but without end; end is none for the whole clip.
+struct FrameRange {
+  std::uint32_t first = 0;
+  std::optional<std::uint32_t> end;
+  std::uint32_t stride = 1;
+
+  // Text A:B or A:B:STEP like Python's slices; A and B may be left out, as in "100:" or "::5".
+  // Throws UsageError.
+  static FrameRange Parse(const std::string& text);
+  // How many frames of a source of `source_frames` are in the range.
+  std::size_t Count(std::size_t source_frames) const;
+};
+
+// Frames in order, decoded one at a time: an hour of video needs the memory of a few frames.
+//
+//   auto sequence = OpenSequence("clip.mp4");
+//   while (auto frame = sequence->Next()) Use(*frame);
+//   if (!sequence->Warning().empty()) Tell(sequence->Warning());
+class Sequence {
+ public:
+  virtual ~Sequence() = default;
+
+  // The next frame of the range; none at the end. Throws Error naming the file on a frame of
+  // another size. A file that cannot be decoded ends the sequence: Warning() then says which and
+  // why.
+  virtual std::optional<Frame> Next() = 0;
+  virtual void Rewind() = 0;
+
+  virtual std::string Name() const = 0;  // for tables: the folder's or file's name
+  // Frame names are relative to it; empty for a video.
+  virtual std::filesystem::path ImageRoot() const = 0;
+  // Frames of the range. A video's is what its header promises until its end is reached.
+  virtual std::optional<std::size_t> FrameCount() const = 0;
+  virtual std::optional<Camera> KnownCamera() const = 0;  // calibration in the layout
+  // True poses by frame of the source where the layout has them (nearest time stamp within 20 ms);
+  // may be empty.
+  virtual const std::map<FrameIndex, Rigid3>& TrueCamFromWorld() const = 0;
+  // Depth along the optical axis [m], CV_32FC1, 0 where unknown; none where the layout has none.
+  virtual std::optional<cv::Mat> TrueDepth(FrameIndex frame) const = 0;
+  // CV_8UC1, 255 where a foreground occluder of `degrade` covers the scene; none without one.
+  virtual std::optional<cv::Mat> OccluderMask(FrameIndex frame) const = 0;
+  virtual const std::string& Warning() const = 0;  // empty: all is well
+};
+
+// Opens a video file, an image folder, a glob of images, or a folder in TUM RGB-D / ETH3D, EuRoC
+// ASL or KITTI odometry layout (datasets/README.md). Throws Error saying what was looked for.
+std::unique_ptr<Sequence> OpenSequence(const std::filesystem::path& input,
+                                       Layout layout = Layout::kAuto,
+                                       const FrameRange& range = {});
+
+}  // namespace cohort

@@ -1,0 +1,134 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <vector>
+
+#include "datasets/render/camera_path.h"
+#include "datasets/render/synthetic_scene.h"
+#include "datasets/render/texture.h"
+#include "frontend/geometry/camera.h"
+#include "frontend/geometry/rigid3.h"
+
+namespace cohort {
+
+// A piece of surface, laid out by two coordinates s, t in 0..1: a wall, a side of a box, a pipe, a
+// cloth. It is a grid of columns x rows cells, each of two flat triangles.
+struct Patch {
+  using Shape = std::function<Eigen::Vector3d(double s, double t, double frame)>;
+  Shape x_in_world;
+  int columns = 1;
+  int rows = 1;
+  bool moves = false;  // the shape depends on the frame
+  TextureSpec texture;
+};
+
+// The surfaces of a scene and where it is looked at from.
+struct SceneLayout {
+  std::vector<Patch> patches;
+  Viewpoint viewpoint;
+  Eigen::Vector3d lamp{0.0, -1.0, 0.0};
+  double ambient = 0.5;  // share of the light that comes from all sides
+};
+
+// A point of the scene's surface: it moves with what it lies on.
+struct SurfacePoint {
+  std::size_t triangle = 0;
+  Eigen::Vector3d weights = Eigen::Vector3d::Zero();  // of the triangle's corners, sum 1
+};
+
+// A scene of textured surfaces, mostly 2-9 m away, and the hand-held camera that looks at it. All
+// of it follows from the options: pictures (render.h), depth, and the true course of every point of
+// a surface, also of moving and deforming ones.
+class SyntheticScene {
+ public:
+  struct Triangle {
+    std::array<std::size_t, 3> vertices;
+    std::size_t patch;
+  };
+
+  explicit SyntheticScene(const SyntheticSceneOptions& options);
+  // Of one's own layout, for tests and experiments.
+  SyntheticScene(const SyntheticSceneOptions& options, SceneLayout layout);
+
+  const SyntheticSceneOptions& options() const { return options_; }
+  const Camera& camera() const { return camera_; }  // pinhole, centred
+  // At a fraction of a frame too.
+  Rigid3 CamFromWorld(double frame) const { return path_.CamFromWorld(frame); }
+
+  const SceneLayout& layout() const { return layout_; }
+  const std::vector<Patch>& patches() const { return layout_.patches; }
+  const std::vector<Triangle>& triangles() const { return triangles_; }
+  const std::vector<Eigen::Vector2d>& vertices() const { return vertices_; }  // (s, t)
+  std::vector<Eigen::Vector3d> VerticesInWorld(double frame) const;
+
+ private:
+  void Triangulate();
+
+  SyntheticSceneOptions options_;
+  Camera camera_;
+  SceneLayout layout_;
+  std::vector<Triangle> triangles_;
+  std::vector<Eigen::Vector2d> vertices_;
+  std::vector<std::size_t> first_vertex_;       // by patch
+  std::vector<Eigen::Vector3d> at_frame_zero_;  // by vertex
+  CameraPath path_;
+};
+
+// A triangle as a camera sees it. With the homogeneous pixel h = (x, y, 1), weights_by_depth * h
+// holds the barycentric weights divided by the depth: all are >= 0 inside, and their sum is the
+// inverse depth. That needs no clipping (Olano and Greer, Triangle scan conversion using 2D
+// homogeneous coordinates, 1997).
+struct ProjectedTriangle {
+  Eigen::Matrix3d weights_by_depth;
+  Eigen::Vector3d inverse_depth;  // the sum of the rows
+  // Around it [px]; the whole plane where it reaches behind the camera.
+  double left, right, top, bottom;
+
+  bool Covers(const Eigen::Vector3d& weights) const { return weights.minCoeff() >= -tolerance; }
+  double tolerance;  // a millionth of a pixel: neighbours leave no gap
+};
+// None if it is behind the camera or seen edge-on.
+std::optional<ProjectedTriangle> ProjectTriangle(const Camera& camera,
+                                                 const std::array<Eigen::Vector3d, 3>& x_in_cam);
+
+// The scene as it stands in one frame, for questions about single points.
+class SceneMoment {
+ public:
+  SceneMoment(const SyntheticScene& scene, double frame);
+
+  // The nearest surface point on a pixel's ray; none where there is nothing. Pixels may lie up to
+  // 64 px outside the picture.
+  std::optional<SurfacePoint> Pick(const Eigen::Vector2d& xy) const;
+  Eigen::Vector3d PointInWorld(const SurfacePoint& point) const;
+  Eigen::Vector3d PointInCam(const SurfacePoint& point) const;
+  // 1 / depth along a pixel's ray [1/m]; 0 where there is nothing.
+  double InverseDepth(const Eigen::Vector2d& xy) const;
+
+  const Rigid3& cam_from_world() const { return cam_from_world_; }
+
+ private:
+  struct Candidate {
+    ProjectedTriangle projected;
+    std::size_t triangle;
+  };
+  struct Hit {
+    const Candidate* candidate = nullptr;
+    Eigen::Vector3d weights;  // by depth
+    double inverse_depth = 0.0;
+  };
+  Hit Cast(const Eigen::Vector2d& xy) const;
+
+  const SyntheticScene* scene_;
+  Rigid3 cam_from_world_;
+  std::vector<Eigen::Vector3d> vertices_in_world_;
+  std::vector<Candidate> candidates_;
+  int tile_columns_;
+  int tile_rows_;
+  std::vector<std::vector<std::uint32_t>> tiles_;  // candidates that touch it
+};
+
+}  // namespace cohort

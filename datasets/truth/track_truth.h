@@ -1,0 +1,54 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <filesystem>
+#include <memory>
+#include <optional>
+
+#include "datasets/readers/sequence.h"
+#include "datasets/render/scene_geometry.h"
+
+namespace cohort {
+
+// Where a point of the scene truly is in a frame.
+struct TruePosition {
+  Eigen::Vector2d xy = Eigen::Vector2d::Zero();  // [px]
+  bool in_image = false;
+  bool visible = false;  // in the image and hidden by nothing
+};
+
+// The true course of points: the error of a track is its distance from the course of the surface
+// point that its first position shows. What is asked of a frame is kept; not for several threads.
+class TrackTruth {
+ public:
+  // A point of the scene, as this truth names it.
+  struct Anchor {
+    FrameIndex frame{};
+    Eigen::Vector3d in_world = Eigen::Vector3d::Zero();  // in that frame; rigid scenes: in all
+    SurfacePoint on_surface;                             // of a rendered scene
+  };
+
+  virtual ~TrackTruth() = default;
+  // The point that a pixel shows; none where its depth is unknown or a foreground occluder hides
+  // the scene.
+  virtual std::optional<Anchor> Pick(FrameIndex frame, const Eigen::Vector2d& xy) = 0;
+  // None in a frame without a true pose, and behind the camera.
+  virtual std::optional<TruePosition> Locate(const Anchor& anchor, FrameIndex frame) = 0;
+  // Does the depth jump within `radius_px` of a pixel? Corners there are often no points of the
+  // scene: a near edge crosses a far one. Steep surfaces and creases are no jumps. Where the depth
+  // is not known, it is said to jump.
+  virtual bool IsOnDepthEdge(FrameIndex frame, const Eigen::Vector2d& xy, double radius_px) = 0;
+};
+
+// The best truth that `input` has:
+// - exact where it holds a scene.json: moving and deforming bodies too; visible is what is the
+//   nearest surface on its ray, to 1 mm in 1 m; a jump is 2 % of the depth from pixel to pixel;
+// - else from depth pictures and true poses, for rigid scenes: depth is linear in its inverse
+//   between four neighbours that agree to 2 %, none elsewhere; visible where the depth picture
+//   agrees to 3 % + 2 cm; a jump is 5 %;
+// - none without these.
+// Both know the masks of a foreground occluder. `sequence` is `input`; it must outlive the result.
+std::unique_ptr<TrackTruth> OpenTrackTruth(const Sequence& sequence,
+                                           const std::filesystem::path& input);
+
+}  // namespace cohort

@@ -1,0 +1,83 @@
+#pragma once
+
+#include <opencv2/core/mat.hpp>
+#include <span>
+#include <string>
+
+#include "backend/scene/reconstruction.h"
+#include "datasets/readers/sequence.h"
+#include "frontend/track/second_look.h"
+#include "frontend/tracks/track_store.h"
+
+namespace cohort {
+
+struct SecondPassOptions {
+  double border_px = 5.0;
+  double max_scale = 2.0;
+  double min_confirmed = 0.78;
+  bool drop_movers = true;
+  SecondLookOptions look;
+
+  template <typename Self, typename Visitor>
+  static void Visit(Self& o, Visitor& v) {
+    v.Number("border_px", o.border_px, 0.0, 100.0, "not measured nearer to the image border [px]");
+    v.Number("max_scale",
+             o.max_scale,
+             1.0,
+             100.0,
+             "not measured where the feature looks larger or smaller than its template by this");
+    v.Number(
+        "min_confirmed",
+        o.min_confirmed,
+        0.0,
+        1.0,
+        "share of the first pass's observations that must be found again, else the scene is not "
+        "as the model has it: `track` then keeps the first pass, `refine` warns");
+    v.Flag("drop_movers",
+           o.drop_movers,
+           "drop tracks that no point of the rigid scene explains: what moves otherwise");
+    SecondLookOptions::Visit(o.look, v);
+  }
+};
+
+struct SecondPassFigures {
+  std::size_t before = 0;    // observations of the tracks that have a point
+  std::size_t kept = 0;      // of them, measured again
+  std::size_t regained = 0;  // observations where the first pass had none
+  std::size_t movers = 0;    // tracks dropped
+
+  double Confirmed() const;  // kept, as a share
+  std::string Brief() const;
+};
+
+struct SecondPass {
+  TrackFile file;
+  SecondPassFigures figures;
+};
+
+// Does no point of the scene, near or infinitely far, explain half of the track's observed
+// positions to within `max_error_px`? Not said of fewer than ten frames with a pose.
+bool MovesOtherwise(std::span<const Observation> track,
+                    const Reconstruction& model,
+                    double max_error_px);
+
+// Tracks and their model -> tracks measured anew where the model's points are seen (SecondLook).
+// Where a feature is not seen between its sightings, or the first pass had it, the model predicts
+// it. Tracks without a point, and frames without a pose, keep what they had; but tracks that
+// MovesOtherwise are dropped: they are on something that crosses before the scene.
+// `sequence`: the clip, rewound here; nothing is measured where `mask` (may be empty) is black.
+// Throws Error where clip, model and tracks do not belong together.
+SecondPass MeasureAgain(const TrackFile& file,
+                        const Reconstruction& model,
+                        Sequence& sequence,
+                        const cv::Mat& mask,
+                        const SecondPassOptions& options);
+
+// The same with a model of its own, by Ceres; where none succeeds, or too little is found again,
+// `file` itself, whose meta["second_pass"] says why.
+TrackFile WithSecondPass(TrackFile file,
+                         Sequence& sequence,
+                         const cv::Mat& mask,
+                         const SecondPassOptions& options);
+
+}  // namespace cohort

@@ -1,0 +1,268 @@
+#include "datasets/readers/image_folder.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+
+#include "frontend/core/error.h"
+#include "tests/datasets/fixtures.h"
+#include "tests/support/temp_dir.h"
+
+namespace cohort {
+namespace {
+
+using test::Names;
+using test::TempDir;
+using test::WriteImage;
+using testing::AllOf;
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::ThrowsMessage;
+
+TEST(NaturalOrder, ComparesRunsOfDigitsAsNumbers) {
+  EXPECT_TRUE(NaturalLess("frame2.png", "frame10.png"));
+  EXPECT_TRUE(NaturalLess("a1b20", "a1b100"));
+  EXPECT_TRUE(NaturalLess("a007", "a8"));
+  EXPECT_TRUE(NaturalLess("a.seq9.png", "a.seq10.png"));
+  EXPECT_TRUE(NaturalLess("a", "a1"));
+  EXPECT_FALSE(NaturalLess("b1", "a2"));
+  EXPECT_FALSE(NaturalLess("a1", "a1"));
+  // Equal numbers: one order, not both.
+  EXPECT_NE(NaturalLess("a01", "a1"), NaturalLess("a1", "a01"));
+  EXPECT_TRUE(NaturalLess("1403636579763555584", "14036365797635555840"));
+}
+
+TEST(ImageFolder, ReadsImagesInNaturalOrderAtThirtyFramesASecond) {
+  const TempDir dir;
+  for (const int i : {10, 2, 1}) WriteImage(dir / fmt::format("frame{}.png", i), i);
+  std::ofstream(dir / "notes.txt") << "no image";
+  std::ofstream(dir / "._frame3.png") << "a macOS leftover";
+
+  const auto sequence = OpenSequence(dir.path());
+  EXPECT_EQ(sequence->Name(), dir.path().filename());
+  EXPECT_EQ(sequence->ImageRoot(), dir.path());
+  EXPECT_EQ(sequence->FrameCount(), 3u);
+  EXPECT_FALSE(sequence->KnownCamera().has_value());
+  EXPECT_TRUE(sequence->TrueCamFromWorld().empty());
+  EXPECT_FALSE(sequence->TrueDepth(FrameIndex{0}).has_value());
+  EXPECT_FALSE(sequence->OccluderMask(FrameIndex{0}).has_value());
+
+  for (int round = 0; round < 2; ++round) {
+    const std::vector<Frame> frames = test::ReadAll(*sequence);
+    ASSERT_THAT(Names(frames), ElementsAre("frame1.png", "frame2.png", "frame10.png"));
+    EXPECT_EQ(frames[2].index, FrameIndex{2});
+    EXPECT_EQ(frames[2].timestamp_ns, 66'666'666);
+    EXPECT_EQ(frames[2].gray.type(), CV_8UC1);
+    EXPECT_EQ(frames[2].gray.at<std::uint8_t>(5, 5), 10);
+    EXPECT_EQ(sequence->Warning(), "");
+    sequence->Rewind();
+  }
+}
+
+TEST(ImageFolder, RangesAndStridesKeepTheSourcesFrameIndices) {
+  const TempDir dir;
+  for (int i = 0; i < 10; ++i) WriteImage(dir / fmt::format("{}.pgm", i), i);
+  const auto read = [&](const char* range) {
+    const auto sequence = OpenSequence(dir.path(), Layout::kAuto, FrameRange::Parse(range));
+    std::vector<Frame> frames = test::ReadAll(*sequence);
+    EXPECT_EQ(sequence->FrameCount(), frames.size()) << range;
+    for (const Frame& frame : frames) {
+      EXPECT_EQ(frame.gray.at<std::uint8_t>(0, 0), ToInt(frame.index)) << range;
+    }
+    return test::Indices(frames);
+  };
+  EXPECT_THAT(read("2:5"), ElementsAre(2, 3, 4));
+  EXPECT_THAT(read("7:"), ElementsAre(7, 8, 9));
+  EXPECT_THAT(read("1:9:3"), ElementsAre(1, 4, 7));
+  EXPECT_THAT(read("::4"), ElementsAre(0, 4, 8));
+  EXPECT_THAT(read("9:100"), ElementsAre(9));
+  EXPECT_THAT([&] { read("10:"); },
+              ThrowsMessage<Error>(AllOf(HasSubstr("10 frames"), HasSubstr("frame 10"))));
+}
+
+TEST(ImageFolder, ReadsAGlobAndASingleImage) {
+  const TempDir dir;
+  WriteImage(dir / "a/left2.png", 2);
+  WriteImage(dir / "a/left10.png", 10);
+  WriteImage(dir / "a/right1.png", 1);
+  WriteImage(dir / "b/left1.png", 1);
+
+  auto sequence = OpenSequence(dir / "a/left*.png");
+  EXPECT_EQ(sequence->ImageRoot(), dir / "a");
+  EXPECT_EQ(sequence->Name(), "a");
+  EXPECT_THAT(Names(test::ReadAll(*sequence)), ElementsAre("left2.png", "left10.png"));
+
+  // Wildcards in folders: names are relative to the folder before the first one.
+  sequence = OpenSequence(dir / "?/left*.png");
+  EXPECT_EQ(sequence->ImageRoot(), dir.path());
+  EXPECT_THAT(Names(test::ReadAll(*sequence)),
+              ElementsAre("a/left2.png", "a/left10.png", "b/left1.png"));
+
+  sequence = OpenSequence(dir / "a/left10.png");
+  EXPECT_THAT(Names(test::ReadAll(*sequence)), ElementsAre("left10.png"));
+
+  EXPECT_THAT([&] { OpenSequence(dir / "a/*.jpg"); },
+              ThrowsMessage<Error>(AllOf(HasSubstr("no images"), HasSubstr("a/*.jpg"))));
+}
+
+TEST(ImageFolder, AFolderWhoseNameLooksLikeAGlobIsAFolder) {
+  const TempDir dir;
+  WriteImage(dir / "take[1]/0.png", 7);
+  EXPECT_EQ(OpenSequence(dir / "take[1]")->FrameCount(), 1u);
+}
+
+TEST(ImageFolder, ConvertsColourAlphaAnd16BitsToGrey) {
+  const TempDir dir;
+  // Blue 10, green 200, red 60: 0.114 * 10 + 0.587 * 200 + 0.299 * 60 = 136.48.
+  cv::imwrite((dir / "0_colour.png").string(), cv::Mat(48, 64, CV_8UC3, cv::Scalar(10, 200, 60)));
+  cv::imwrite((dir / "1_alpha.png").string(), cv::Mat(48, 64, CV_8UC4, cv::Scalar(10, 200, 60, 0)));
+  cv::imwrite((dir / "2_deep.png").string(), cv::Mat(48, 64, CV_16UC1, cv::Scalar(54321)));
+  cv::imwrite((dir / "3_deep_colour.tif").string(),
+              cv::Mat(48, 64, CV_16UC3, cv::Scalar(1000, 20000, 6000)));
+
+  const std::vector<Frame> frames = test::ReadAll(*OpenSequence(dir.path()));
+  ASSERT_EQ(frames.size(), 4u);
+  EXPECT_EQ(frames[0].gray.type(), CV_8UC1);
+  EXPECT_EQ(frames[0].gray.at<std::uint8_t>(3, 4), 136);
+  EXPECT_EQ(frames[1].gray.type(), CV_8UC1);
+  EXPECT_EQ(frames[1].gray.at<std::uint8_t>(3, 4), 136);
+  EXPECT_EQ(frames[2].gray.type(), CV_16UC1);
+  EXPECT_EQ(frames[2].gray.at<std::uint16_t>(3, 4), 54321);
+  EXPECT_EQ(frames[3].gray.type(), CV_16UC1);
+  EXPECT_NEAR(frames[3].gray.at<std::uint16_t>(3, 4), 13648, 1);
+}
+
+TEST(ImageFolder, RefusesFloatingPointImages) {
+  const TempDir dir;
+  cv::imwrite((dir / "0.tif").string(), cv::Mat(48, 64, CV_32FC1, cv::Scalar(0.5)));
+  const auto sequence = OpenSequence(dir.path());
+  EXPECT_THAT([&] { sequence->Next(); },
+              ThrowsMessage<Error>(AllOf(HasSubstr("0.tif"), HasSubstr("8 or 16 bits"))));
+}
+
+TEST(ImageFolder, AnImageOfAnotherSizeIsAnErrorNamingBothSizes) {
+  const TempDir dir;
+  WriteImage(dir / "0.png", 0);
+  WriteImage(dir / "1.png", 1, {32, 24});
+  const auto sequence = OpenSequence(dir.path());
+  ASSERT_TRUE(sequence->Next());
+  EXPECT_THAT(
+      [&] { sequence->Next(); },
+      ThrowsMessage<Error>(AllOf(HasSubstr("1.png"), HasSubstr("32x24"), HasSubstr("64x48"))));
+}
+
+// A cut JPEG too, of which decoders make a picture whose rest is grey.
+TEST(ImageFolder, AnImageThatCannotBeDecodedEndsTheSequenceAndIsSaid) {
+  for (const char* name : {"3.png", "3.jpg", "3.tif", "3.pgm"}) {
+    const TempDir dir;
+    for (const int i : {1, 2, 4}) WriteImage(dir / fmt::format("{}.png", i), i);
+    cv::Mat noise(48, 64, CV_8UC1);
+    cv::randu(noise, 0, 256);
+    cv::imwrite((dir / name).string(), noise);
+    EXPECT_EQ(test::ReadAll(*OpenSequence(dir.path())).size(), 4u) << name;
+
+    test::CutFile(dir / name, 0.6);
+    const auto sequence = OpenSequence(dir.path());
+    EXPECT_EQ(test::ReadAll(*sequence).size(), 2u) << name;
+    EXPECT_THAT(sequence->Warning(), AllOf(HasSubstr("2 frames of 4"), HasSubstr(name)));
+    EXPECT_EQ(sequence->FrameCount(), 2u);
+    sequence->Rewind();
+    EXPECT_EQ(test::ReadAll(*sequence).size(), 2u) << name;
+    EXPECT_NE(sequence->Warning(), "");
+  }
+}
+
+TEST(ImageFolder, AFirstImageThatCannotBeDecodedIsAnError) {
+  const TempDir dir;
+  std::ofstream(dir / "0.png") << "no image";
+  WriteImage(dir / "1.png", 1);
+  EXPECT_THAT([&] { OpenSequence(dir.path()); }, ThrowsMessage<Error>(HasSubstr("0.png")));
+  std::ofstream(dir / "0.png");
+  EXPECT_THAT([&] { OpenSequence(dir.path()); },
+              ThrowsMessage<Error>(AllOf(HasSubstr("0.png"), HasSubstr("empty"))));
+}
+
+TEST(ImageFolder, ReadsTheCastleOfDebiansVispImagesData) {
+  const std::filesystem::path folder =
+      "/usr/share/visp-images-data/ViSP-images/mbt-depth/castel/castel";
+  if (!std::filesystem::exists(folder)) GTEST_SKIP() << "no package visp-images-data";
+  const auto sequence = OpenSequence(folder);
+  const std::vector<Frame> frames = test::ReadAll(*sequence);
+  ASSERT_EQ(frames.size(), 30u);
+  EXPECT_EQ(frames.back().name, "image_0029.pgm");
+  EXPECT_EQ(frames.back().gray.size(), cv::Size(640, 480));
+}
+
+TEST(OpenSequence, SaysWhatItLookedForInAFolderOfAnotherKind) {
+  const TempDir dir;
+  std::ofstream(dir / "notes.txt") << "nothing";
+  EXPECT_THAT([&] { OpenSequence(dir.path()); },
+              ThrowsMessage<Error>(AllOf(HasSubstr(dir.path().string()),
+                                         HasSubstr("no images"),
+                                         HasSubstr("rgb.txt"),
+                                         HasSubstr("mav0/cam0/data.csv"),
+                                         HasSubstr("image_0"))));
+  WriteImage(dir / "frames/0.png", 0);
+  EXPECT_THAT([&] { OpenSequence(dir.path()); },
+              ThrowsMessage<Error>(HasSubstr("there are images in " + (dir / "frames").string())));
+}
+
+TEST(OpenSequence, NamesAMissingInputAndAWrongLayout) {
+  const TempDir dir;
+  WriteImage(dir / "0.png", 0);
+  EXPECT_THAT([&] { OpenSequence(dir / "missing.mp4"); },
+              ThrowsMessage<Error>(AllOf(HasSubstr("no such file"), HasSubstr("missing.mp4"))));
+  EXPECT_THAT([&] { OpenSequence(dir.path(), Layout::kTum); },
+              ThrowsMessage<Error>(AllOf(HasSubstr("tum"), HasSubstr("rgb.txt"))));
+  EXPECT_THAT([&] { OpenSequence(dir.path(), Layout::kEuroc); },
+              ThrowsMessage<Error>(HasSubstr("mav0/cam0/data.csv")));
+  EXPECT_THAT([&] { OpenSequence(dir.path(), Layout::kKitti); },
+              ThrowsMessage<Error>(HasSubstr("image_0")));
+  EXPECT_THAT([&] { OpenSequence(dir.path(), Layout::kVideo); },
+              ThrowsMessage<Error>(HasSubstr("is a folder")));
+  EXPECT_THAT([&] { OpenSequence(dir / "0.png", Layout::kKitti); },
+              ThrowsMessage<Error>(HasSubstr("is a file")));
+}
+
+TEST(FrameRange, ParsesPythonSlicesAndRefusesTheRest) {
+  const auto parse = [](const char* text) {
+    const FrameRange range = FrameRange::Parse(text);
+    return fmt::format("{} {} {}", range.first, range.end.value_or(0), range.stride);
+  };
+  EXPECT_EQ(parse("3:10"), "3 10 1");
+  EXPECT_EQ(parse("3:10:2"), "3 10 2");
+  EXPECT_EQ(parse("3:"), "3 0 1");
+  EXPECT_EQ(parse("3::2"), "3 0 2");
+  EXPECT_EQ(parse(":10"), "0 10 1");
+  EXPECT_EQ(parse(":"), "0 0 1");
+  for (const char* text : {"",
+                           "5",
+                           "a:b",
+                           "-1:5",
+                           "1:2:3:4",
+                           "5:5",
+                           "6:5",
+                           "1:9:0",
+                           "1.5:2",
+                           "1: 2",
+                           "0:99999999999"}) {
+    EXPECT_THAT([&] { parse(text); },
+                ThrowsMessage<UsageError>(HasSubstr(fmt::format("'{}'", text))));
+  }
+}
+
+TEST(FrameRange, CountsItsFramesOfASource) {
+  EXPECT_EQ(FrameRange{}.Count(7), 7u);
+  EXPECT_EQ(FrameRange::Parse("2:7:3").Count(100), 2u);
+  EXPECT_EQ(FrameRange::Parse("2:8:3").Count(100), 2u);
+  EXPECT_EQ(FrameRange::Parse("2:9:3").Count(100), 3u);
+  EXPECT_EQ(FrameRange::Parse("2::3").Count(3), 1u);
+  EXPECT_EQ(FrameRange::Parse("5:").Count(5), 0u);
+  EXPECT_EQ(FrameRange::Parse("::4000000000").Count(5), 1u);
+}
+
+}  // namespace
+}  // namespace cohort
