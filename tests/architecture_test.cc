@@ -11,6 +11,8 @@
 #include <string>
 #include <vector>
 
+#include "tests/support/source_dir.h"
+
 // Who may include whom. Everything flows one way: frames -> tracks -> reconstruction -> figures.
 // The CMake targets say the same; this test reads every #include.
 
@@ -117,7 +119,7 @@ std::optional<std::string> Fault(const std::string& file, const std::string& inc
 }
 
 TEST(Architecture, NoIncludePointsUpward) {
-  const fs::path root = COHORT_SOURCE_DIR;
+  const fs::path root = test::SourceDir();
   std::vector<std::string> faults;
   std::size_t files = 0;
   for (const char* top : {"frontend", "backend", "datasets", "pipelines"}) {

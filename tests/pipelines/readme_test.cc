@@ -15,6 +15,7 @@
 
 #include "frontend/core/output.h"
 #include "tests/support/program.h"
+#include "tests/support/source_dir.h"
 #include "tests/support/temp_dir.h"
 
 namespace cohort {
@@ -86,7 +87,7 @@ void ExpectAlike(const std::string& shown, const std::string& printed) {
 }
 
 TEST(Readme, CommandsRunAndPrintWhatItShows) {
-  const fs::path file = fs::path(COHORT_SOURCE_DIR) / "README.md";
+  const fs::path file = test::SourceDir() / "README.md";
   std::string readme = ReadBytes(file);
   const test::TempDir dir;
   const std::string prefix = fmt::format("cd {} && PATH={}:$PATH && set -e\n",

@@ -4,6 +4,8 @@
 #include <filesystem>
 #include <string>
 
+#include "tests/support/source_dir.h"
+
 namespace cohort::test {
 
 // A real sequence that may not be published: $COHORT_DATA/NAME, by default ../shared/data/NAME
@@ -11,8 +13,7 @@ namespace cohort::test {
 inline std::filesystem::path SharedData(const std::string& name) {
   const char* const folder = std::getenv("COHORT_DATA");
   const std::filesystem::path data =
-      folder != nullptr ? std::filesystem::path(folder)
-                        : std::filesystem::path(COHORT_SOURCE_DIR) / "../shared/data";
+      folder != nullptr ? std::filesystem::path(folder) : SourceDir() / "../shared/data";
   return data / name;
 }
 

@@ -16,6 +16,7 @@
 #include "frontend/core/random_stream.h"
 #include "pipelines/evaluation/alignment.h"
 #include "tests/support/shared_data.h"
+#include "tests/support/source_dir.h"
 #include "tests/support/temp_dir.h"
 
 namespace cohort {
@@ -83,7 +84,7 @@ void ExpectAsEvo(const fs::path& folder, const std::string& name) {
 }
 
 TEST(TrajectoryError, EqualsEvoOnTheSyntheticPath) {
-  ExpectAsEvo(fs::path(COHORT_SOURCE_DIR) / "tests/data/evo", "synthetic");
+  ExpectAsEvo(test::SourceDir() / "tests/data/evo", "synthetic");
 }
 
 TEST(TrajectoryError, EqualsEvoOnARealPath) {

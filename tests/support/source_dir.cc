@@ -1,0 +1,7 @@
+#include "tests/support/source_dir.h"
+
+namespace cohort::test {
+
+std::filesystem::path SourceDir() { return COHORT_SOURCE_DIR; }
+
+}  // namespace cohort::test
