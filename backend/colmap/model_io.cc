@@ -389,7 +389,7 @@ Reconstruction CamerasOf(const ColmapModel& model) {
   return reconstruction;
 }
 
-void SortViews(ScenePoint& point) {
+void SortViews(Point3D& point) {
   std::sort(point.views.begin(), point.views.end(), [](const PointView& a, const PointView& b) {
     return a.frame < b.frame;
   });
@@ -545,7 +545,7 @@ Reconstruction FromColmapModel(const ColmapModel& model) {
     if (id == 0 || id - 1 > std::numeric_limits<std::uint32_t>::max()) {
       ThrowError("COLMAP point id {} is none of ours: they are a feature's id + 1", id);
     }
-    ScenePoint& read = reconstruction.points[FeatureId{static_cast<std::uint32_t>(id - 1)}];
+    Point3D& read = reconstruction.points[FeatureId{static_cast<std::uint32_t>(id - 1)}];
     read.in_world = point.xyz;
     read.mean_reprojection_px = point.error_px;
     for (const auto& [image, index] : point.track) {
@@ -572,7 +572,7 @@ Reconstruction FromColmapModel(const ColmapModel& model,
     keypoints[id] = ColmapKeypoints(file.tracks, FrameOfColmapImage(id), include_predicted);
   }
   for (const auto& [id, point] : model.points) {
-    ScenePoint read;
+    Point3D read;
     read.in_world = point.xyz;
     read.mean_reprojection_px = point.error_px;
     std::optional<FeatureId> feature;

@@ -11,13 +11,15 @@
 namespace cohort {
 namespace {
 
-std::vector<int> SelectOnce(const Clip& clip, const Camera& camera, double parallax_px) {
+std::vector<int> SelectOnce(const WhitenedTracks& whitened,
+                            const Camera& camera,
+                            double parallax_px) {
   constexpr double kMinKept = 0.7;
   constexpr std::size_t kMinTracks = 4;
   std::vector<int> keyframes;
   int last_usable = -1;
-  for (int f = 0; f < clip.frame_count(); ++f) {
-    const std::size_t tracks = clip.InFrame(f).size();
+  for (int f = 0; f < whitened.frame_count(); ++f) {
+    const std::size_t tracks = whitened.ObservationsIn(f).size();
     if (tracks < kMinTracks) continue;
     last_usable = f;
     if (keyframes.empty()) {
@@ -25,15 +27,16 @@ std::vector<int> SelectOnce(const Clip& clip, const Camera& camera, double paral
       continue;
     }
     const int last = keyframes.back();
-    const FramePairMotion motion = MeasureMotion(clip, camera, last, f);
+    const FramePairMotion motion = MeasureMotion(whitened, camera, last, f);
     if (motion.parallax_px < parallax_px &&
-        motion.common >= kMinKept * static_cast<double>(clip.InFrame(last).size())) {
+        motion.common >= kMinKept * static_cast<double>(whitened.ObservationsIn(last).size())) {
       continue;
     }
     // Where the tracks break off suddenly, the frame before still has them.
     constexpr double kBreak = 0.5;
-    if (f - 1 > last && motion.common < kBreak * static_cast<double>(clip.InFrame(last).size()) &&
-        clip.InFrame(f - 1).size() >= kMinTracks) {
+    if (f - 1 > last &&
+        motion.common < kBreak * static_cast<double>(whitened.ObservationsIn(last).size()) &&
+        whitened.ObservationsIn(f - 1).size() >= kMinTracks) {
       keyframes.push_back(f - 1);
     }
     keyframes.push_back(f);
@@ -45,13 +48,16 @@ std::vector<int> SelectOnce(const Clip& clip, const Camera& camera, double paral
 
 }  // namespace
 
-FramePairMotion MeasureMotion(const Clip& clip, const Camera& camera, int frame_a, int frame_b) {
+FramePairMotion MeasureMotion(const WhitenedTracks& whitened,
+                              const Camera& camera,
+                              int frame_a,
+                              int frame_b) {
   FramePairMotion motion{frame_a, frame_b};
   std::vector<std::pair<Eigen::Vector2d, Eigen::Vector2d>> pairs;
   std::vector<double> displacements;
-  for (const auto& [a, b] : clip.Common(frame_a, frame_b)) {
-    const Eigen::Vector2d& xy_a = clip.observations()[a].xy;
-    const Eigen::Vector2d& xy_b = clip.observations()[b].xy;
+  for (const auto& [a, b] : whitened.CommonObservations(frame_a, frame_b)) {
+    const Eigen::Vector2d& xy_a = whitened.observations()[a].xy;
+    const Eigen::Vector2d& xy_b = whitened.observations()[b].xy;
     pairs.emplace_back(camera.Unproject(xy_a), camera.Unproject(xy_b));
     displacements.push_back((xy_b - xy_a).norm());
   }
@@ -61,19 +67,19 @@ FramePairMotion MeasureMotion(const Clip& clip, const Camera& camera, int frame_
   return motion;
 }
 
-std::vector<int> SelectKeyframes(const Clip& clip,
+std::vector<int> SelectKeyframes(const WhitenedTracks& whitened,
                                  const Camera& camera,
                                  double parallax_px,
                                  int at_least) {
-  std::vector<int> keyframes = SelectOnce(clip, camera, parallax_px);
+  std::vector<int> keyframes = SelectOnce(whitened, camera, parallax_px);
   while (static_cast<int>(keyframes.size()) < at_least && parallax_px > 1.0) {
     parallax_px = std::max(1.0, parallax_px / 2.0);
-    keyframes = SelectOnce(clip, camera, parallax_px);
+    keyframes = SelectOnce(whitened, camera, parallax_px);
   }
   return keyframes;
 }
 
-std::vector<FramePairMotion> RankPairs(const Clip& clip,
+std::vector<FramePairMotion> RankPairs(const WhitenedTracks& whitened,
                                        const Camera& camera,
                                        const std::vector<int>& keyframes,
                                        int min_common) {
@@ -87,9 +93,10 @@ std::vector<FramePairMotion> RankPairs(const Clip& clip,
   for (int i = 0; i < count; i += first_step) {
     int step = 1;
     for (int j = i + 1; j < count; j += step) {
-      const FramePairMotion motion = MeasureMotion(clip, camera, keyframes[i], keyframes[j]);
-      const auto tracks = static_cast<double>(
-          std::min(clip.InFrame(keyframes[i]).size(), clip.InFrame(keyframes[j]).size()));
+      const FramePairMotion motion = MeasureMotion(whitened, camera, keyframes[i], keyframes[j]);
+      const auto tracks =
+          static_cast<double>(std::min(whitened.ObservationsIn(keyframes[i]).size(),
+                                       whitened.ObservationsIn(keyframes[j]).size()));
       if (motion.common < min_common || motion.common < kMinShared * tracks) break;
       pairs.push_back(motion);
       if (j - i >= 4 * step) step *= 2;
@@ -104,13 +111,13 @@ std::vector<FramePairMotion> RankPairs(const Clip& clip,
   return pairs;
 }
 
-double EstimateNoise(const Clip& clip) {
-  const auto& observations = clip.observations();
-  std::vector<std::vector<Eigen::Vector2d>> differences(clip.frame_count());
+double EstimateNoise(const WhitenedTracks& whitened) {
+  const auto& observations = whitened.observations();
+  std::vector<std::vector<Eigen::Vector2d>> differences(whitened.frame_count());
   for (std::size_t i = 2; i < observations.size(); ++i) {
-    const ClipObservation& a = observations[i - 2];
-    const ClipObservation& b = observations[i - 1];
-    const ClipObservation& c = observations[i];
+    const WhitenedObservation& a = observations[i - 2];
+    const WhitenedObservation& b = observations[i - 1];
+    const WhitenedObservation& c = observations[i];
     if (a.track != c.track || c.frame != a.frame + 2) continue;
     differences[b.frame].push_back(a.xy - 2.0 * b.xy + c.xy);
   }
@@ -138,7 +145,7 @@ std::vector<Camera> CamerasToTry(const Camera& camera) {
   return cameras;
 }
 
-ClipMotion ClassifyMotion(const Clip& clip,
+ClipMotion ClassifyMotion(const WhitenedTracks& whitened,
                           const Camera& camera,
                           const std::vector<FramePairMotion>& pairs,
                           double noise_px) {
@@ -156,7 +163,8 @@ ClipMotion ClassifyMotion(const Clip& clip,
   const auto largest_parallax = [&](const Camera& candidate) {
     std::vector<double> parallaxes;
     for (const FramePairMotion& pair : widest) {
-      parallaxes.push_back(MeasureMotion(clip, candidate, pair.frame_a, pair.frame_b).parallax_px);
+      parallaxes.push_back(
+          MeasureMotion(whitened, candidate, pair.frame_a, pair.frame_b).parallax_px);
     }
     return *std::max_element(parallaxes.begin(), parallaxes.end());
   };
@@ -166,7 +174,7 @@ ClipMotion ClassifyMotion(const Clip& clip,
   return ClipMotion::kParallax;
 }
 
-ClipMotion ClassifyDrift(const Clip& clip,
+ClipMotion ClassifyDrift(const WhitenedTracks& whitened,
                          const Camera& camera,
                          const std::vector<FramePairMotion>& pairs) {
   constexpr std::size_t kPairs = 12;
@@ -180,9 +188,9 @@ ClipMotion ClassifyDrift(const Clip& clip,
     for (const FramePairMotion& pair : std::span(pairs).first(std::min(pairs.size(), kPairs))) {
       std::vector<Eigen::Vector2d> xy_a;
       std::vector<Eigen::Vector2d> xy_b;
-      for (const auto& [a, b] : clip.Common(pair.frame_a, pair.frame_b)) {
-        xy_a.push_back(clip.observations()[a].xy);
-        xy_b.push_back(clip.observations()[b].xy);
+      for (const auto& [a, b] : whitened.CommonObservations(pair.frame_a, pair.frame_b)) {
+        xy_a.push_back(whitened.observations()[a].xy);
+        xy_b.push_back(whitened.observations()[b].xy);
       }
       TwoViewOptions two_view;
       two_view.min_inliers = 8;

@@ -17,7 +17,7 @@ struct PointView {
   Eigen::Vector2d xy = Eigen::Vector2d::Zero();  // pixels, our convention
 };
 
-struct ScenePoint {
+struct Point3D {
   Eigen::Vector3d in_world = Eigen::Vector3d::Zero();
   std::vector<PointView> views;  // ascending frames, those that bundle adjustment kept
   double mean_reprojection_px = 0.0;
@@ -30,7 +30,7 @@ struct Reconstruction {
   std::map<FrameIndex, Rigid3> cam_from_world;  // registered frames only
   std::map<FrameIndex, std::string> frame_names;
   std::map<FrameIndex, std::int64_t> timestamps_ns;
-  std::map<FeatureId, ScenePoint> points;
+  std::map<FeatureId, Point3D> points;
 };
 
 // Fills mean_reprojection_px of every point from cameras, points and views.

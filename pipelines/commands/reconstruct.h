@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "backend/colmap/colmap_mapper.h"
-#include "backend/scene/incremental_mapper.h"
+#include "backend/scene/mapper.h"
 #include "pipelines/console/command.h"
 
 namespace cohort {

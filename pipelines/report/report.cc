@@ -220,7 +220,7 @@ Json PathOf(const std::map<FrameIndex, Rigid3>& cam_from_world, const Sim3& show
 
 // How far a point is off, as a share of its distance from the camera that saw it first: 0 up to 1
 // %, 1 up to 5 %, 2 beyond, 3 where the truth does not know.
-int ErrorClassOf(const ScenePoint& point,
+int ErrorClassOf(const Point3D& point,
                  const Sim3& truth_from_world,
                  const std::map<FrameIndex, Rigid3>& true_poses,
                  TrackTruth* truth) {

@@ -13,7 +13,7 @@
 #include <vector>
 
 #include "backend/geometry/triangulation.h"
-#include "backend/scene/incremental_mapper.h"
+#include "backend/scene/mapper.h"
 #include "pipelines/console/option_list.h"
 #include "pipelines/console/progress_bar.h"
 

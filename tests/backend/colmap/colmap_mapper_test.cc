@@ -12,7 +12,7 @@
 
 #include "backend/colmap/model_io.h"
 #include "backend/colmap/program.h"
-#include "backend/scene/incremental_mapper.h"
+#include "backend/scene/mapper.h"
 #include "frontend/core/output.h"
 #include "tests/support/synthetic_tracks.h"
 #include "tests/support/temp_dir.h"

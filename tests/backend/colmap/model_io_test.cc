@@ -28,7 +28,7 @@ Reconstruction TrueReconstruction(const SyntheticTracks& scene) {
     reconstruction.timestamps_ns[frame.index] = 1'700'000'000'123'456'789 + frame.timestamp_ns;
   }
   for (const auto& [feature, in_world] : scene.points_in_world) {
-    ScenePoint& point = reconstruction.points[feature];
+    Point3D& point = reconstruction.points[feature];
     point.in_world = in_world;
     point.mean_reprojection_px = 0.25 + ToInt(feature) * 0.001;
     for (const Observation& o : scene.file.tracks.Track(feature)) {
@@ -60,7 +60,7 @@ void ExpectSame(const Reconstruction& a, const Reconstruction& b) {
   }
   ASSERT_EQ(a.points.size(), b.points.size());
   for (const auto& [feature, point] : a.points) {
-    const ScenePoint& other = b.points.at(feature);
+    const Point3D& other = b.points.at(feature);
     EXPECT_EQ(point.in_world, other.in_world);
     EXPECT_EQ(point.mean_reprojection_px, other.mean_reprojection_px);
     ASSERT_EQ(point.views.size(), other.views.size());

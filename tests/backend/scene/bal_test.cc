@@ -18,7 +18,7 @@ Reconstruction TrueModel(const test::SyntheticTracks& scene) {
   model.camera = *scene.file.camera;
   model.cam_from_world = scene.cam_from_world;
   for (const Observation& o : scene.file.tracks.observations()) {
-    ScenePoint& point = model.points[o.feature];
+    Point3D& point = model.points[o.feature];
     point.in_world = scene.points_in_world.at(o.feature);
     point.views.push_back({o.frame, o.xy});
   }

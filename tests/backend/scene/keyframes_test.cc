@@ -18,9 +18,9 @@ test::SyntheticTracksOptions Drifting(CameraPath path) {
 }
 
 ClipMotion MotionByDirection(const TrackFile& file, Camera camera) {
-  const Clip clip(file, {});
-  const std::vector<int> keyframes = SelectKeyframes(clip, camera, 10.0, 10);
-  return ClassifyDrift(clip, camera, RankPairs(clip, camera, keyframes, 12));
+  const WhitenedTracks whitened(file, {});
+  const std::vector<int> keyframes = SelectKeyframes(whitened, camera, 10.0, 10);
+  return ClassifyDrift(whitened, camera, RankPairs(whitened, camera, keyframes, 12));
 }
 
 TEST(ClassifyDrift, ParallaxLiesAlongTheEpipolarLinesAndDriftDoesNot) {
@@ -36,7 +36,7 @@ TEST(ClassifyDrift, ParallaxLiesAlongTheEpipolarLinesAndDriftDoesNot) {
 
 TEST(ClassifyDrift, SaysNothingWithoutPairs) {
   const TrackFile file = MakeSyntheticTracks(Drifting(CameraPath::kStatic)).file;
-  EXPECT_EQ(ClassifyDrift(Clip(file, {}), *file.camera, {}), ClipMotion::kParallax);
+  EXPECT_EQ(ClassifyDrift(WhitenedTracks(file, {}), *file.camera, {}), ClipMotion::kParallax);
 }
 
 }  // namespace

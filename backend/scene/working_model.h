@@ -5,27 +5,29 @@
 #include <vector>
 
 #include "backend/scene/bundle_adjustment.h"
-#include "backend/scene/clip.h"
+#include "backend/scene/whitened_tracks.h"
 
 namespace cohort {
 
-struct SceneOptions {
+struct WorkingModelOptions {
   double max_reprojection_px = 4.0;  // never beyond this is an observation kept
   double min_angle_deg = 1.0;        // largest angle between two rays of a point, at least
 };
 
-struct SceneAdjustment {
+struct ModelAdjustment {
   BundleResult bundle;      // its cameras: the free frames, then the fixed ones
   std::vector<int> tracks;  // whose points they are, in the order of the bundle's
 };
 
 // A reconstruction in the making: which frames have a pose, which tracks a point, and which
 // observations of them are believed.
-class SceneModel {
+class WorkingModel {
  public:
-  SceneModel(const Clip& clip, const Camera& camera, const SceneOptions& options);
+  WorkingModel(const WhitenedTracks& whitened,
+               const Camera& camera,
+               const WorkingModelOptions& options);
 
-  const Clip& clip() const { return *clip_; }
+  const WhitenedTracks& whitened() const { return *whitened_; }
   const Camera& camera() const { return camera_; }
   void SetCamera(const Camera& camera);
   // The normalised image point of an observation under the present camera.
@@ -45,7 +47,7 @@ class SceneModel {
     points_[track] = in_world;
   }
   std::size_t CountPoints() const;
-  bool Active(int observation) const { return active_[observation] != 0; }
+  bool IsInlier(int observation) const { return is_inlier_[observation] != 0; }
 
   // Standard deviation of a whitened coordinate, robust; 1 until there is a model to say.
   double noise() const { return noise_; }
@@ -63,22 +65,22 @@ class SceneModel {
   bool RegisterFrame(int frame, const std::optional<Rigid3>& start);
   // Points for tracks without one that registered frames see at a sufficient angle.
   int TriangulateTracks(std::span<const int> tracks);
-  int TriangulateAll();
+  int TriangulateAllTracks();
 
   // Bundle adjustment of the registered frames `free` and the points they see, from observations in
   // them and in the registered frames `fixed`, which keep their poses. Refined intrinsics become
   // the model's.
-  SceneAdjustment Adjust(std::span<const int> free,
+  ModelAdjustment Adjust(std::span<const int> free,
                          std::span<const int> fixed,
                          const BundleOptions& options);
 
   // Believes again in what agrees with the model and no longer in what does not: observations
-  // further than max_error (whitened) or max_reprojection_px off are inactive; points behind a
+  // further than max_error (whitened) or max_reprojection_px off are none; points behind a
   // camera, seen at too small an angle or by fewer than three frames (two in a model of two) are
   // dropped. Returns how many observations changed sides. Also measures the noise.
   // A start that is known to be rough may widen the bound in pixels by a factor.
-  int Reclassify(std::span<const int> tracks, double max_error, double widen = 1.0);
-  int ReclassifyAll(double max_error);
+  int UpdateInliers(std::span<const int> tracks, double max_error, double widen = 1.0);
+  int UpdateAllInliers(double max_error);
   // Bound on whitened errors that fits the present noise.
   double ErrorBound() const;
 
@@ -94,7 +96,7 @@ class SceneModel {
 
   // How differently two models see the same points: median absolute deviation of the logarithm of
   // their depths' ratio in a frame. About 0 for models that differ by a similarity.
-  static double DepthDisagreement(const SceneModel& a, const SceneModel& b, int frame);
+  static double DepthDisagreement(const WorkingModel& a, const WorkingModel& b, int frame);
   // Median over points of the standard deviation of depth, relative to the distance.
   double MedianDepthUncertainty() const;
 
@@ -104,20 +106,20 @@ class SceneModel {
 
  private:
   std::optional<double> WhitenedError(int observation) const;
-  bool EnoughAngle(int track) const;
+  bool HasEnoughAngle(int track) const;
   int MinViews() const { return registered_ >= 3 && !relaxed_ ? 3 : 2; }
   void DropPoint(int track);
   void MeasureNoise(std::vector<double>& squared_errors);
 
-  const Clip* clip_;
+  const WhitenedTracks* whitened_;
   Camera camera_;
-  SceneOptions options_;
+  WorkingModelOptions options_;
   std::vector<Eigen::Vector2d> n_;
   std::vector<std::optional<Rigid3>> cam_from_world_;
   std::vector<Eigen::Vector3d> centers_;  // of frames with a pose
   std::vector<Eigen::Matrix3d> rotations_;
   std::vector<std::optional<Eigen::Vector3d>> points_;
-  std::vector<char> active_;
+  std::vector<char> is_inlier_;
   int registered_ = 0;
   bool relaxed_ = false;
   double noise_ = 1.0;

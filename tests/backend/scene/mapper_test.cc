@@ -1,4 +1,4 @@
-#include "backend/scene/incremental_mapper.h"
+#include "backend/scene/mapper.h"
 #include "frontend/core/statistics.h"
 
 #include <gmock/gmock.h>

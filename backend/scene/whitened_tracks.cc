@@ -1,4 +1,4 @@
-#include "backend/scene/clip.h"
+#include "backend/scene/whitened_tracks.h"
 
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
@@ -8,9 +8,9 @@
 namespace cohort {
 namespace {
 
-Eigen::Matrix2d CovarianceOf(const Observation& observation,
-                             std::uint32_t frames_since_observed,
-                             const ClipOptions& options) {
+Eigen::Matrix2d ObservationCovariance(const Observation& observation,
+                                      std::uint32_t frames_since_observed,
+                                      const WhiteningOptions& options) {
   Eigen::Matrix2d covariance = Eigen::Matrix2d::Identity();
   if (options.use_covariances && observation.covariance) {
     const double floor = options.covariance_floor_px * options.covariance_floor_px;
@@ -29,7 +29,8 @@ Eigen::Matrix2d CovarianceOf(const Observation& observation,
 
 }  // namespace
 
-Clip::Clip(const TrackFile& file, const ClipOptions& options) : frames_(file.frames) {
+WhitenedTracks::WhitenedTracks(const TrackFile& file, const WhiteningOptions& options)
+    : frames_(file.frames) {
   std::map<FrameIndex, int> frame_number;
   for (int i = 0; i < frame_count(); ++i) frame_number[frames_[i].index] = i;
   for (const FrameIndex frame : file.tracks.frames()) {
@@ -51,11 +52,12 @@ Clip::Clip(const TrackFile& file, const ClipOptions& options) : frames_(file.fra
     for (const Observation& o : track) {
       if (o.state == ObservationState::kObserved) last_observed = o.frame;
       if (!used(o)) continue;
-      ClipObservation& observation = observations_.emplace_back();
+      WhitenedObservation& observation = observations_.emplace_back();
       observation.frame = frame_number.at(o.frame);
       observation.track = number;
       observation.xy = o.xy;
-      observation.covariance_px2 = CovarianceOf(o, ToInt(o.frame) - ToInt(last_observed), options);
+      observation.covariance_px2 =
+          ObservationCovariance(o, ToInt(o.frame) - ToInt(last_observed), options);
       observation.whitening = Eigen::LLT<Eigen::Matrix2d>(observation.covariance_px2)
                                   .matrixL()
                                   .solve(Eigen::Matrix2d::Identity());
@@ -65,7 +67,7 @@ Clip::Clip(const TrackFile& file, const ClipOptions& options) : frames_(file.fra
   first_of_track_.push_back(static_cast<int>(observations_.size()));
 }
 
-std::optional<int> Clip::Find(int track, int frame) const {
+std::optional<int> WhitenedTracks::FindObservation(int track, int frame) const {
   const auto [first, last] = TrackRange(track);
   // Most tracks have no gaps, so the place is known.
   const int guess = first + frame - observations_[first].frame;
@@ -78,10 +80,11 @@ std::optional<int> Clip::Find(int track, int frame) const {
   return static_cast<int>(it - observations_.begin());
 }
 
-std::vector<std::pair<int, int>> Clip::Common(int frame_a, int frame_b) const {
+std::vector<std::pair<int, int>> WhitenedTracks::CommonObservations(int frame_a,
+                                                                    int frame_b) const {
   std::vector<std::pair<int, int>> result;
   for (const int a : in_frame_[frame_a]) {
-    if (const auto b = Find(observations_[a].track, frame_b)) result.emplace_back(a, *b);
+    if (const auto b = FindObservation(observations_[a].track, frame_b)) result.emplace_back(a, *b);
   }
   return result;
 }

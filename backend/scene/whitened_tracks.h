@@ -11,7 +11,7 @@
 namespace cohort {
 
 // Tracks as the mapper works on them: frames, tracks and observations numbered from 0.
-struct ClipObservation {
+struct WhitenedObservation {
   int frame = 0;
   int track = 0;
   Eigen::Vector2d xy = Eigen::Vector2d::Zero();                  // pixels
@@ -19,7 +19,7 @@ struct ClipObservation {
   Eigen::Matrix2d whitening = Eigen::Matrix2d::Identity();       // W^T W = covariance^-1
 };
 
-struct ClipOptions {
+struct WhiteningOptions {
   int min_track_length = 3;
   bool use_covariances = true;
   double covariance_floor_px = 0.1;  // added in quadrature to a measured covariance
@@ -27,32 +27,32 @@ struct ClipOptions {
   double predicted_growth_px = 1.0;  // standard deviation gained per frame since it was observed
 };
 
-class Clip {
+class WhitenedTracks {
  public:
   // Observed positions (and predicted ones, if asked) of tracks with at least min_track_length.
-  Clip(const TrackFile& file, const ClipOptions& options);
+  WhitenedTracks(const TrackFile& file, const WhiteningOptions& options);
 
   int frame_count() const { return static_cast<int>(frames_.size()); }
   int track_count() const { return static_cast<int>(features_.size()); }
   const std::vector<FrameInfo>& frames() const { return frames_; }
   const std::vector<FeatureId>& features() const { return features_; }
-  const std::vector<ClipObservation>& observations() const { return observations_; }
+  const std::vector<WhitenedObservation>& observations() const { return observations_; }
 
   // Indices into observations(): those of a track are [first, last), ascending frames.
   std::pair<int, int> TrackRange(int track) const {
     return {first_of_track_[track], first_of_track_[track + 1]};
   }
   // ascending tracks
-  const std::vector<int>& InFrame(int frame) const { return in_frame_[frame]; }
-  std::optional<int> Find(int track, int frame) const;
+  const std::vector<int>& ObservationsIn(int frame) const { return in_frame_[frame]; }
+  std::optional<int> FindObservation(int track, int frame) const;
 
   // The observations that two frames share, as pairs of indices; ascending tracks.
-  std::vector<std::pair<int, int>> Common(int frame_a, int frame_b) const;
+  std::vector<std::pair<int, int>> CommonObservations(int frame_a, int frame_b) const;
 
  private:
   std::vector<FrameInfo> frames_;
   std::vector<FeatureId> features_;
-  std::vector<ClipObservation> observations_;
+  std::vector<WhitenedObservation> observations_;
   std::vector<int> first_of_track_;
   std::vector<std::vector<int>> in_frame_;
 };

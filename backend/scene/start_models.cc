@@ -1,4 +1,4 @@
-#include "backend/scene/initialization.h"
+#include "backend/scene/start_models.h"
 
 #include <algorithm>
 #include <array>
@@ -15,11 +15,11 @@ namespace {
 constexpr int kWindowFrames = 8;
 constexpr double kMinExplained = 0.5;  // share of the window's observations
 
-std::vector<int> WindowFrames(const Clip& clip, const FramePairMotion& pair) {
+std::vector<int> WindowFrames(const WhitenedTracks& whitened, const FramePairMotion& pair) {
   std::vector<int> usable;
   for (int f = pair.frame_a; f <= pair.frame_b; ++f) {
     if (f == pair.frame_a || f == pair.frame_b ||
-        2 * static_cast<int>(clip.InFrame(f).size()) >= pair.common) {
+        2 * static_cast<int>(whitened.ObservationsIn(f).size()) >= pair.common) {
       usable.push_back(f);
     }
   }
@@ -31,10 +31,11 @@ std::vector<int> WindowFrames(const Clip& clip, const FramePairMotion& pair) {
   return window;
 }
 
-std::vector<int> TracksIn(const Clip& clip, const std::vector<int>& frames) {
+std::vector<int> TracksIn(const WhitenedTracks& whitened, const std::vector<int>& frames) {
   std::vector<int> tracks;
   for (const int f : frames) {
-    for (const int o : clip.InFrame(f)) tracks.push_back(clip.observations()[o].track);
+    for (const int o : whitened.ObservationsIn(f))
+      tracks.push_back(whitened.observations()[o].track);
   }
   std::sort(tracks.begin(), tracks.end());
   tracks.erase(std::unique(tracks.begin(), tracks.end()), tracks.end());
@@ -43,19 +44,21 @@ std::vector<int> TracksIn(const Clip& clip, const std::vector<int>& frames) {
 
 class WindowBuilder {
  public:
-  WindowBuilder(const Clip& clip, const FramePairMotion& pair, const StartOptions& options)
-      : clip_(clip),
+  WindowBuilder(const WhitenedTracks& whitened,
+                const FramePairMotion& pair,
+                const StartOptions& options)
+      : whitened_(whitened),
         pair_(pair),
         options_(options),
-        window_(WindowFrames(clip, pair)),
-        tracks_(TracksIn(clip, window_)) {}
+        window_(WindowFrames(whitened, pair)),
+        tracks_(TracksIn(whitened, window_)) {}
 
   void AddRelativePoses(const Camera& camera, std::vector<StartModel>& models) const {
     std::vector<Eigen::Vector2d> xy_a;
     std::vector<Eigen::Vector2d> xy_b;
-    for (const auto& [a, b] : clip_.Common(pair_.frame_a, pair_.frame_b)) {
-      xy_a.push_back(clip_.observations()[a].xy);
-      xy_b.push_back(clip_.observations()[b].xy);
+    for (const auto& [a, b] : whitened_.CommonObservations(pair_.frame_a, pair_.frame_b)) {
+      xy_a.push_back(whitened_.observations()[a].xy);
+      xy_b.push_back(whitened_.observations()[b].xy);
     }
     Camera calibrated = camera;
     calibrated.known = true;  // this focal length is the hypothesis
@@ -63,7 +66,7 @@ class WindowBuilder {
     two_view.min_inliers = 8;
     const TwoViewGeometry geometry = EstimateTwoViewGeometry(xy_a, xy_b, calibrated, two_view);
     const auto add = [&](const Rigid3& pose, StartMethod method) {
-      SceneModel model(clip_, camera, options_.scene);
+      WorkingModel model(whitened_, camera, options_.model);
       model.SetPose(pair_.frame_a, {});
       model.SetPose(pair_.frame_b, pose);
       model.TriangulateTracks(tracks_);
@@ -79,21 +82,21 @@ class WindowBuilder {
   }
 
   void AddAffine(const Camera& camera, std::vector<StartModel>& models) const {
-    SceneModel start(clip_, camera, options_.scene);
+    WorkingModel start(whitened_, camera, options_.model);
     std::vector<AffineMeasurement> measurements;
-    std::vector<int> number(clip_.track_count(), -1);
+    std::vector<int> number(whitened_.track_count(), -1);
     for (std::size_t i = 0; i < tracks_.size(); ++i) number[tracks_[i]] = static_cast<int>(i);
     for (std::size_t i = 0; i < window_.size(); ++i) {
-      for (const int o : clip_.InFrame(window_[i])) {
+      for (const int o : whitened_.ObservationsIn(window_[i])) {
         measurements.push_back(
-            {static_cast<int>(i), number[clip_.observations()[o].track], start.Normalised(o)});
+            {static_cast<int>(i), number[whitened_.observations()[o].track], start.Normalised(o)});
       }
     }
     const auto affine = FactorizeAffine(
         static_cast<int>(window_.size()), static_cast<int>(tracks_.size()), measurements);
     if (!affine) return;
     for (const AffineModel& side : affine->mirror_models) {
-      SceneModel model(clip_, camera, options_.scene);
+      WorkingModel model(whitened_, camera, options_.model);
       for (std::size_t i = 0; i < window_.size(); ++i) {
         model.SetPose(window_[i], side.cam_from_world[i]);
       }
@@ -103,7 +106,7 @@ class WindowBuilder {
       }
       // Generous: the bundle adjustment is to bring them in.
       constexpr double kAffineErrorFactor = 10.0;
-      model.Reclassify(tracks_, std::numeric_limits<double>::infinity(), kAffineErrorFactor);
+      model.UpdateInliers(tracks_, std::numeric_limits<double>::infinity(), kAffineErrorFactor);
       Finish(std::move(model), StartMethod::kAffine, models);
     }
   }
@@ -130,7 +133,7 @@ class WindowBuilder {
     return poses;
   }
 
-  BundleOptions Bundle(const SceneModel& model, int max_iterations) const {
+  BundleOptions Bundle(const WorkingModel& model, int max_iterations) const {
     BundleOptions bundle;
     bundle.loss = RobustLoss::kCauchy;
     bundle.loss_scale = std::max(0.1, model.loss_turn());
@@ -141,7 +144,7 @@ class WindowBuilder {
   }
 
   // Grows a first model over the window and adjusts it.
-  void Finish(SceneModel model, StartMethod method, std::vector<StartModel>& models) const {
+  void Finish(WorkingModel model, StartMethod method, std::vector<StartModel>& models) const {
     if (static_cast<int>(model.CountPoints()) < options_.min_points) return;
     const auto registered = [&] { return model.RegisteredFrames(); };
     model.Normalise();
@@ -153,18 +156,18 @@ class WindowBuilder {
     }
     for (int round = 0; round < 2; ++round) {
       model.TriangulateTracks(tracks_);
-      model.ReclassifyAll(std::numeric_limits<double>::infinity());
+      model.UpdateAllInliers(std::numeric_limits<double>::infinity());
       model.Adjust(registered(), {}, Bundle(model, 20));
-      model.ReclassifyAll(std::numeric_limits<double>::infinity());
+      model.UpdateAllInliers(std::numeric_limits<double>::infinity());
       if (static_cast<int>(model.CountPoints()) < options_.min_points) return;
     }
     int seen = 0;
     int explained = 0;
     for (const int f : window_) {
-      for (const int o : clip_.InFrame(f)) {
-        if (!model.HasPoint(clip_.observations()[o].track)) continue;
+      for (const int o : whitened_.ObservationsIn(f)) {
+        if (!model.HasPoint(whitened_.observations()[o].track)) continue;
         ++seen;
-        if (model.Active(o)) ++explained;
+        if (model.IsInlier(o)) ++explained;
       }
     }
     if (explained < kMinExplained * seen) return;
@@ -173,7 +176,7 @@ class WindowBuilder {
     models.push_back({std::move(model), method, 0.0, window_});
   }
 
-  const Clip& clip_;
+  const WhitenedTracks& whitened_;
   FramePairMotion pair_;
   StartOptions options_;
   std::vector<int> window_;
@@ -182,11 +185,11 @@ class WindowBuilder {
 
 }  // namespace
 
-std::vector<StartModel> BuildStartModels(const Clip& clip,
+std::vector<StartModel> BuildStartModels(const WhitenedTracks& whitened,
                                          const Camera& camera,
                                          const FramePairMotion& pair,
                                          const StartOptions& options) {
-  const WindowBuilder builder(clip, pair, options);
+  const WindowBuilder builder(whitened, pair, options);
   std::vector<StartModel> models;
   std::vector<double> focal_factors{1.0};
   if (options.refine_focal) focal_factors = {1.0, 0.7, 1.4, 0.5, 2.0};
@@ -197,7 +200,7 @@ std::vector<StartModel> BuildStartModels(const Clip& clip,
     builder.AddRelativePoses(candidate, models);
     builder.AddAffine(candidate, models);
   }
-  double bound = options.scene.max_reprojection_px;
+  double bound = options.model.max_reprojection_px;
   for (const StartModel& m : models) bound = std::min(bound, m.model.ErrorBound());
   for (StartModel& m : models) m.cost = m.model.TruncatedCost(m.window, bound);
   std::stable_sort(models.begin(), models.end(), [](const StartModel& a, const StartModel& b) {

@@ -1,4 +1,4 @@
-#include "backend/scene/scene_model.h"
+#include "backend/scene/working_model.h"
 
 #include <gtest/gtest.h>
 
@@ -17,22 +17,22 @@ double DepthUncertainty(test::SyntheticTracks scene, float sigma_px) {
     observations.push_back(o);
   }
   scene.file.tracks = TrackSet::Build(std::move(observations));
-  ClipOptions options;
+  WhiteningOptions options;
   options.covariance_floor_px = 0.0;
-  const Clip clip(scene.file, options);
-  SceneModel model(clip, *scene.file.camera, {});
-  for (int f = 0; f < clip.frame_count(); ++f) {
-    model.SetPose(f, scene.cam_from_world.at(clip.frames()[f].index));
+  const WhitenedTracks whitened(scene.file, options);
+  WorkingModel model(whitened, *scene.file.camera, {});
+  for (int f = 0; f < whitened.frame_count(); ++f) {
+    model.SetPose(f, scene.cam_from_world.at(whitened.frames()[f].index));
   }
-  for (int t = 0; t < clip.track_count(); ++t) {
-    model.SetPoint(t, scene.points_in_world.at(clip.features()[t]));
+  for (int t = 0; t < whitened.track_count(); ++t) {
+    model.SetPoint(t, scene.points_in_world.at(whitened.features()[t]));
   }
-  model.ReclassifyAll(std::numeric_limits<double>::infinity());
+  model.UpdateAllInliers(std::numeric_limits<double>::infinity());
   EXPECT_NEAR(model.noise(), 0.5 / sigma_px, 0.05 / sigma_px);
   return model.MedianDepthUncertainty();
 }
 
-TEST(SceneModel, DepthUncertaintyIsOfTheNoiseFoundNotOfWhatObservationsClaim) {
+TEST(WorkingModel, DepthUncertaintyIsOfTheNoiseFoundNotOfWhatObservationsClaim) {
   test::SyntheticTracksOptions options;
   options.path = test::CameraPath::kLateral;
   options.noise_px = 0.5;

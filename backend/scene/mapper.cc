@@ -1,4 +1,4 @@
-#include "backend/scene/incremental_mapper.h"
+#include "backend/scene/mapper.h"
 
 #include <fmt/format.h>
 #include <spdlog/spdlog.h>
@@ -10,9 +10,9 @@
 #include <set>
 #include <span>
 
-#include "backend/scene/initialization.h"
 #include "backend/scene/keyframes.h"
-#include "backend/scene/scene_model.h"
+#include "backend/scene/start_models.h"
+#include "backend/scene/working_model.h"
 #include "frontend/core/statistics.h"
 
 namespace cohort {
@@ -28,7 +28,7 @@ constexpr double kGlobalGrowth = 1.3;       // frames gained between global bund
 constexpr double kMinNoise = 0.02;          // of whitened residuals; less is no information
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-Camera CameraOf(const TrackFile& file) {
+Camera CameraOrGuess(const TrackFile& file) {
   if (file.width_px <= 0 || file.height_px <= 0) {
     ThrowError("the tracks do not say the picture size ({} x {} px): import them with --images",
                file.width_px,
@@ -49,27 +49,27 @@ Camera CameraOf(const TrackFile& file) {
 struct Mapped {
   MapperTermination termination = MapperTermination::kNoStart;
   std::string detail;
-  std::optional<SceneModel> model = std::nullopt;
+  std::optional<WorkingModel> model = std::nullopt;
 };
 
 class Mapper {
  public:
-  Mapper(const Clip& clip, const Camera& camera, const MapperOptions& options)
-      : clip_(clip), camera_(camera), options_(options) {
-    scene_options_.max_reprojection_px = options.max_reprojection_px;
-    scene_options_.min_angle_deg = options.min_angle_deg;
+  Mapper(const WhitenedTracks& whitened, const Camera& camera, const MapperOptions& options)
+      : whitened_(whitened), camera_(camera), options_(options) {
+    model_options_.max_reprojection_px = options.max_reprojection_px;
+    model_options_.min_angle_deg = options.min_angle_deg;
   }
 
   // Finds a start among these keyframes and grows it over them.
   Mapped Map(const std::vector<int>& keyframes) const {
     const std::vector<FramePairMotion> pairs =
-        RankPairs(clip_, camera_, keyframes, kMinCommonTracks);
+        RankPairs(whitened_, camera_, keyframes, kMinCommonTracks);
     if (pairs.empty()) {
       return {MapperTermination::kTooFewTracks,
               fmt::format("no two frames share {} tracks", kMinCommonTracks)};
     }
-    const double noise_px = EstimateNoise(clip_);
-    switch (ClassifyMotion(clip_, camera_, pairs, noise_px)) {
+    const double noise_px = EstimateNoise(whitened_);
+    switch (ClassifyMotion(whitened_, camera_, pairs, noise_px)) {
       case ClipMotion::kStatic:
         return {MapperTermination::kStaticCamera,
                 fmt::format("the tracks move by no more than their noise ({:.2f} px)", noise_px)};
@@ -106,7 +106,8 @@ class Mapper {
     const char* why =
         "if the camera moved, the tracks do not show it: they drift, or are on things "
         "that move";
-    switch (ClassifyDrift(clip_, camera_, RankPairs(clip_, camera_, keyframes, kMinCommonTracks))) {
+    switch (ClassifyDrift(
+        whitened_, camera_, RankPairs(whitened_, camera_, keyframes, kMinCommonTracks))) {
       case ClipMotion::kStatic:
         return {MapperTermination::kStaticCamera, why};
       case ClipMotion::kRotation:
@@ -119,37 +120,37 @@ class Mapper {
   }
 
   // Poses for the frames between and beyond the keyframes.
-  void Fill(SceneModel& model) const {
+  void Fill(WorkingModel& model) const {
     const std::vector<int> registered = model.RegisteredFrames();
-    for (int f = registered.front() + 1; f < clip_.frame_count(); ++f) {
+    for (int f = registered.front() + 1; f < whitened_.frame_count(); ++f) {
       if (!model.HasPose(f)) Register(model, f);
     }
     for (int f = registered.front() - 1; f >= 0; --f) Register(model, f);
-    model.TriangulateAll();
+    model.TriangulateAllTracks();
   }
 
   // Bundle adjustment of everything, then of what the result agrees with, until little changes.
   // Later rounds start beside the optimum: half the iterations do.
-  void Polish(SceneModel& model, int max_rounds, int iterations) const {
+  void Polish(WorkingModel& model, int max_rounds, int iterations) const {
     constexpr double kSettled = 2e-3;  // share of the observations
-    model.ReclassifyAll(kInfinity);
+    model.UpdateAllInliers(kInfinity);
     for (int round = 0; round < max_rounds; ++round) {
-      const SceneAdjustment adjustment =
+      const ModelAdjustment adjustment =
           model.Adjust(model.RegisteredFrames(),
                        {},
                        Bundle(model, round == 0 ? iterations : std::max(2, iterations / 2), 1e-5));
-      const int changes = model.ReclassifyAll(model.ErrorBound());
-      const int found = model.TriangulateAll();
+      const int changes = model.UpdateAllInliers(model.ErrorBound());
+      const int found = model.TriangulateAllTracks();
       spdlog::debug("{}; {} observations change sides, {} new points, noise {:.3f}",
                     adjustment.bundle.Brief(),
                     changes,
                     found,
                     model.noise());
-      if (changes + found < kSettled * static_cast<double>(clip_.observations().size())) break;
+      if (changes + found < kSettled * static_cast<double>(whitened_.observations().size())) break;
     }
   }
 
-  BundleOptions Bundle(const SceneModel& model, int max_iterations, double tolerance) const {
+  BundleOptions Bundle(const WorkingModel& model, int max_iterations, double tolerance) const {
     BundleOptions bundle;
     bundle.loss = options_.loss;
     bundle.loss_scale = std::max(kMinNoise, options_.loss_scale * model.loss_turn());
@@ -165,12 +166,13 @@ class Mapper {
   // it, the median distance of the observations from the model's points, relative to that from the
   // best rotation. Small for a rigid scene; for what only looks like parallax, such as tracks that
   // drift each on its own, no depths and no path bring it far below 1.
-  double UnexplainedParallax(const SceneModel& model, const std::vector<int>& keyframes) const {
+  double UnexplainedParallax(const WorkingModel& model, const std::vector<int>& keyframes) const {
     std::vector<int> frames;
     for (const int f : keyframes) {
       if (model.HasPose(f)) frames.push_back(f);
     }
-    std::vector<FramePairMotion> pairs = RankPairs(clip_, model.camera(), frames, kMinCommonTracks);
+    std::vector<FramePairMotion> pairs =
+        RankPairs(whitened_, model.camera(), frames, kMinCommonTracks);
     std::stable_sort(pairs.begin(), pairs.end(), [](const auto& a, const auto& b) {
       return a.parallax_px > b.parallax_px;
     });
@@ -179,7 +181,7 @@ class Mapper {
     std::vector<double> ratios;
     for (const FramePairMotion& pair : pairs) {
       std::vector<double> errors;
-      for (const auto& [a, b] : clip_.Common(pair.frame_a, pair.frame_b)) {
+      for (const auto& [a, b] : whitened_.CommonObservations(pair.frame_a, pair.frame_b)) {
         const auto error_a = model.PixelError(a);
         const auto error_b = model.PixelError(b);
         errors.push_back(error_a && error_b ? std::hypot(error_a->norm(), error_b->norm())
@@ -188,7 +190,7 @@ class Mapper {
       // A focal length that is off makes parallax of a rotation.
       double parallax_px = pair.parallax_px;
       for (const Camera& camera : CamerasToTry(model.camera())) {
-        const FramePairMotion motion = MeasureMotion(clip_, camera, pair.frame_a, pair.frame_b);
+        const FramePairMotion motion = MeasureMotion(whitened_, camera, pair.frame_a, pair.frame_b);
         parallax_px = std::min(parallax_px, motion.parallax_px);
       }
       ratios.push_back(Median(std::move(errors)) / parallax_px);
@@ -198,11 +200,11 @@ class Mapper {
 
   // Standard deviation of the coordinates of what the model believes [px], robust. Not much more
   // than the tracks' own noise (EstimateNoise), unless the camera is another or the tracks drift.
-  double NoiseLeftPx(const SceneModel& model) const {
+  double NoiseLeftPx(const WorkingModel& model) const {
     constexpr double kMedianOfRayleigh = 1.1774;
     std::vector<double> errors;
-    for (int o = 0; o < static_cast<int>(clip_.observations().size()); ++o) {
-      if (!model.Active(o)) continue;
+    for (int o = 0; o < static_cast<int>(whitened_.observations().size()); ++o) {
+      if (!model.IsInlier(o)) continue;
       if (const auto error = model.PixelError(o)) errors.push_back(error->norm());
     }
     return Median(std::move(errors)) / kMedianOfRayleigh;
@@ -210,9 +212,9 @@ class Mapper {
 
   // What the tracks say of a camera that is kept: refined on the keyframes alone. None where they
   // have no better one to offer.
-  std::optional<Camera> BetterCamera(const SceneModel& model,
+  std::optional<Camera> BetterCamera(const WorkingModel& model,
                                      const std::vector<int>& keyframes) const {
-    SceneModel trial(model);
+    WorkingModel trial(model);
     std::vector<int> frames;
     for (const int f : keyframes) {
       if (trial.HasPose(f)) frames.push_back(f);
@@ -234,9 +236,9 @@ class Mapper {
 
   std::vector<StartModel> Starts(const FramePairMotion& pair) const {
     StartOptions options;
-    options.scene = scene_options_;
+    options.model = model_options_;
     options.refine_focal = RefinesFocal();
-    std::vector<StartModel> starts = BuildStartModels(clip_, camera_, pair, options);
+    std::vector<StartModel> starts = BuildStartModels(whitened_, camera_, pair, options);
     for (const StartModel& s : starts) {
       spdlog::debug(
           "start in frames {} to {} by {}: cost {:.1f}, {} points, f {:.1f}, noise {:.3f}",
@@ -257,7 +259,8 @@ class Mapper {
     constexpr double kSameScene = 0.05;  // DepthDisagreement
     StartModel& best = starts.front();
     const auto rival = std::find_if(starts.begin() + 1, starts.end(), [&](const StartModel& s) {
-      return SceneModel::DepthDisagreement(best.model, s.model, best.window.front()) > kSameScene &&
+      return WorkingModel::DepthDisagreement(best.model, s.model, best.window.front()) >
+                 kSameScene &&
              !Distinguishes(best.cost, s.cost, best.model.noise());
     });
     Grow(best.model, keyframes);
@@ -289,26 +292,26 @@ class Mapper {
 
   // Registered frames by distance in time. Looks no further than it must: it is asked for every
   // frame.
-  static std::vector<int> Nearest(const SceneModel& model, int frame, std::size_t count) {
-    const int clip_frames = model.clip().frame_count();
+  static std::vector<int> Nearest(const WorkingModel& model, int frame, std::size_t count) {
+    const int frame_count = model.whitened().frame_count();
     std::vector<int> frames;
-    for (int d = 0; d < clip_frames; ++d) {
+    for (int d = 0; d < frame_count; ++d) {
       for (const int f : {frame - d, frame + d}) {
         if (frames.size() == count) return frames;
-        if (f < 0 || f >= clip_frames || !model.HasPose(f)) continue;
+        if (f < 0 || f >= frame_count || !model.HasPose(f)) continue;
         if (frames.empty() || frames.back() != f) frames.push_back(f);  // both are one if d is 0
       }
     }
     return frames;
   }
 
-  static bool Register(SceneModel& model, int frame) {
+  static bool Register(WorkingModel& model, int frame) {
     const std::vector<int> nearest = Nearest(model, frame, 1);
     return model.RegisterFrame(
         frame, nearest.empty() ? std::nullopt : std::optional(model.Pose(nearest.front())));
   }
 
-  void AdjustAround(SceneModel& model, int frame) const {
+  void AdjustAround(WorkingModel& model, int frame) const {
     const std::vector<int> near = Nearest(model, frame, kLocalFree + kLocalFixed);
     const std::size_t free = std::min<std::size_t>(kLocalFree, near.size());
     BundleOptions bundle = Bundle(model, 6, 1e-3);
@@ -320,22 +323,23 @@ class Mapper {
     model.Adjust(std::span(near).first(free), std::span(near).subspan(free), bundle);
   }
 
-  void AdjustAll(SceneModel& model) const {
-    model.ReclassifyAll(kInfinity);
+  void AdjustAll(WorkingModel& model) const {
+    model.UpdateAllInliers(kInfinity);
     model.Adjust(model.RegisteredFrames(), {}, Bundle(model, 10, 1e-3));
-    model.ReclassifyAll(kInfinity);
-    model.TriangulateAll();
+    model.UpdateAllInliers(kInfinity);
+    model.TriangulateAllTracks();
   }
 
   std::vector<int> TracksOf(int frame) const {
     std::vector<int> tracks;
-    for (const int o : clip_.InFrame(frame)) tracks.push_back(clip_.observations()[o].track);
+    for (const int o : whitened_.ObservationsIn(frame))
+      tracks.push_back(whitened_.observations()[o].track);
     return tracks;
   }
 
   // Adds one keyframe after the other, always the one that sees most points; where none can be
   // added, plain frames next to the model.
-  void Grow(SceneModel& model, const std::vector<int>& keyframes) const {
+  void Grow(WorkingModel& model, const std::vector<int>& keyframes) const {
     AdjustAll(model);
     double adjusted_at = model.registered();
     std::set<int> refused;
@@ -357,10 +361,10 @@ class Mapper {
       }
       refused.clear();
       const std::vector<int> tracks = TracksOf(*frame);
-      model.Reclassify(tracks, kInfinity);
+      model.UpdateInliers(tracks, kInfinity);
       model.TriangulateTracks(tracks);
       AdjustAround(model, *frame);
-      model.Reclassify(tracks, kInfinity);
+      model.UpdateInliers(tracks, kInfinity);
       if (model.registered() >= kGlobalGrowth * adjusted_at) {
         AdjustAll(model);
         adjusted_at = model.registered();
@@ -371,13 +375,13 @@ class Mapper {
     Polish(model, 4, 5);
   }
 
-  static bool MissesNone(const SceneModel& model, const std::vector<int>& keyframes) {
+  static bool MissesNone(const WorkingModel& model, const std::vector<int>& keyframes) {
     return std::all_of(
         keyframes.begin(), keyframes.end(), [&](int frame) { return model.HasPose(frame); });
   }
 
   // None: there is none left to try.
-  std::optional<int> NextFrame(const SceneModel& model,
+  std::optional<int> NextFrame(const WorkingModel& model,
                                const std::vector<int>& keyframes,
                                const std::set<int>& refused) const {
     const auto best_of = [&](const std::vector<int>& candidates) {
@@ -405,18 +409,18 @@ class Mapper {
     return best_of(beside);
   }
 
-  const Clip& clip_;
+  const WhitenedTracks& whitened_;
   Camera camera_;
   MapperOptions options_;
-  SceneOptions scene_options_;
+  WorkingModelOptions model_options_;
 };
 
 // Models of the clip's parts: one, unless the tracks break off somewhere. The one of most frames is
 // first.
-std::vector<SceneModel> MapParts(const Mapper& mapper,
-                                 std::vector<int> keyframes,
-                                 std::optional<SceneModel> model) {
-  std::vector<SceneModel> parts;
+std::vector<WorkingModel> MapParts(const Mapper& mapper,
+                                   std::vector<int> keyframes,
+                                   std::optional<WorkingModel> model) {
+  std::vector<WorkingModel> parts;
   while (model && parts.size() < kMaxComponents) {
     mapper.Fill(*model);
     std::vector<int> rest;
@@ -428,93 +432,94 @@ std::vector<SceneModel> MapParts(const Mapper& mapper,
     keyframes = std::move(rest);
     model = mapper.Map(keyframes).model;
   }
-  std::stable_sort(parts.begin(), parts.end(), [](const SceneModel& a, const SceneModel& b) {
+  std::stable_sort(parts.begin(), parts.end(), [](const WorkingModel& a, const WorkingModel& b) {
     return a.registered() > b.registered();
   });
   return parts;
 }
 
-OtherComponent Describe(const SceneModel& model) {
+OtherComponent Describe(const WorkingModel& model) {
   const std::vector<int> frames = model.RegisteredFrames();
-  return {model.clip().frames()[frames.front()].index,
-          model.clip().frames()[frames.back()].index,
+  return {model.whitened().frames()[frames.front()].index,
+          model.whitened().frames()[frames.back()].index,
           frames.size(),
           model.CountPoints()};
 }
 
-void EstimateCovariances(SceneModel& model, const Mapper& mapper, MapperResult& result) {
+void EstimateCovariances(WorkingModel& model, const Mapper& mapper, MapperResult& result) {
   const std::vector<int> frames = model.RegisteredFrames();
   BundleOptions bundle = mapper.Bundle(model, 10, 1e-8);
   bundle.covariances = true;
-  const SceneAdjustment adjustment = model.Adjust(frames, {}, bundle);
+  const ModelAdjustment adjustment = model.Adjust(frames, {}, bundle);
   const std::optional<BundleCovariances>& covariances = adjustment.bundle.covariances;
   if (!covariances) {
     spdlog::warn("covariances could not be estimated: the problem is rank deficient");
     return;
   }
-  const Clip& clip = model.clip();
+  const WhitenedTracks& whitened = model.whitened();
   const double variance = model.noise() * model.noise();
   for (std::size_t i = 0; i < frames.size(); ++i) {
-    result.camera_covariances[clip.frames()[frames[i]].index] = variance * covariances->cameras[i];
+    result.camera_covariances[whitened.frames()[frames[i]].index] =
+        variance * covariances->cameras[i];
   }
   for (std::size_t i = 0; i < adjustment.tracks.size(); ++i) {
-    result.point_covariances[clip.features()[adjustment.tracks[i]]] =
+    result.point_covariances[whitened.features()[adjustment.tracks[i]]] =
         variance * covariances->points[i];
   }
 }
 
-Reconstruction ToReconstruction(const SceneModel& model) {
-  const Clip& clip = model.clip();
+Reconstruction ToReconstruction(const WorkingModel& model) {
+  const WhitenedTracks& whitened = model.whitened();
   Reconstruction result;
   result.camera = model.camera();
   for (const int f : model.RegisteredFrames()) {
-    const FrameInfo& info = clip.frames()[f];
+    const FrameInfo& info = whitened.frames()[f];
     result.cam_from_world[info.index] = model.Pose(f);
     result.frame_names[info.index] = info.name;
     result.timestamps_ns[info.index] = info.timestamp_ns;
   }
-  for (int t = 0; t < clip.track_count(); ++t) {
+  for (int t = 0; t < whitened.track_count(); ++t) {
     if (!model.HasPoint(t)) continue;
-    ScenePoint& point = result.points[clip.features()[t]];
+    Point3D& point = result.points[whitened.features()[t]];
     point.in_world = model.Point(t);
-    const auto [first, last] = clip.TrackRange(t);
+    const auto [first, last] = whitened.TrackRange(t);
     for (int o = first; o < last; ++o) {
-      if (!model.Active(o)) continue;
-      const ClipObservation& observation = clip.observations()[o];
-      point.views.push_back({clip.frames()[observation.frame].index, observation.xy});
+      if (!model.IsInlier(o)) continue;
+      const WhitenedObservation& observation = whitened.observations()[o];
+      point.views.push_back({whitened.frames()[observation.frame].index, observation.xy});
     }
   }
   UpdateReprojectionErrors(result);
   return result;
 }
 
-ClipOptions ClipOptionsOf(const MapperOptions& options) {
-  ClipOptions clip;
-  clip.min_track_length = options.min_track_length;
-  clip.use_covariances = options.use_covariances;
-  clip.covariance_floor_px = options.covariance_floor_px;
-  clip.include_predicted = options.include_predicted;
-  clip.predicted_growth_px = options.predicted_growth_px;
-  return clip;
+WhiteningOptions WhiteningOptionsFrom(const MapperOptions& options) {
+  WhiteningOptions result;
+  result.min_track_length = options.min_track_length;
+  result.use_covariances = options.use_covariances;
+  result.covariance_floor_px = options.covariance_floor_px;
+  result.include_predicted = options.include_predicted;
+  result.predicted_growth_px = options.predicted_growth_px;
+  return result;
 }
 
 // Bundle adjustment of the model's points from all that is believed of them; the poses stay.
-void AdjustPoints(SceneModel& model, const BundleOptions& options) {
-  const Clip& clip = model.clip();
+void AdjustPoints(WorkingModel& model, const BundleOptions& options) {
+  const WhitenedTracks& whitened = model.whitened();
   BundleProblem problem;
   problem.intrinsics = model.camera();
-  std::vector<int> camera_of_frame(clip.frame_count(), -1);
+  std::vector<int> camera_of_frame(whitened.frame_count(), -1);
   for (const int frame : model.RegisteredFrames()) {
     camera_of_frame[frame] = static_cast<int>(problem.cameras.size());
     problem.cameras.push_back({model.Pose(frame), true});
   }
   std::vector<int> tracks;
-  for (int track = 0; track < clip.track_count(); ++track) {
+  for (int track = 0; track < whitened.track_count(); ++track) {
     if (!model.HasPoint(track)) continue;
-    const auto [first, last] = clip.TrackRange(track);
+    const auto [first, last] = whitened.TrackRange(track);
     for (int o = first; o < last; ++o) {
-      if (!model.Active(o)) continue;
-      const ClipObservation& observation = clip.observations()[o];
+      if (!model.IsInlier(o)) continue;
+      const WhitenedObservation& observation = whitened.observations()[o];
       problem.observations.push_back({camera_of_frame[observation.frame],
                                       static_cast<int>(tracks.size()),
                                       observation.xy,
@@ -549,27 +554,27 @@ MapperResult ReconstructWithCeres(const TrackFile& file, const MapperOptions& op
     }
     return result;
   };
-  const Camera camera = CameraOf(file);
+  const Camera camera = CameraOrGuess(file);
   if (file.frames.size() < 2) {
     return end(MapperTermination::kTooFewTracks,
                fmt::format("the clip has {} frame, at least 2 are needed", file.frames.size()));
   }
-  const Clip clip(file, ClipOptionsOf(options));
-  if (clip.track_count() == 0) {
+  const WhitenedTracks whitened(file, WhiteningOptionsFrom(options));
+  if (whitened.track_count() == 0) {
     return end(MapperTermination::kTooFewTracks,
                fmt::format("none of {} tracks is observed in {} frames",
                            file.tracks.features().size(),
                            options.min_track_length));
   }
 
-  const Mapper mapper(clip, camera, options);
+  const Mapper mapper(whitened, camera, options);
   const std::vector<int> keyframes =
-      SelectKeyframes(clip, camera, options.keyframe_parallax_px, kMinKeyframes);
+      SelectKeyframes(whitened, camera, options.keyframe_parallax_px, kMinKeyframes);
   Mapped first = mapper.Map(keyframes);
   if (!first.model) return end(first.termination, first.detail);
-  std::vector<SceneModel> parts = MapParts(mapper, keyframes, std::move(first.model));
-  SceneModel& model = parts.front();
-  for (const SceneModel& part : std::span(parts).subspan(1)) {
+  std::vector<WorkingModel> parts = MapParts(mapper, keyframes, std::move(first.model));
+  WorkingModel& model = parts.front();
+  for (const WorkingModel& part : std::span(parts).subspan(1)) {
     result.other_components.push_back(Describe(part));
   }
   mapper.Polish(model, 3, 4);
@@ -622,7 +627,7 @@ MapperResult ReconstructWithCeres(const TrackFile& file, const MapperOptions& op
   // right leave up to 1.3 times the tracks' noise, those with a wrong one from 2.2 on.
   constexpr double kMuchNoise = 2.0;
   constexpr double kMinNoisePx = 0.02;
-  const double noise_px = std::max(EstimateNoise(clip), kMinNoisePx);
+  const double noise_px = std::max(EstimateNoise(whitened), kMinNoisePx);
   const double left_px = mapper.NoiseLeftPx(model);
   if (!result.better_camera && left_px > kMuchNoise * noise_px) {
     say(
@@ -647,24 +652,24 @@ MapperResult TriangulateWithCeres(const TrackFile& file,
     ThrowError("triangulation with given poses needs a known camera: give --camera");
   }
   const auto started = std::chrono::steady_clock::now();
-  const Camera camera = CameraOf(file);
-  const Clip clip(file, ClipOptionsOf(options));
-  const Mapper mapper(clip, camera, options);
-  SceneModel model(
-      clip,
+  const Camera camera = CameraOrGuess(file);
+  const WhitenedTracks whitened(file, WhiteningOptionsFrom(options));
+  const Mapper mapper(whitened, camera, options);
+  WorkingModel model(
+      whitened,
       camera,
       {.max_reprojection_px = options.max_reprojection_px, .min_angle_deg = options.min_angle_deg});
-  for (int frame = 0; frame < clip.frame_count(); ++frame) {
-    const auto pose = cam_from_world.find(clip.frames()[frame].index);
+  for (int frame = 0; frame < whitened.frame_count(); ++frame) {
+    const auto pose = cam_from_world.find(whitened.frames()[frame].index);
     if (pose != cam_from_world.end()) model.SetPose(frame, pose->second);
   }
-  model.TriangulateAll();
-  model.ReclassifyAll(kInfinity);
+  model.TriangulateAllTracks();
+  model.UpdateAllInliers(kInfinity);
   constexpr int kRounds = 3;
   for (int round = 0; round < kRounds; ++round) {
     AdjustPoints(model, mapper.Bundle(model, 20, 1e-6));
-    model.ReclassifyAll(model.ErrorBound());
-    model.TriangulateAll();
+    model.UpdateAllInliers(model.ErrorBound());
+    model.TriangulateAllTracks();
   }
 
   MapperResult result;

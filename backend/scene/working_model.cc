@@ -1,4 +1,4 @@
-#include "backend/scene/scene_model.h"
+#include "backend/scene/working_model.h"
 
 #include <Eigen/Eigenvalues>
 #include <algorithm>
@@ -27,64 +27,66 @@ constexpr double kMaxLossTurn = 6.0;
 
 }  // namespace
 
-SceneModel::SceneModel(const Clip& clip, const Camera& camera, const SceneOptions& options)
-    : clip_(&clip),
+WorkingModel::WorkingModel(const WhitenedTracks& whitened,
+                           const Camera& camera,
+                           const WorkingModelOptions& options)
+    : whitened_(&whitened),
       options_(options),
-      cam_from_world_(clip.frame_count()),
-      centers_(clip.frame_count()),
-      rotations_(clip.frame_count()),
-      points_(clip.track_count()),
-      active_(clip.observations().size(), 0) {
+      cam_from_world_(whitened.frame_count()),
+      centers_(whitened.frame_count()),
+      rotations_(whitened.frame_count()),
+      points_(whitened.track_count()),
+      is_inlier_(whitened.observations().size(), 0) {
   SetCamera(camera);
 }
 
-void SceneModel::SetCamera(const Camera& camera) {
+void WorkingModel::SetCamera(const Camera& camera) {
   camera_ = camera;
-  n_.resize(clip_->observations().size());
+  n_.resize(whitened_->observations().size());
   for (std::size_t i = 0; i < n_.size(); ++i) {
-    n_[i] = camera_.Unproject(clip_->observations()[i].xy);
+    n_[i] = camera_.Unproject(whitened_->observations()[i].xy);
   }
 }
 
-void SceneModel::SetPose(int frame, const Rigid3& cam_from_world) {
+void WorkingModel::SetPose(int frame, const Rigid3& cam_from_world) {
   if (!HasPose(frame)) ++registered_;
   cam_from_world_[frame] = cam_from_world;
   rotations_[frame] = cam_from_world.rotation.toRotationMatrix();
   centers_[frame] = cam_from_world.Inverse().translation;
 }
 
-void SceneModel::ClearPose(int frame) {
+void WorkingModel::ClearPose(int frame) {
   if (!HasPose(frame)) return;
   --registered_;
   cam_from_world_[frame].reset();
-  for (const int o : clip_->InFrame(frame)) active_[o] = 0;
+  for (const int o : whitened_->ObservationsIn(frame)) is_inlier_[o] = 0;
 }
 
-std::vector<int> SceneModel::RegisteredFrames() const {
+std::vector<int> WorkingModel::RegisteredFrames() const {
   std::vector<int> frames;
-  for (int f = 0; f < clip_->frame_count(); ++f) {
+  for (int f = 0; f < whitened_->frame_count(); ++f) {
     if (HasPose(f)) frames.push_back(f);
   }
   return frames;
 }
 
-std::size_t SceneModel::CountPoints() const {
+std::size_t WorkingModel::CountPoints() const {
   return static_cast<std::size_t>(
       std::count_if(points_.begin(), points_.end(), [](const auto& p) { return p.has_value(); }));
 }
 
-int SceneModel::CountVisiblePoints(int frame) const {
+int WorkingModel::CountVisiblePoints(int frame) const {
   int count = 0;
-  for (const int o : clip_->InFrame(frame)) {
-    if (HasPoint(clip_->observations()[o].track)) ++count;
+  for (const int o : whitened_->ObservationsIn(frame)) {
+    if (HasPoint(whitened_->observations()[o].track)) ++count;
   }
   return count;
 }
 
-bool SceneModel::RegisterFrame(int frame, const std::optional<Rigid3>& start) {
+bool WorkingModel::RegisterFrame(int frame, const std::optional<Rigid3>& start) {
   std::vector<PointInFrame> points;
-  for (const int o : clip_->InFrame(frame)) {
-    const int track = clip_->observations()[o].track;
+  for (const int o : whitened_->ObservationsIn(frame)) {
+    const int track = whitened_->observations()[o].track;
     if (HasPoint(track)) points.push_back({Point(track), n_[o]});
   }
   if (static_cast<int>(points.size()) < kMinPoseInliers) return false;
@@ -101,7 +103,7 @@ bool SceneModel::RegisterFrame(int frame, const std::optional<Rigid3>& start) {
   return true;
 }
 
-int SceneModel::TriangulateTracks(std::span<const int> tracks) {
+int WorkingModel::TriangulateTracks(std::span<const int> tracks) {
   const double max_error = options_.max_reprojection_px / MeanFocal();
   const std::size_t min_rays = MinViews();
   int found = 0;
@@ -109,10 +111,10 @@ int SceneModel::TriangulateTracks(std::span<const int> tracks) {
   std::vector<Ray> some;
   for (const int track : tracks) {
     if (HasPoint(track)) continue;
-    const auto [first, last] = clip_->TrackRange(track);
+    const auto [first, last] = whitened_->TrackRange(track);
     rays.clear();
     for (int o = first; o < last; ++o) {
-      const int frame = clip_->observations()[o].frame;
+      const int frame = whitened_->observations()[o].frame;
       if (HasPose(frame)) rays.push_back({Pose(frame), n_[o]});
     }
     if (rays.size() < min_rays) continue;
@@ -124,34 +126,34 @@ int SceneModel::TriangulateTracks(std::span<const int> tracks) {
     const auto point = TriangulateRobustly(some, max_error, min_rays);
     if (!point) continue;
     SetPoint(track, point->in_world);
-    Reclassify(std::array{track}, std::numeric_limits<double>::infinity());
+    UpdateInliers(std::array{track}, std::numeric_limits<double>::infinity());
     if (HasPoint(track)) ++found;
   }
   return found;
 }
 
-int SceneModel::TriangulateAll() {
-  std::vector<int> tracks(clip_->track_count());
+int WorkingModel::TriangulateAllTracks() {
+  std::vector<int> tracks(whitened_->track_count());
   std::iota(tracks.begin(), tracks.end(), 0);
   return TriangulateTracks(tracks);
 }
 
-SceneAdjustment SceneModel::Adjust(std::span<const int> free,
-                                   std::span<const int> fixed,
-                                   const BundleOptions& options) {
+ModelAdjustment WorkingModel::Adjust(std::span<const int> free,
+                                     std::span<const int> fixed,
+                                     const BundleOptions& options) {
   BundleProblem problem;
   problem.intrinsics = camera_;
-  std::vector<int> camera_of_frame(clip_->frame_count(), -1);
-  std::vector<int> point_of_track(clip_->track_count(), -1);
-  SceneAdjustment adjustment;
+  std::vector<int> camera_of_frame(whitened_->frame_count(), -1);
+  std::vector<int> point_of_track(whitened_->track_count(), -1);
+  ModelAdjustment adjustment;
   std::vector<int>& tracks = adjustment.tracks;
   const auto add_frames = [&](std::span<const int> frames, bool is_fixed) {
     for (const int frame : frames) {
       camera_of_frame[frame] = static_cast<int>(problem.cameras.size());
       problem.cameras.push_back({Pose(frame), is_fixed});
-      for (const int o : clip_->InFrame(frame)) {
-        const int track = clip_->observations()[o].track;
-        if (!Active(o) || !HasPoint(track)) continue;
+      for (const int o : whitened_->ObservationsIn(frame)) {
+        const int track = whitened_->observations()[o].track;
+        if (!IsInlier(o) || !HasPoint(track)) continue;
         if (point_of_track[track] < 0) {
           if (is_fixed) continue;  // seen by fixed frames only: nothing to learn
           point_of_track[track] = static_cast<int>(tracks.size());
@@ -165,11 +167,11 @@ SceneAdjustment SceneModel::Adjust(std::span<const int> free,
   add_frames(fixed, true);
   // By point: the order in which the solver eliminates them.
   for (const int track : tracks) {
-    const auto [first, last] = clip_->TrackRange(track);
+    const auto [first, last] = whitened_->TrackRange(track);
     for (int o = first; o < last; ++o) {
-      const ClipObservation& observation = clip_->observations()[o];
+      const WhitenedObservation& observation = whitened_->observations()[o];
       const int camera = camera_of_frame[observation.frame];
-      if (camera < 0 || !Active(o)) continue;
+      if (camera < 0 || !IsInlier(o)) continue;
       problem.observations.push_back(
           {camera, point_of_track[track], observation.xy, observation.covariance_px2});
     }
@@ -188,23 +190,23 @@ SceneAdjustment SceneModel::Adjust(std::span<const int> free,
   return adjustment;
 }
 
-std::optional<Eigen::Vector2d> SceneModel::PixelError(int observation) const {
-  const ClipObservation& o = clip_->observations()[observation];
+std::optional<Eigen::Vector2d> WorkingModel::PixelError(int observation) const {
+  const WhitenedObservation& o = whitened_->observations()[observation];
   if (!HasPose(o.frame) || !HasPoint(o.track)) return std::nullopt;
   const Eigen::Vector3d x = rotations_[o.frame] * (*points_[o.track] - centers_[o.frame]);
   if (x.z() < kMinDepth) return std::nullopt;
   return *camera_.Project(x) - o.xy;
 }
 
-std::optional<double> SceneModel::WhitenedError(int observation) const {
+std::optional<double> WorkingModel::WhitenedError(int observation) const {
   const std::optional<Eigen::Vector2d> error = PixelError(observation);
   if (!error) return std::nullopt;
-  return (clip_->observations()[observation].whitening * *error).norm();
+  return (whitened_->observations()[observation].whitening * *error).norm();
 }
 
-bool SceneModel::EnoughAngle(int track) const {
+bool WorkingModel::HasEnoughAngle(int track) const {
   // The widest pair, nearly: the ray farthest from the first, then the one farthest from that.
-  const auto [first, last] = clip_->TrackRange(track);
+  const auto [first, last] = whitened_->TrackRange(track);
   const Eigen::Vector3d& x = Point(track);
   const double min_angle = options_.min_angle_deg * kDegree;
   std::optional<Eigen::Vector3d> from;
@@ -212,8 +214,8 @@ bool SceneModel::EnoughAngle(int track) const {
     double widest = -1.0;
     Eigen::Vector3d widest_center = Eigen::Vector3d::Zero();
     for (int o = first; o < last; ++o) {
-      if (!Active(o)) continue;
-      const Eigen::Vector3d& center = centers_[clip_->observations()[o].frame];
+      if (!IsInlier(o)) continue;
+      const Eigen::Vector3d& center = centers_[whitened_->observations()[o].frame];
       if (!from) from = center;
       const double angle = TriangulationAngle(x, *from, center);
       if (angle > widest) {
@@ -227,32 +229,32 @@ bool SceneModel::EnoughAngle(int track) const {
   return false;
 }
 
-void SceneModel::DropPoint(int track) {
+void WorkingModel::DropPoint(int track) {
   points_[track].reset();
-  const auto [first, last] = clip_->TrackRange(track);
-  for (int o = first; o < last; ++o) active_[o] = 0;
+  const auto [first, last] = whitened_->TrackRange(track);
+  for (int o = first; o < last; ++o) is_inlier_[o] = 0;
 }
 
-int SceneModel::Reclassify(std::span<const int> tracks, double max_error, double widen) {
+int WorkingModel::UpdateInliers(std::span<const int> tracks, double max_error, double widen) {
   const int min_views = MinViews();
   int changes = 0;
   for (const int track : tracks) {
     if (!HasPoint(track)) continue;
-    const auto [first, last] = clip_->TrackRange(track);
+    const auto [first, last] = whitened_->TrackRange(track);
     int views = 0;
     for (int o = first; o < last; ++o) {
-      bool active = false;
-      const ClipObservation& observation = clip_->observations()[o];
+      bool inlier = false;
+      const WhitenedObservation& observation = whitened_->observations()[o];
       if (HasPose(observation.frame)) {
         const std::optional<Eigen::Vector2d> error = PixelError(o);
-        active = error && error->norm() <= widen * options_.max_reprojection_px &&
+        inlier = error && error->norm() <= widen * options_.max_reprojection_px &&
                  (observation.whitening * *error).norm() <= max_error;
       }
-      if (active) ++views;
-      if (active != Active(o)) ++changes;
-      active_[o] = active ? 1 : 0;
+      if (inlier) ++views;
+      if (inlier != IsInlier(o)) ++changes;
+      is_inlier_[o] = inlier ? 1 : 0;
     }
-    if (views < min_views || !EnoughAngle(track)) {
+    if (views < min_views || !HasEnoughAngle(track)) {
       changes += views;
       DropPoint(track);
     }
@@ -260,7 +262,7 @@ int SceneModel::Reclassify(std::span<const int> tracks, double max_error, double
   return changes;
 }
 
-void SceneModel::MeasureNoise(std::vector<double>& squared) {
+void WorkingModel::MeasureNoise(std::vector<double>& squared) {
   constexpr double kMedianOfChiSquare2 = 1.3863;
   double median = Median(squared);
   noise_ = std::sqrt(median / kMedianOfChiSquare2);
@@ -276,27 +278,27 @@ void SceneModel::MeasureNoise(std::vector<double>& squared) {
   loss_turn_ = std::clamp(turn, kMinLossTurn * noise_, kMaxLossTurn * noise_);
 }
 
-int SceneModel::ReclassifyAll(double max_error) {
+int WorkingModel::UpdateAllInliers(double max_error) {
   std::vector<double> squared;
-  squared.reserve(clip_->observations().size());
-  for (int o = 0; o < static_cast<int>(clip_->observations().size()); ++o) {
-    const ClipObservation& observation = clip_->observations()[o];
+  squared.reserve(whitened_->observations().size());
+  for (int o = 0; o < static_cast<int>(whitened_->observations().size()); ++o) {
+    const WhitenedObservation& observation = whitened_->observations()[o];
     if (!HasPose(observation.frame) || !HasPoint(observation.track)) continue;
     if (const auto error = WhitenedError(o)) squared.push_back(*error * *error);
   }
   if (!squared.empty()) MeasureNoise(squared);
-  std::vector<int> tracks(clip_->track_count());
+  std::vector<int> tracks(whitened_->track_count());
   std::iota(tracks.begin(), tracks.end(), 0);
-  return Reclassify(tracks, max_error);
+  return UpdateInliers(tracks, max_error);
 }
 
-double SceneModel::ErrorBound() const { return std::max(4.0 * noise_, 0.02); }
+double WorkingModel::ErrorBound() const { return std::max(4.0 * noise_, 0.02); }
 
-double SceneModel::TruncatedCost(std::span<const int> frames, double bound) const {
+double WorkingModel::TruncatedCost(std::span<const int> frames, double bound) const {
   double cost = 0.0;
   for (const int frame : frames) {
-    for (const int o : clip_->InFrame(frame)) {
-      const int track = clip_->observations()[o].track;
+    for (const int o : whitened_->ObservationsIn(frame)) {
+      const int track = whitened_->observations()[o].track;
       std::optional<double> error;
       if (HasPose(frame) && HasPoint(track)) error = WhitenedError(o);
       cost += error ? std::min(*error * *error, bound * bound) : bound * bound;
@@ -305,19 +307,19 @@ double SceneModel::TruncatedCost(std::span<const int> frames, double bound) cons
   return cost;
 }
 
-double SceneModel::MedianError(int frame) const {
+double WorkingModel::MedianError(int frame) const {
   std::vector<double> errors;
-  for (const int o : clip_->InFrame(frame)) {
-    if (!Active(o)) continue;
+  for (const int o : whitened_->ObservationsIn(frame)) {
+    if (!IsInlier(o)) continue;
     if (const auto error = WhitenedError(o)) errors.push_back(*error);
   }
   return Median(std::move(errors));
 }
 
-double SceneModel::DepthDisagreement(const SceneModel& a, const SceneModel& b, int frame) {
+double WorkingModel::DepthDisagreement(const WorkingModel& a, const WorkingModel& b, int frame) {
   if (!a.HasPose(frame) || !b.HasPose(frame)) return 0.0;
   std::vector<double> ratios;
-  for (int t = 0; t < a.clip().track_count(); ++t) {
+  for (int t = 0; t < a.whitened().track_count(); ++t) {
     if (!a.HasPoint(t) || !b.HasPoint(t)) continue;
     const double depth_a = (a.Pose(frame) * a.Point(t)).z();
     const double depth_b = (b.Pose(frame) * b.Point(t)).z();
@@ -329,19 +331,19 @@ double SceneModel::DepthDisagreement(const SceneModel& a, const SceneModel& b, i
   return Median(std::move(ratios));
 }
 
-double SceneModel::MedianDepthUncertainty() const {
+double WorkingModel::MedianDepthUncertainty() const {
   // The noise is in units of what the observations say of themselves.
   const double noise = noise_ / MeanFocal();
   std::vector<double> values;
-  for (int t = 0; t < clip_->track_count(); ++t) {
+  for (int t = 0; t < whitened_->track_count(); ++t) {
     if (!HasPoint(t)) continue;
     // Each ray leaves the point free along itself only.
     Eigen::Matrix3d information = Eigen::Matrix3d::Zero();
     double nearest = std::numeric_limits<double>::infinity();
-    const auto [first, last] = clip_->TrackRange(t);
+    const auto [first, last] = whitened_->TrackRange(t);
     for (int o = first; o < last; ++o) {
-      if (!Active(o)) continue;
-      const ClipObservation& observation = clip_->observations()[o];
+      if (!IsInlier(o)) continue;
+      const WhitenedObservation& observation = whitened_->observations()[o];
       const Eigen::Vector3d ray = Point(t) - centers_[observation.frame];
       const double distance = ray.norm();
       nearest = std::min(nearest, distance);
@@ -356,7 +358,7 @@ double SceneModel::MedianDepthUncertainty() const {
   return values.empty() ? std::numeric_limits<double>::infinity() : Median(std::move(values));
 }
 
-void SceneModel::Normalise() {
+void WorkingModel::Normalise() {
   const std::vector<int> frames = RegisteredFrames();
   if (frames.empty()) return;
   const Rigid3 origin = Pose(frames.front());

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "backend/scene/keyframes.h"
-#include "backend/scene/scene_model.h"
+#include "backend/scene/working_model.h"
 
 namespace cohort {
 
@@ -17,14 +17,14 @@ inline constexpr ChoiceNames<StartMethod, 3> kStartMethodNames{
 
 // A model of a window of frames, adjusted, and its truncated cost over the window.
 struct StartModel {
-  SceneModel model;
+  WorkingModel model;
   StartMethod method = StartMethod::kEssential;
   double cost = 0.0;
   std::vector<int> window;
 };
 
 struct StartOptions {
-  SceneOptions scene;
+  WorkingModelOptions model;
   bool refine_focal = false;  // the camera is a guess: several focal lengths are tried
   int min_points = 10;
 };
@@ -33,7 +33,7 @@ struct StartOptions {
 // essential matrix and, where a homography explains the pair too, of its decomposition; both mirror
 // models of the affine factorisation. All are grown over the window, adjusted there and compared by
 // cost; those that leave half of the window unexplained are left out.
-std::vector<StartModel> BuildStartModels(const Clip& clip,
+std::vector<StartModel> BuildStartModels(const WhitenedTracks& whitened,
                                          const Camera& camera,
                                          const FramePairMotion& pair,
                                          const StartOptions& options);
