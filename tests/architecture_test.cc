@@ -64,10 +64,17 @@ const std::map<std::string, std::set<std::string>> kMayInclude{
       "datasets/render",
       "datasets/degrade"}},
     {"datasets", {"frontend/core", "frontend/geometry", "frontend/image", "datasets/readers"}},
-    {"pipelines/console", {"frontend/core"}},
+    {"pipelines/json", {"frontend/core"}},
+    {"pipelines/console", {"frontend/core", "pipelines/json"}},
     {"pipelines/evaluation",
      {"frontend/core", "frontend/geometry", "frontend/tracks", "datasets", "backend"}},
-    {"pipelines", {"frontend", "datasets", "backend", "pipelines/console", "pipelines/evaluation"}},
+    {"pipelines",
+     {"frontend",
+      "datasets",
+      "backend",
+      "pipelines/json",
+      "pipelines/console",
+      "pipelines/evaluation"}},
 };
 
 // Libraries that only one part may show or use: by the start of the include.

@@ -7,10 +7,10 @@
 #include "backend/colmap/model_io.h"
 #include "datasets/truth/track_truth.h"
 #include "frontend/tracks/track_store.h"
-#include "pipelines/console/json_file.h"
 #include "pipelines/console/table.h"
 #include "pipelines/evaluation/model_evaluation.h"
 #include "pipelines/evaluation/track_error.h"
+#include "pipelines/json/json_file.h"
 
 namespace cohort {
 namespace {

@@ -7,8 +7,8 @@
 #include "backend/colmap/model_io.h"
 #include "frontend/core/output.h"
 #include "pipelines/commands/video_frames.h"
-#include "pipelines/console/json_file.h"
 #include "pipelines/console/table.h"
+#include "pipelines/json/json_file.h"
 
 namespace cohort {
 namespace {

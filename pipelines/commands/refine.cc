@@ -8,8 +8,8 @@
 #include "backend/colmap/model_io.h"
 #include "frontend/tracks/track_store.h"
 #include "pipelines/commands/track.h"
-#include "pipelines/console/json_file.h"
 #include "pipelines/console/table.h"
+#include "pipelines/json/json_file.h"
 
 namespace cohort {
 

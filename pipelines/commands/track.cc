@@ -10,10 +10,10 @@
 #include "frontend/track/tracker.h"
 #include "frontend/tracks/track_store.h"
 #include "pipelines/console/interrupt.h"
-#include "pipelines/console/json_file.h"
 #include "pipelines/console/progress_bar.h"
 #include "pipelines/console/table.h"
 #include "pipelines/console/version.h"
+#include "pipelines/json/json_file.h"
 
 namespace cohort {
 namespace {

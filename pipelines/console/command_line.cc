@@ -8,7 +8,7 @@
 #include <numeric>
 #include <sstream>
 
-#include "pipelines/console/json_file.h"
+#include "pipelines/json/json_file.h"
 
 namespace cohort {
 namespace {

@@ -5,7 +5,7 @@
 #include <string_view>
 #include <vector>
 
-#include "pipelines/console/option_list.h"
+#include "pipelines/json/option_list.h"
 
 namespace cohort {
 

@@ -21,13 +21,13 @@
 #include "pipelines/commands/reconstruct.h"
 #include "pipelines/commands/track.h"
 #include "pipelines/commands/video_frames.h"
-#include "pipelines/console/json_file.h"
 #include "pipelines/evaluation/halves.h"
 #include "pipelines/experiment/ceiling.h"
 #include "pipelines/experiment/cell_rows.h"
 #include "pipelines/experiment/cells.h"
 #include "pipelines/experiment/tasks.h"
 #include "pipelines/experiment/undegraded.h"
+#include "pipelines/json/json_file.h"
 
 namespace cohort {
 namespace {

@@ -12,8 +12,8 @@
 
 #include "frontend/core/output.h"
 #include "frontend/core/statistics.h"
-#include "pipelines/console/json_file.h"
 #include "pipelines/console/table.h"
+#include "pipelines/json/json_file.h"
 
 namespace cohort {
 namespace {

@@ -17,9 +17,9 @@
 
 #include "frontend/core/error.h"
 #include "pipelines/console/interrupt.h"
-#include "pipelines/console/json_file.h"
 #include "pipelines/console/progress_bar.h"
 #include "pipelines/experiment/file_lock.h"
+#include "pipelines/json/json_file.h"
 
 namespace cohort {
 namespace {

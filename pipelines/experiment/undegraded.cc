@@ -5,8 +5,8 @@
 
 #include "backend/colmap/model_io.h"
 #include "datasets/readers/sequence.h"
-#include "pipelines/console/json_file.h"
 #include "pipelines/evaluation/alignment.h"
+#include "pipelines/json/json_file.h"
 
 namespace cohort {
 namespace {

@@ -14,8 +14,8 @@
 
 #include "backend/geometry/triangulation.h"
 #include "backend/scene/mapper.h"
-#include "pipelines/console/option_list.h"
 #include "pipelines/console/progress_bar.h"
+#include "pipelines/json/option_list.h"
 
 namespace cohort {
 namespace {

@@ -11,9 +11,9 @@
 #include "pipelines/commands/degrade.h"
 #include "pipelines/commands/evaluate.h"
 #include "pipelines/commands/track.h"
-#include "pipelines/console/json_file.h"
-#include "pipelines/console/option_list.h"
 #include "pipelines/experiment/tasks.h"
+#include "pipelines/json/json_file.h"
+#include "pipelines/json/option_list.h"
 
 namespace cohort {
 namespace {

@@ -15,11 +15,11 @@
 #include "datasets/render/synthetic_scene.h"
 #include "datasets/truth/track_truth.h"
 #include "frontend/core/output.h"
-#include "pipelines/console/json_file.h"
 #include "pipelines/experiment/experiment.h"
 #include "pipelines/experiment/paper_protocol.h"
 #include "pipelines/experiment/paper_tables.h"
 #include "pipelines/experiment/tasks.h"
+#include "pipelines/json/json_file.h"
 #include "tests/benchmark/occluder_section.h"
 
 namespace cohort {

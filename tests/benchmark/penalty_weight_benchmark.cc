@@ -15,9 +15,9 @@
 #include <vector>
 
 #include "frontend/core/output.h"
-#include "pipelines/console/json_file.h"
 #include "pipelines/console/table.h"
 #include "pipelines/experiment/experiment.h"
+#include "pipelines/json/json_file.h"
 
 namespace cohort {
 namespace {

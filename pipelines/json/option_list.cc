@@ -1,4 +1,4 @@
-#include "pipelines/console/option_list.h"
+#include "pipelines/json/option_list.h"
 
 #include <algorithm>
 #include <charconv>

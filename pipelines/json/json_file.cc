@@ -1,4 +1,4 @@
-#include "pipelines/console/json_file.h"
+#include "pipelines/json/json_file.h"
 
 #include <nlohmann/json.hpp>
 
