@@ -22,8 +22,14 @@ struct ColmapOptions {
 
   template <typename Self, typename Visitor>
   static void Visit(Self& o, Visitor& v) {
-    v.Text("program", o.program, "the colmap program, a path or a name in PATH");
-    v.Number("seed", o.seed, 0, 2147483647, "of COLMAP's random numbers");
+    v.Text("program", o.program, "The colmap program: a path, or a name in PATH.", Tier::kCommon);
+    v.Number("seed",
+             o.seed,
+             0,
+             2147483647,
+             "The seed of COLMAP's random numbers; another seed gives a slightly different "
+             "model.",
+             Tier::kCommon);
     v.Number("threads", o.threads, 1, 1024, "of COLMAP; more than 1 does not repeat exactly");
     v.Number("max_attempts",
              o.max_attempts,
@@ -37,8 +43,8 @@ struct ColmapOptions {
     v.Flag("final_adjustment",
            o.final_adjustment,
            "run COLMAP's bundle_adjuster on the mapper's model without double points");
-    v.Group("database", o.database, "the database that COLMAP gets");
-    v.Group("initial_pair", o.initial_pair, "choice of the initial pair");
+    v.Group("database", o.database, "the database that COLMAP gets", Tier::kExpert);
+    v.Group("initial_pair", o.initial_pair, "choice of the initial pair", Tier::kExpert);
   }
 };
 

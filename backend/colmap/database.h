@@ -84,7 +84,9 @@ struct ColmapDatabaseOptions {
     v.Group("two_view", o.two_view, "geometry of a pair of frames");
     v.Flag("include_predicted",
            o.include_predicted,
-           "also positions that no image confirmed, as if they were measured");
+           "Take positions that no image confirmed too, as if they were measured. They "
+           "hold on to the other features alone, so a model of them confirms itself.",
+           Tier::kCommon);
     v.Number("max_relative_sigma",
              o.max_relative_sigma,
              0.0,

@@ -47,24 +47,40 @@ struct MapperOptions {
              0.01,
              100.0,
              "where the loss turns, in units of where the residuals' distribution has it");
-    v.Flag("use_covariances", o.use_covariances, "weigh observations by the tracker's covariance");
+    v.Flag("use_covariances",
+           o.use_covariances,
+           "Weigh every observation by how sure the tracker is of it; off: all alike.",
+           Tier::kCommon);
     v.Number("covariance_floor_px",
              o.covariance_floor_px,
              0.0,
              10.0,
              "added in quadrature to a tracker's standard deviation [px]");
-    v.Flag("include_predicted", o.include_predicted, "use predicted positions too, down-weighted");
+    v.Flag("include_predicted",
+           o.include_predicted,
+           "Use positions that no image confirmed too, with less weight. They hold on to "
+           "the other features alone, so a model of them confirms itself.",
+           Tier::kCommon);
     v.Number("predicted_growth_px",
              o.predicted_growth_px,
              0.01,
              100.0,
              "standard deviation a predicted position gains per frame [px]");
-    v.Flag("refine_focal", o.refine_focal, "refine the focal length of a guessed camera");
+    v.Flag("refine_focal",
+           o.refine_focal,
+           "Refine the focal length of a guessed camera; off: the guess is taken as true.",
+           Tier::kCommon);
     v.Flag("refine_radial", o.refine_radial, "refine k1 and k2 of a guessed camera");
     v.Flag("refine_principal_point",
            o.refine_principal_point,
-           "refine the principal point of a guessed camera");
-    v.Flag("covariances", o.covariances, "estimate covariances of cameras and points");
+           "Refine the principal point of a guessed camera too, which needs a clip with "
+           "much rotation.",
+           Tier::kCommon);
+    v.Flag("covariances",
+           o.covariances,
+           "Estimate the covariances of cameras and points, which takes memory with the "
+           "square of the number of frames.",
+           Tier::kCommon);
   }
 };
 

@@ -22,14 +22,26 @@ struct DegradeOptions {
 
   template <typename Self, typename Visitor>
   static void Visit(Self& o, Visitor& v) {
-    v.Choice(
-        "recipe", o.recipe, kRecipeNames, "paper: darken, noise, blur, noise; sensor: a camera");
+    v.Choice("recipe",
+             o.recipe,
+             kRecipeNames,
+             "What darkness does: paper darkens, adds noise, blurs and adds noise again; "
+             "sensor is a camera that gets little light.",
+             Tier::kCommon);
     v.Number("occluder_px_per_frame",
              o.occluder_px_per_frame,
              0.0,
              1000.0,
-             "speed of an opaque bar, 80 px wide, that crosses the picture; 0: none");
-    v.Number("seed", o.seed, 0U, 4294967295U, "of the noise and the bar's pattern");
+             "The speed of an opaque bar, 80 px wide, that crosses the picture [px per "
+             "frame]; 0: no bar.",
+             Tier::kCommon);
+    v.Number("seed",
+             o.seed,
+             0U,
+             4294967295U,
+             "The seed of the noise and of the bar's pattern; another seed gives other "
+             "noise, just as strong.",
+             Tier::kCommon);
   }
 };
 

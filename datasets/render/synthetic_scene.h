@@ -38,14 +38,27 @@ struct SyntheticSceneOptions {
     v.Choice("scene",
              o.scene,
              kSceneNames,
-             "what to render; in bodies several boxes move, in cloth one surface deforms, the "
-             "others are rigid");
-    v.Choice("motion", o.motion, kMotionNames, "path of the hand-held camera");
-    v.Number("frames", o.frames, 1, 100000, "how many, at 30 a second");
-    v.Number("width_px", o.width_px, 64, 8192, "width of the pictures [px]");
-    v.Number("height_px", o.height_px, 64, 8192, "height of the pictures [px]");
-    v.Number("focal_px", o.focal_px, 50.0, 20000.0, "focal length [px]");
-    v.Number("seed", o.seed, 0U, 4294967295U, "of layout, textures and shake of the hand");
+             "What to render: in bodies several boxes move, in cloth one surface deforms, "
+             "the others are rigid.",
+             Tier::kCommon);
+    v.Choice("motion", o.motion, kMotionNames, "How the hand-held camera moves.", Tier::kCommon);
+    v.Number(
+        "frames", o.frames, 1, 100000, "How many frames to render, at 30 a second.", Tier::kCommon);
+    v.Number("width_px", o.width_px, 64, 8192, "The width of the pictures [px].", Tier::kCommon);
+    v.Number("height_px", o.height_px, 64, 8192, "The height of the pictures [px].", Tier::kCommon);
+    v.Number("focal_px",
+             o.focal_px,
+             50.0,
+             20000.0,
+             "The focal length [px]; a longer one sees less of the scene, but larger.",
+             Tier::kCommon);
+    v.Number("seed",
+             o.seed,
+             0U,
+             4294967295U,
+             "The seed of layout, textures and the shake of the hand; another seed gives "
+             "another clip.",
+             Tier::kCommon);
   }
 };
 

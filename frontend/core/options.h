@@ -14,16 +14,23 @@
 //
 // A visitor has: Number(name, value, min, max, help) for int, unsigned, double (min, max
 // inclusive); Flag(name, bool, help); Choice(name, enum, kNames, help); Text(name, std::string,
-// help); Group(name, nested_options, help). kNames is a std::array of {text, enum value} pairs.
+// help); List(name, std::vector<std::string>, help); Group(name, nested_options, help). kNames is a
+// std::array of {text, enum value} pairs. Each takes a Tier as a last argument.
 
 #include <array>
 #include <string>
 #include <string_view>
 #include <utility>
+#include <vector>
 
 #include "frontend/core/error.h"
 
 namespace cohort {
+
+// Who needs an option. --help shows the common ones, whose help is a full sentence that says what a
+// change does; --help-all shows the expert ones too. A Group is common unless said otherwise: its
+// fields' own tiers count; of an expert group all fields are expert.
+enum class Tier { kCommon, kExpert };
 
 template <typename Enum, std::size_t N>
 using ChoiceNames = std::array<std::pair<std::string_view, Enum>, N>;
@@ -41,7 +48,8 @@ constexpr std::string_view NameOf(const ChoiceNames<Enum, N>& names, Enum value)
 class OptionValidator {
  public:
   template <typename T>
-  void Number(std::string_view name, const T& value, T min, T max, std::string_view) {
+  void Number(
+      std::string_view name, const T& value, T min, T max, std::string_view, Tier = Tier::kExpert) {
     if (!(value >= min && value <= max)) {
       ThrowUsageError("option {}{} = {} is out of range: give a value from {} to {}",
                       prefix_,
@@ -51,12 +59,23 @@ class OptionValidator {
                       max);
     }
   }
-  void Flag(std::string_view, const bool&, std::string_view) {}
+  void Flag(std::string_view, const bool&, std::string_view, Tier = Tier::kExpert) {}
   template <typename Enum, std::size_t N>
-  void Choice(std::string_view, const Enum&, const ChoiceNames<Enum, N>&, std::string_view) {}
-  void Text(std::string_view, const std::string&, std::string_view) {}
+  void Choice(std::string_view,
+              const Enum&,
+              const ChoiceNames<Enum, N>&,
+              std::string_view,
+              Tier = Tier::kExpert) {}
+  void Text(std::string_view, const std::string&, std::string_view, Tier = Tier::kExpert) {}
+  void List(std::string_view,
+            const std::vector<std::string>&,
+            std::string_view,
+            Tier = Tier::kExpert) {}
   template <typename Options>
-  void Group(std::string_view name, const Options& options, std::string_view) {
+  void Group(std::string_view name,
+             const Options& options,
+             std::string_view,
+             Tier = Tier::kCommon) {
     OptionValidator nested;
     nested.prefix_ = prefix_ + std::string(name) + ".";
     Options::Visit(options, nested);

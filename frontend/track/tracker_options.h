@@ -29,7 +29,13 @@ struct DetectorOptions {
 
   template <typename Self, typename Visitor>
   static void Visit(Self& o, Visitor& v) {
-    v.Number("max_features", o.max_features, 1, 100000, "features alive at a time");
+    v.Number("max_features",
+             o.max_features,
+             1,
+             100000,
+             "How many features are alive at a time. More features give better cameras and "
+             "more points; the time grows in proportion.",
+             Tier::kCommon);
     v.Number("grid_columns",
              o.grid_columns,
              1,
@@ -207,10 +213,31 @@ struct SubspaceOptions {
 
   template <typename Self, typename Visitor>
   static void Visit(Self& o, Visitor& v) {
-    v.Choice("constraint", o.constraint, kConstraintNames, "how hard the penalty pulls, eq. (7)");
-    v.Choice("penalty", o.penalty, kPenaltyNames, "measure of dimension, eq. (4)-(6)");
-    v.Flag("uncentered", o.uncentered, "do not subtract the mean trajectory");
-    v.Number("history_length", o.history_length, 1, 60, "L: past frames in the sliding window");
+    v.Choice(
+        "constraint",
+        o.constraint,
+        kConstraintNames,
+        "How hard the features hold each other. Strong needs a scene that is mostly rigid; weak "
+        "gives their joint motion no more say than a single feature's patch has.",
+        Tier::kCommon);
+    v.Choice("penalty",
+             o.penalty,
+             kPenaltyNames,
+             "What measures the dimension of the joint motion, equations (4) to (6) of the "
+             "paper; it is small where the scene is rigid.",
+             Tier::kCommon);
+    v.Flag("uncentered",
+           o.uncentered,
+           "Leave the features' mean motion in before its dimension is measured: that of a"
+           " rigid scene is then 4, not 3.",
+           Tier::kCommon);
+    v.Number("history_length",
+             o.history_length,
+             1,
+             60,
+             "How many past frames the features hold each other over, the L of the paper. "
+             "More frames tell true motion from noise better; the time grows.",
+             Tier::kCommon);
     v.Number("template_px", o.template_px, 3, 63, "n: side of the template [px], odd");
     v.Number("penalty_weight",
              o.penalty_weight,
@@ -367,7 +394,13 @@ struct TrackerOptions {
 
   template <typename Self, typename Visitor>
   static void Visit(Self& o, Visitor& v) {
-    v.Choice("tracker", o.tracker, kTrackerNames, "which tracker");
+    v.Choice("tracker",
+             o.tracker,
+             kTrackerNames,
+             "Which tracker follows the features: subspace all of them together, the others "
+             "each of them alone. klt is the fastest, subspace the most accurate in the "
+             "dark.",
+             Tier::kCommon);
     v.Number(
         "border_px", o.border_px, 0.0, 100.0, "a feature nearer to the image border ends [px]");
     v.Number("birth_border_px",

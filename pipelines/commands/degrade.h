@@ -15,8 +15,12 @@ struct DegradeCommandOptions {
   template <typename Self, typename Visitor>
   static void Visit(Self& o, Visitor& v) {
     InputOptions::Visit(o.input, v);
-    v.Text("out", o.out, "the folder to write, in TUM RGB-D layout");
-    v.Text("level", o.level, "clean, medium, hard or a number: 0 clean, 1 medium, 2 hard");
+    v.Text("out", o.out, "The folder to write, in TUM RGB-D layout.", Tier::kCommon);
+    v.Text("level",
+           o.level,
+           "How dark it gets: clean, medium, hard or a number; 0 is clean, 1 medium, 2 "
+           "hard, and beyond 2 it gets darker still.",
+           Tier::kCommon);
     DegradeOptions::Visit(o.degrade, v);
   }
 };

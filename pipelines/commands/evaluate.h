@@ -14,15 +14,25 @@ struct EvaluateCommandOptions {
 
   template <typename Self, typename Visitor>
   static void Visit(Self& o, Visitor& v) {
-    v.Text("subject", o.subject, "a .tracks file, or a model folder");
-    v.Text("truth", o.truth, "the clip with true poses (and, for tracks and points, true depth)");
-    v.Choice("layout", o.layout, kLayoutNames, "how to read the truth");
+    v.Text("subject", o.subject, "The .tracks file or the model folder to measure.", Tier::kCommon);
+    v.Text("truth",
+           o.truth,
+           "The clip with true poses and, for the errors of tracks and points, true depth.",
+           Tier::kCommon);
+    v.Choice("layout",
+             o.layout,
+             kLayoutNames,
+             "How to read the truth; only needed where its layout is not recognised.",
+             Tier::kCommon);
     v.Number("edge_px",
              o.edge_px,
              0.0,
              100.0,
-             "tracks that begin nearer to a jump of depth count as without truth [px]; 0: none");
-    v.Text("json", o.json, "file for the figures");
+             "Count tracks that begin nearer to a jump of depth than this [px] as without "
+             "truth; 0: count all. Near a jump, a hair decides which surface is the true "
+             "one.",
+             Tier::kCommon);
+    v.Text("json", o.json, "Write the figures to this file, too.", Tier::kCommon);
   }
 };
 

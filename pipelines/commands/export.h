@@ -17,15 +17,31 @@ struct ExportCommandOptions {
 
   template <typename Self, typename Visitor>
   static void Visit(Self& o, Visitor& v) {
-    v.Text("tracks", o.tracks, "a .tracks file");
-    v.Text("colmap_database", o.colmap_database, "COLMAP database to write (3.8 schema)");
-    v.Text("csv", o.csv, "CSV file to write: track_id,frame,x,y,observed,residual");
-    v.Text("opensfm", o.opensfm, "tracks.csv of OpenSfM to write");
-    v.Text("bal", o.bal, "bundle adjustment problem of a model to write (BAL); needs --model");
-    v.Text("model", o.model, "model folder that `cohort reconstruct` made of the tracks");
+    v.Text("tracks", o.tracks, "The .tracks file to export.", Tier::kCommon);
+    v.Text("colmap_database",
+           o.colmap_database,
+           "Write a COLMAP database to this file (3.8 schema, which newer versions open "
+           "too).",
+           Tier::kCommon);
+    v.Text("csv",
+           o.csv,
+           "Write a CSV table to this file: track_id,frame,x,y,observed,residual.",
+           Tier::kCommon);
+    v.Text("opensfm", o.opensfm, "Write OpenSfM's tracks.csv to this file.", Tier::kCommon);
+    v.Text("bal",
+           o.bal,
+           "Write the bundle adjustment problem of a model to this file (BAL); needs "
+           "--model.",
+           Tier::kCommon);
+    v.Text("model",
+           o.model,
+           "The model folder that `cohort reconstruct` made of the tracks.",
+           Tier::kCommon);
     v.Flag("write_frames",
            o.write_frames,
-           "beside the database of a video, write its frames as pictures into F.db's F_images/");
+           "Beside the database F.db of a video, write its frames as pictures into "
+           "F_images/, where COLMAP looks for them.",
+           Tier::kCommon);
     v.Group("database", o.database, "COLMAP database");
   }
 };

@@ -12,9 +12,13 @@ struct ImportCommandOptions {
 
   template <typename Self, typename Visitor>
   static void Visit(Self& o, Visitor& v) {
-    v.Text("tracks", o.tracks, "CSV file with columns track_id,frame,x,y[,observed][,residual]");
+    v.Text("tracks",
+           o.tracks,
+           "The CSV file of the tracks, with columns "
+           "track_id,frame,x,y[,observed][,residual].",
+           Tier::kCommon);
     InputOptions::Visit(o.input, v);
-    v.Text("out", o.out, "the .tracks file to write");
+    v.Text("out", o.out, "The .tracks file to write.", Tier::kCommon);
   }
 };
 

@@ -20,13 +20,25 @@ struct InputOptions {
   static void Visit(Self& o, Visitor& v) {
     v.Text("input",
            o.input,
-           "video file, folder or glob of images, or folder in TUM RGB-D, EuRoC or KITTI layout");
-    v.Choice("layout", o.layout, kLayoutNames, "how to read the input");
-    v.Text("frames", o.frames, "A:B or A:B:STEP, frames A to B - 1 of the input; all without");
+           "The video: a file, a folder or glob of images, or a folder in TUM RGB-D, EuRoC"
+           " or KITTI layout.",
+           Tier::kCommon);
+    v.Choice("layout",
+             o.layout,
+             kLayoutNames,
+             "How to read the input; only needed where its layout is not recognised.",
+             Tier::kCommon);
+    v.Text("frames",
+           o.frames,
+           "Take only frames A to B - 1 of the input, given as A:B, or every STEP-th of "
+           "them, A:B:STEP.",
+           Tier::kCommon);
     v.Text("camera",
            o.camera,
-           "fx,fy,cx,cy[,k1,k2,p1,p2] [px], OpenCV's model, the centre of the top-left pixel is "
-           "(0, 0); without: as the input says, else unknown");
+           "The camera, fx,fy,cx,cy[,k1,k2,p1,p2] in pixels: OpenCV's model, (0, 0) is the"
+           " centre of the top-left pixel. Without it, what the input says; a camera that "
+           "is not known is guessed and refined, and the reconstruction is less sure.",
+           Tier::kCommon);
   }
 };
 

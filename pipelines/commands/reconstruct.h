@@ -24,13 +24,20 @@ struct ReconstructCommandOptions {
 
   template <typename Self, typename Visitor>
   static void Visit(Self& o, Visitor& v) {
-    v.Text("tracks", o.tracks, "a .tracks file");
-    v.Text("out", o.out, "the model folder to write");
-    v.Text("json", o.json, "file for the figures of the run");
-    v.Choice("backend", o.backend, kBackendNames, "what reconstructs");
+    v.Text("tracks", o.tracks, "The .tracks file to reconstruct.", Tier::kCommon);
+    v.Text("out", o.out, "The model folder to write.", Tier::kCommon);
+    v.Text("json", o.json, "Write the figures of the run to this file, too.", Tier::kCommon);
+    v.Choice("backend",
+             o.backend,
+             kBackendNames,
+             "What reconstructs: ceres is built in and weighs every position by how sure the"
+             " tracker is of it; colmap runs the program COLMAP.",
+             Tier::kCommon);
     v.Flag("write_frames",
            o.write_frames,
-           "of a video, write the frames as pictures beside COLMAP's database");
+           "Of a video, write the frames as pictures beside COLMAP's database, for "
+           "COLMAP's own tools.",
+           Tier::kCommon);
     v.Group("ceres", o.ceres, "backend ceres");
     v.Group("colmap", o.colmap, "backend colmap");
   }

@@ -17,11 +17,14 @@ struct RefineCommandOptions {
 
   template <typename Self, typename Visitor>
   static void Visit(Self& o, Visitor& v) {
-    v.Text("tracks", o.tracks, "the .tracks file that the model was made of");
-    v.Text("model", o.model, "model folder of `cohort reconstruct`");
-    v.Text("images", o.images, "the clip, where it is no longer where the tracks were made of it");
-    v.Text("out", o.out, "the .tracks file to write");
-    v.Text("json", o.json, "file for the figures of the run");
+    v.Text("tracks", o.tracks, "The .tracks file that the model was made of.", Tier::kCommon);
+    v.Text("model", o.model, "The model folder of `cohort reconstruct`.", Tier::kCommon);
+    v.Text("images",
+           o.images,
+           "The clip, if it is no longer where the tracks were made of it.",
+           Tier::kCommon);
+    v.Text("out", o.out, "The .tracks file to write.", Tier::kCommon);
+    v.Text("json", o.json, "Write the figures of the run to this file, too.", Tier::kCommon);
     SecondPassOptions::Visit(o.second_pass, v);
   }
 };

@@ -11,7 +11,7 @@ struct SynthCommandOptions {
 
   template <typename Self, typename Visitor>
   static void Visit(Self& o, Visitor& v) {
-    v.Text("out", o.out, "the folder to write, in TUM RGB-D layout");
+    v.Text("out", o.out, "The folder to write, in TUM RGB-D layout.", Tier::kCommon);
     SyntheticSceneOptions::Visit(o.scene, v);
   }
 };

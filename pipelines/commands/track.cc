@@ -241,7 +241,11 @@ Command TrackCommand() {
                       .required = {"input", "out"},
                       .short_flags = {{"features", {"detector.max_features"}},
                                       {"history", {"subspace.history_length"}},
-                                      {"window", {"klt.window_px", "subspace.template_px"}},
+                                      {"window",
+                                       {"klt.window_px", "subspace.template_px"},
+                                       "The side of the patch of tracker klt and of the template "
+                                       "of subspace and descent [px], odd. A larger one has less "
+                                       "noise, but more often lies on two surfaces."},
                                       {"constraint", {"subspace.constraint"}},
                                       {"penalty", {"subspace.penalty"}},
                                       {"uncentered", {"subspace.uncentered"}}}},

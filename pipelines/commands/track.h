@@ -28,19 +28,36 @@ struct TrackCommandOptions {
   template <typename Self, typename Visitor>
   static void Visit(Self& o, Visitor& v) {
     InputOptions::Visit(o.input, v);
-    v.Text("out", o.out, "the .tracks file to write");
-    v.Text("mask", o.mask, "picture of the frames' size, black where no feature may be");
-    v.Flag("resume", o.resume, "go on where an interrupted run with the same options ended");
+    v.Text("out", o.out, "The .tracks file to write.", Tier::kCommon);
+    v.Text("mask",
+           o.mask,
+           "A picture of the frames' size, black where no feature may be, such as the "
+           "bonnet of a car.",
+           Tier::kCommon);
+    v.Flag("resume",
+           o.resume,
+           "Go on where an interrupted run with the same options ended, instead of "
+           "beginning anew.",
+           Tier::kCommon);
     v.Number("seed", o.seed, 0U, 4294967295U, "of random draws; kept in the file's options");
-    v.Number("threads", o.threads, 0, 1024, "at most; 0: one a core; results do not depend on it");
-    v.Text("json", o.json, "file for the figures of the run");
+    v.Number("threads",
+             o.threads,
+             0,
+             1024,
+             "How many threads may work; 0: one a core. More are faster, and the tracks stay"
+             " the same.",
+             Tier::kCommon);
+    v.Text("json", o.json, "Write the figures of the run to this file, too.", Tier::kCommon);
     TrackerOptions::Visit(o.tracker, v);
     v.Choice("second_pass",
              o.second_pass,
              kSecondPassModeNames,
-             "after the last frame, reconstruct, and measure every feature again where the model "
-             "says that it is; auto: for the tracker subspace, strong and measured");
-    v.Group("second_look", o.second_look, "the second pass");
+             "After the last frame, reconstruct, and measure every feature again where the "
+             "model says that it is. The tracks get more accurate, at the price of going "
+             "through the video again; auto does it for the tracker subspace, strong and "
+             "measured.",
+             Tier::kCommon);
+    v.Group("second_look", o.second_look, "the second pass", Tier::kExpert);
   }
 };
 

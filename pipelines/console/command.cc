@@ -29,7 +29,7 @@ void SetUpLogging() {
 std::string Help(const std::vector<Command>& commands) {
   std::string text =
       "cohort: joint feature tracking for structure from motion in dark, noisy video\n\n"
-      "Usage: cohort COMMAND ... | cohort COMMAND --help | cohort --version\n\n";
+      "Usage: cohort COMMAND ... | cohort COMMAND --help or --help-all | cohort --version\n\n";
   for (const Command& command : commands) {
     text += fmt::format("  {:<12}{}\n", command.name, command.summary);
   }

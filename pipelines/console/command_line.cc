@@ -18,9 +18,10 @@ struct BoundOption {
   CLI::Option* option;
   std::vector<const OptionEntry*> entries;
   std::string given_as;     // in messages
-  std::string group;        // heading in --help
+  std::string group;        // heading in --help-all
   std::string left;         // of its line in --help
   std::string description;  // of its line in --help
+  Tier tier = Tier::kCommon;
 };
 
 std::string FlagName(std::string path) {
@@ -39,6 +40,7 @@ bool IsPositional(const CommandLine& line, const std::string& path) {
   return std::count(line.positionals.begin(), line.positionals.end(), path) > 0;
 }
 
+// "What it does. (1 to 9; default 5)"
 std::string Description(const OptionEntry& entry) {
   const OptionValue value = entry.get();
   const std::string text = ToText(value);
@@ -73,15 +75,16 @@ BoundOption BindEntry(CLI::App& app, const CommandLine& line, const OptionEntry&
   for (const ShortFlag& flag : line.short_flags) {
     if (flag.paths == std::vector{entry.path}) names.insert(names.begin(), flag.name);
   }
-  const bool listed_first = names.size() > 1 || entry.group.empty();
+  const bool has_short_flag = names.size() > 1;
   return {AddFlag(app, takes_value, names),
           {&entry},
           "--" + names.front(),
-          listed_first ? "" : entry.group,
+          has_short_flag ? "" : entry.group,
           fmt::format("{}{}",
                       !takes_value && std::get<bool>(value) ? "--[no-]" : "--",
                       fmt::join(names, ", --")),
-          Description(entry)};
+          Description(entry),
+          has_short_flag ? Tier::kCommon : entry.tier};
 }
 
 // A short flag of several entries.
@@ -99,7 +102,7 @@ BoundOption BindShortFlag(CLI::App& app,
           "--" + flag.name,
           "",
           "--" + flag.name,
-          fmt::format("sets {}", fmt::join(names, " and "))};
+          fmt::format("{} (sets {})", flag.help, fmt::join(names, " and "))};
 }
 
 std::string HelpLine(const std::string& left, const std::string& description) {
@@ -123,16 +126,43 @@ std::string HelpLine(const std::string& left, const std::string& description) {
   return text + "\n";
 }
 
-std::string HelpText(const CommandLine& line, const std::vector<BoundOption>& options) {
-  std::string text =
-      fmt::format("{}.\n\nUsage: cohort {} {}\n\n", line.summary, line.name, line.usage);
+std::string HelpHead(const CommandLine& line) {
+  return fmt::format("{}.\n\nUsage: cohort {} {}\n\n", line.summary, line.name, line.usage);
+}
+
+// The options that every command has.
+std::string SharedHelpLines() {
+  return HelpLine("--config",
+                  "Read options from this JSON file, as --dump-config prints them; flags override "
+                  "it.") +
+         HelpLine("--dump-config", "Print all options as JSON, and end.") +
+         HelpLine("--quiet", "Show no log and no progress bar, only warnings and errors.") +
+         HelpLine("--help", "Print the options that people use, and end; --help-all: all.");
+}
+
+std::string CommonHelp(const CommandLine& line, const std::vector<BoundOption>& options) {
+  std::string text = HelpHead(line);
+  std::size_t others = 0;
+  for (const BoundOption& option : options) {
+    if (option.tier == Tier::kCommon) {
+      text += HelpLine(option.left, option.description);
+    } else {
+      ++others;
+    }
+  }
+  text += SharedHelpLines();
+  if (others > 0) {
+    text += fmt::format("\n'cohort {} --help-all' lists the other {} too.\n", line.name, others);
+  }
+  return text;
+}
+
+std::string FullHelp(const CommandLine& line, const std::vector<BoundOption>& options) {
+  std::string text = HelpHead(line);
   for (const BoundOption& option : options) {
     if (option.group.empty()) text += HelpLine(option.left, option.description);
   }
-  text += HelpLine("--config", "JSON file of options, as --dump-config prints; flags override it");
-  text += HelpLine("--dump-config", "print all options as JSON, and end");
-  text += HelpLine("--quiet", "no log and no progress bar, only warnings and errors");
-  text += HelpLine("--help", "print this, and end");
+  text += SharedHelpLines();
   std::string group;
   for (const BoundOption& option : options) {
     if (option.group.empty()) continue;
@@ -177,7 +207,7 @@ std::size_t EditDistance(std::string_view a, std::string_view b) {
       }
     }
   }
-  ThrowUsageError("unknown option {}: {}'cohort {} --help' lists all",
+  ThrowUsageError("unknown option {}: {}'cohort {} --help-all' lists all",
                   flag,
                   nearest.empty() ? "" : fmt::format("did you mean {}? ", nearest),
                   line.name);
@@ -220,18 +250,20 @@ ParseOutcome ParseCommandLine(const CommandLine& line,
   bool dump_config = false;
   bool quiet = false;
   bool help = false;
+  bool help_all = false;
   app.add_option("--config", config);
   app.add_flag("--dump-config", dump_config);
   app.add_flag("--quiet", quiet);
   app.add_flag("-h,--help", help);
+  app.add_flag("--help-all", help_all);
 
   try {
     app.parse(std::vector<std::string>(arguments.rbegin(), arguments.rend()));
   } catch (const CLI::ParseError& e) {
-    ThrowUsageError("{}: 'cohort {} --help' lists all options", e.what(), line.name);
+    ThrowUsageError("{}: 'cohort {} --help-all' lists all options", e.what(), line.name);
   }
-  if (help) {
-    fmt::print("{}", HelpText(line, options));
+  if (help || help_all) {
+    fmt::print("{}", help_all ? FullHelp(line, options) : CommonHelp(line, options));
     return ParseOutcome::kDone;
   }
   if (!app.remaining().empty()) ThrowUnexpected(app, line, app.remaining().front());

@@ -10,10 +10,12 @@
 namespace cohort {
 
 // A short name of options on the command line, beside their full ones: {"features",
-// {"detector.max_features"}} makes --features. With several paths it sets all of them.
+// {"detector.max_features"}} makes --features. With several paths it sets all of them, and has a
+// help of its own. What has a short name is common, whatever its tier.
 struct ShortFlag {
   std::string name;
   std::vector<std::string> paths;
+  std::string help = {};
 };
 
 // What a command's line looks like. `positionals` are paths that are given without a flag, in this
@@ -29,13 +31,14 @@ struct CommandLine {
 
 enum class ParseOutcome {
   kRun,
-  kDone,  // --help or --dump-config has been printed
+  kDone,  // --help, --help-all or --dump-config has been printed
 };
 
 // Sets the options behind `entries`: defaults < --config F.json < flags. Every entry gets a flag
 // --group.some-name from its path group.some_name (--no-... too where it is on or off). Throws
 // UsageError naming the flag and the nearest known one, or what the value must be.
-// --quiet is handled here: only warnings and errors go to the log.
+// --quiet is handled here: only warnings and errors go to the log. --help lists the common options,
+// --help-all all.
 ParseOutcome ParseCommandLine(const CommandLine& line,
                               const std::vector<OptionEntry>& entries,
                               std::span<const std::string> arguments);

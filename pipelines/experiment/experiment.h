@@ -47,45 +47,79 @@ struct ExperimentOptions {
 
   template <typename Self, typename Visitor>
   static void Visit(Self& o, Visitor& v) {
-    v.List("inputs", o.inputs, "clips, as `cohort track` takes them");
-    v.Text("out", o.out, "folder for results.csv, results.json and cells/");
+    v.List("inputs", o.inputs, "The clips, given as `cohort track` takes them.", Tier::kCommon);
+    v.Text("out",
+           o.out,
+           "The folder for results.csv, results.json, report.html and cells/.",
+           Tier::kCommon);
     v.Choice("protocol",
              o.protocol,
              kProtocolNames,
-             "reconstruction: models made of the tracks; paper: how far trackers stray from points "
-             "of known course, on clips with exact truth; the trackers' own checks by which "
-             "features end are off");
-    v.List(
-        "trackers",
-        o.trackers,
-        "those of `cohort track`; kltN, anchored-kltN: with a window of N px; subspace-paper, "
-        "descent-paper: joint and first-order tracker as the paper prints them, without "
-        "measurement; subspace-fused: subspace with the most probable positions; NAME-refined, "
-        "NAME-online: with and without a second pass (of subspace the default is with); ceiling: "
-        "the "
-        "truth with the least noise of a patch of 21 px; sift: COLMAP's own features (backend "
-        "colmap); F.json: the tracker options of this file");
+             "What is measured: reconstruction, the models made of the tracks; paper, how "
+             "far trackers stray from points of known course, on clips with exact truth, "
+             "with the trackers' own checks by which features end off.",
+             Tier::kCommon);
+    v.List("trackers",
+           o.trackers,
+           "The trackers to compare: those of `cohort track`; kltN, anchored-kltN: with a "
+           "window of N px; subspace-paper, descent-paper: joint and first-order tracker "
+           "as the paper prints them, without measurement; subspace-fused: subspace with "
+           "the most probable positions; NAME-refined, NAME-online: with and without a "
+           "second pass (of subspace the default is with); ceiling: the truth with the "
+           "least noise of a patch of 21 px; sift: COLMAP's own features (backend colmap);"
+           " F.json: the tracker options of this file.",
+           Tier::kCommon);
     v.List("backends",
            o.backends,
-           "of protocol reconstruction: ceres; colmap; triangulation: points alone, from the true "
-           "cameras");
+           "What reconstructs, in protocol reconstruction: ceres; colmap; triangulation: "
+           "points alone, from the true cameras.",
+           Tier::kCommon);
     v.List("levels",
            o.levels,
-           "as-is, or how dark `cohort degrade` makes the clips: clean, medium, hard, a number; "
-           "sensor: its recipe sensor at hard");
-    v.List("seeds", o.seeds, "of the noise and of COLMAP; tables show medians over them");
-    v.Number("jobs", o.jobs, 1, 1024, "processes at a time");
-    v.Text("shard", o.shard, "i/n, i from 0: only every n-th clip x level x seed x tracker");
-    v.Flag("resume", o.resume, "keep finished cells of an earlier run with the same options");
-    v.Choice("layout", o.layout, kLayoutNames, "how to read the inputs");
-    v.Text("frames", o.frames, "A:B or A:B:STEP, frames A to B - 1 of the inputs; all without");
-    v.Text("camera", o.camera, "fx,fy,cx,cy[,k1,k2,p1,p2] of all inputs [px]");
-    v.Group("tracking", o.tracking, "all trackers");
-    v.Group("ceres", o.ceres, "backend ceres");
-    v.Group("colmap", o.colmap, "backend colmap");
-    v.Group("second_look", o.second_look, "second pass of trackers that have one");
-    v.Group("sift", o.sift, "tracker sift");
-    v.Group("paper", o.paper, "protocol paper");
+           "How dark `cohort degrade` makes the clips: clean, medium, hard, a number; "
+           "sensor: its recipe sensor at hard; as-is: not at all.",
+           Tier::kCommon);
+    v.List("seeds",
+           o.seeds,
+           "The seeds of the noise and of COLMAP. Tables show medians over them: more "
+           "seeds give surer figures, and the time grows in proportion.",
+           Tier::kCommon);
+    v.Number("jobs",
+             o.jobs,
+             1,
+             1024,
+             "How many processes run at a time; the results stay the same.",
+             Tier::kCommon);
+    v.Text("shard",
+           o.shard,
+           "Do only every n-th clip x level x seed x tracker, given as i/n with i from 0, "
+           "so that several machines share the work.",
+           Tier::kCommon);
+    v.Flag("resume",
+           o.resume,
+           "Keep the finished cells of an earlier run with the same options.",
+           Tier::kCommon);
+    v.Choice("layout",
+             o.layout,
+             kLayoutNames,
+             "How to read the inputs; only needed where their layout is not recognised.",
+             Tier::kCommon);
+    v.Text("frames",
+           o.frames,
+           "Take only frames A to B - 1 of the inputs, given as A:B, or every STEP-th of "
+           "them, A:B:STEP.",
+           Tier::kCommon);
+    v.Text("camera",
+           o.camera,
+           "The camera of all inputs, fx,fy,cx,cy[,k1,k2,p1,p2] in pixels, as in `cohort "
+           "track`.",
+           Tier::kCommon);
+    v.Group("tracking", o.tracking, "all trackers", Tier::kExpert);
+    v.Group("ceres", o.ceres, "backend ceres", Tier::kExpert);
+    v.Group("colmap", o.colmap, "backend colmap", Tier::kExpert);
+    v.Group("second_look", o.second_look, "second pass of trackers that have one", Tier::kExpert);
+    v.Group("sift", o.sift, "tracker sift", Tier::kExpert);
+    v.Group("paper", o.paper, "protocol paper", Tier::kExpert);
   }
 };
 

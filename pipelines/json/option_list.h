@@ -21,6 +21,7 @@ struct OptionEntry {
   std::string path;
   std::string group;  // help of the group it is in; empty at the top
   std::string help;
+  Tier tier = Tier::kExpert;
   std::string allowed;  // "3 to 101", "strong, weak"; empty: any text
   std::function<OptionValue()> get;
   // Throws UsageError that begins with `given_as` (what the user wrote, e.g. --features).
@@ -32,13 +33,19 @@ struct OptionEntry {
 class OptionLister {
  public:
   template <typename T>
-  void Number(std::string_view name, T& field, T min, T max, std::string_view help) {
+  void Number(std::string_view name,
+              T& field,
+              T min,
+              T max,
+              std::string_view help,
+              Tier tier = Tier::kExpert) {
     using Wide = std::conditional_t<std::is_floating_point_v<T>, double, std::int64_t>;
     const std::string allowed = fmt::format("{} to {}", min, max);
     entries_.push_back(
         {prefix_ + std::string(name),
          group_,
          std::string(help),
+         tier,
          allowed,
          [&field] { return OptionValue(static_cast<Wide>(field)); },
          [&field, min, max, allowed](const OptionValue& value, std::string_view given_as) {
@@ -50,19 +57,28 @@ class OptionLister {
          }});
   }
 
-  void Flag(std::string_view name, bool& field, std::string_view help) { Add(name, field, help); }
-  void Text(std::string_view name, std::string& field, std::string_view help) {
-    Add(name, field, help);
+  void Flag(std::string_view name, bool& field, std::string_view help, Tier tier = Tier::kExpert) {
+    Add(name, field, help, tier);
   }
-  void List(std::string_view name, std::vector<std::string>& field, std::string_view help) {
-    Add(name, field, help);
+  void Text(std::string_view name,
+            std::string& field,
+            std::string_view help,
+            Tier tier = Tier::kExpert) {
+    Add(name, field, help, tier);
+  }
+  void List(std::string_view name,
+            std::vector<std::string>& field,
+            std::string_view help,
+            Tier tier = Tier::kExpert) {
+    Add(name, field, help, tier);
   }
 
   template <typename Enum, std::size_t N>
   void Choice(std::string_view name,
               Enum& field,
               const ChoiceNames<Enum, N>& names,
-              std::string_view help) {
+              std::string_view help,
+              Tier tier = Tier::kExpert) {
     std::string allowed;
     for (const auto& [text, value] : names) {
       if (!allowed.empty()) allowed += ", ";
@@ -72,6 +88,7 @@ class OptionLister {
         {prefix_ + std::string(name),
          group_,
          std::string(help),
+         tier,
          allowed,
          [&field, &names] { return OptionValue(std::string(NameOf(names, field))); },
          [&field, &names, allowed](const OptionValue& value, std::string_view given_as) {
@@ -89,23 +106,30 @@ class OptionLister {
   }
 
   template <typename Options>
-  void Group(std::string_view name, Options& options, std::string_view help) {
+  void Group(std::string_view name,
+             Options& options,
+             std::string_view help,
+             Tier tier = Tier::kCommon) {
     OptionLister nested;
     nested.prefix_ = prefix_ + std::string(name) + ".";
     nested.group_ = std::string(help);
     Options::Visit(options, nested);
-    for (OptionEntry& entry : nested.entries_) entries_.push_back(std::move(entry));
+    for (OptionEntry& entry : nested.entries_) {
+      if (tier == Tier::kExpert) entry.tier = Tier::kExpert;
+      entries_.push_back(std::move(entry));
+    }
   }
 
   std::vector<OptionEntry> Take() { return std::move(entries_); }
 
  private:
   template <typename T>
-  void Add(std::string_view name, T& field, std::string_view help) {
+  void Add(std::string_view name, T& field, std::string_view help, Tier tier) {
     entries_.push_back(
         {prefix_ + std::string(name),
          group_,
          std::string(help),
+         tier,
          "",
          [&field] { return OptionValue(field); },
          [&field](const OptionValue& value, std::string_view) { field = std::get<T>(value); }});

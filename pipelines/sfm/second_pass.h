@@ -26,16 +26,19 @@ struct SecondPassOptions {
              1.0,
              100.0,
              "not measured where the feature looks larger or smaller than its template by this");
-    v.Number(
-        "min_confirmed",
-        o.min_confirmed,
-        0.0,
-        1.0,
-        "share of the first pass's observations that must be found again, else the scene is not "
-        "as the model has it: `track` then keeps the first pass, `refine` warns");
+    v.Number("min_confirmed",
+             o.min_confirmed,
+             0.0,
+             1.0,
+             "The share of the first pass's observations that must be found again; with "
+             "less, the scene is not as the model has it: `track` then keeps the first pass,"
+             " `refine` warns.",
+             Tier::kCommon);
     v.Flag("drop_movers",
            o.drop_movers,
-           "drop tracks that no point of the rigid scene explains: what moves otherwise");
+           "Drop tracks that no point of the rigid scene explains, such as those on "
+           "somebody who walks by.",
+           Tier::kCommon);
     SecondLookOptions::Visit(o.look, v);
   }
 };

@@ -109,7 +109,8 @@ TEST(CommandLine, NamesWhatIsWrong) {
   ExpectUsageError({}, HasSubstr("inputs is missing: the form is cohort do INPUT..."));
   ExpectUsageError({"a", "--wieght", "1"},
                    AllOf(HasSubstr("unknown option --wieght"), HasSubstr("--weight?")));
-  ExpectUsageError({"a", "--zzzzzz=3"}, HasSubstr("unknown option --zzzzzz: 'cohort do --help'"));
+  ExpectUsageError({"a", "--zzzzzz=3"},
+                   HasSubstr("unknown option --zzzzzz: 'cohort do --help-all'"));
   ExpectUsageError({"a", "--seed", "3.5"}, HasSubstr("--seed '3.5' is no whole number"));
   ExpectUsageError({"a", "--seed", "-1"}, HasSubstr("--seed -1 is out of range: give 0 to"));
   ExpectUsageError({"a", "--weight", "nan"}, HasSubstr("--weight nan is out of range"));
