@@ -394,13 +394,14 @@ struct TrackerOptions {
 
   template <typename Self, typename Visitor>
   static void Visit(Self& o, Visitor& v) {
-    v.Choice("tracker",
-             o.tracker,
-             kTrackerNames,
-             "Which tracker follows the features: subspace all of them together, the others "
-             "each of them alone. klt is the fastest, subspace the most accurate in the "
-             "dark.",
-             Tier::kCommon);
+    v.Choice(
+        "tracker",
+        o.tracker,
+        kTrackerNames,
+        "Which tracker follows the features: subspace all of them together, the others each of "
+        "them alone. klt is what most programs use; subspace takes longer, and loses fewer "
+        "in the dark.",
+        Tier::kCommon);
     v.Number(
         "border_px", o.border_px, 0.0, 100.0, "a feature nearer to the image border ends [px]");
     v.Number("birth_border_px",

@@ -106,7 +106,7 @@ TEST_F(Commands, HelpNamesEveryOptionWithDefaultAndRange) {
     EXPECT_THAT(end.out, HasSubstr(std::string("Usage: cohort ") + command));
     EXPECT_THAT(end.out, AllOf(HasSubstr("--config"), HasSubstr("--quiet")));
   }
-  EXPECT_THAT(RunCohort("track --help").out,
+  EXPECT_THAT(RunCohort("track --help-all").out,
               AllOf(HasSubstr("--features, --detector.max-features"),
                     HasSubstr("(1 to 100000; default 400)"),
                     HasSubstr("(subspace, descent, klt, anchored-klt, rlof, dis,"),
