@@ -27,7 +27,7 @@ const std::map<std::string, std::set<std::string>> kMayInclude{
     {"frontend/geometry", {"frontend/core"}},
     {"frontend/tracks", {"frontend/core", "frontend/geometry"}},
     {"frontend/image", {"frontend/core", "frontend/tracks"}},
-    {"frontend/detect", {"frontend/core", "frontend/image", "frontend/track"}},
+    {"frontend/detect", {"frontend/core", "frontend/image"}},
     {"frontend/energy", {"frontend/core", "frontend/image"}},
     {"frontend/track",
      {"frontend/core", "frontend/tracks", "frontend/image", "frontend/detect", "frontend/energy"}},

@@ -11,12 +11,14 @@
 namespace cohort {
 namespace {
 
-cv::Ptr<cv::DenseOpticalFlow> MakeFlow(TrackerKind tracker) {
-  if (tracker == TrackerKind::kDis) {
-    return cv::DISOpticalFlow::create(cv::DISOpticalFlow::PRESET_MEDIUM);
+cv::Ptr<cv::DenseOpticalFlow> MakeFlow(DenseFlowMethod method) {
+  switch (method) {
+    case DenseFlowMethod::kDis:
+      return cv::DISOpticalFlow::create(cv::DISOpticalFlow::PRESET_MEDIUM);
+    case DenseFlowMethod::kDeepFlow:
+      return cv::optflow::createOptFlow_DeepFlow();
   }
-  Check(tracker == TrackerKind::kDeepFlow, "a tracker of dense flow");
-  return cv::optflow::createOptFlow_DeepFlow();
+  ThrowUsageError("unknown dense flow");
 }
 
 // Outside the field its border repeats.
@@ -34,11 +36,11 @@ cv::Point2f SampleBilinearly(const cv::Mat& flow, const cv::Point2f& at) {
 
 class DenseFlowMover final : public FrameToFrameMover {
  public:
-  DenseFlowMover(TrackerKind tracker, const DenseFlowOptions& options)
+  DenseFlowMover(DenseFlowMethod method, const DenseFlowOptions& options)
       : FrameToFrameMover(
             {.px = options.forward_backward_px, .share = options.forward_backward_share}),
         options_(options),
-        flow_(MakeFlow(tracker)) {}
+        flow_(MakeFlow(method)) {}
 
  private:
   std::vector<cv::Mat> Prepare(const Pyramid& current) const override {
@@ -67,9 +69,9 @@ class DenseFlowMover final : public FrameToFrameMover {
 
 }  // namespace
 
-std::unique_ptr<FeatureMover> MakeDenseFlowMover(TrackerKind tracker,
+std::unique_ptr<FeatureMover> MakeDenseFlowMover(DenseFlowMethod method,
                                                  const DenseFlowOptions& options) {
-  return std::make_unique<DenseFlowMover>(tracker, options);
+  return std::make_unique<DenseFlowMover>(method, options);
 }
 
 }  // namespace cohort

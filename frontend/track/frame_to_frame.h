@@ -4,7 +4,7 @@
 #include <span>
 #include <vector>
 
-#include "frontend/track/track_loop.h"
+#include "frontend/track/feature_mover.h"
 
 namespace cohort {
 

@@ -5,12 +5,106 @@
 #include <span>
 #include <vector>
 
+#include "frontend/core/options.h"
+#include "frontend/energy/penalty.h"
 #include "frontend/energy/total_energy.h"
 #include "frontend/image/pyramid.h"
 #include "frontend/track/optimizer.h"
-#include "frontend/track/tracker_options.h"
 
 namespace cohort {
+
+// How hard the penalty pulls, paper equation (7).
+enum class Constraint {
+  kStrong,  // alpha = 1 / (m F n^2): the scene is rigid; no few features can overpower it
+  kWeak,    // alpha = 1 / (m n^2): as much say as a single feature
+};
+inline constexpr ChoiceNames<Constraint, 2> kConstraintNames{
+    {{"strong", Constraint::kStrong}, {"weak", Constraint::kWeak}}};
+
+// m of eq. (7) relative to the picture's contrast: that with which the guide's worst level of
+// darkness is nearest to that level's own best (docs/paper.md).
+inline double CalibratedWeight(PenaltyKind penalty, Constraint constraint) {
+  const bool strong = constraint == Constraint::kStrong;
+  switch (penalty) {
+    case PenaltyKind::kExplicitFactorization:
+      return strong ? 0.02 : 0.8;
+    case PenaltyKind::kNuclearNorm:
+      return strong ? 0.0084 : 0.34;
+    case PenaltyKind::kEmpiricalDimension:
+      break;
+  }
+  return strong ? 1.0 : 40.0;
+}
+
+// The paper's joint tracker. Its first-order single-feature tracker (`descent`) shares the template
+// size.
+struct SubspaceOptions {
+  Constraint constraint = Constraint::kStrong;
+  PenaltyKind penalty = PenaltyKind::kEmpiricalDimension;
+  bool uncentered = false;
+  int history_length = 10;
+  int template_px = 11;
+  double penalty_weight = 1.0;
+  double epsilon = 0.6;
+  double smoothing_px = 0.15;
+  OptimizerKind optimizer = OptimizerKind::kJointNewton;
+  int min_iterations = 4;
+  int max_iterations = 20;
+
+  template <typename Self, typename Visitor>
+  static void Visit(Self& o, Visitor& v) {
+    v.Choice(
+        "constraint",
+        o.constraint,
+        kConstraintNames,
+        "How hard the features hold each other. Strong needs a scene that is mostly rigid; weak "
+        "gives their joint motion no more say than a single feature's patch has.",
+        Tier::kCommon);
+    v.Choice("penalty",
+             o.penalty,
+             kPenaltyNames,
+             "What measures the dimension of the joint motion, equations (4) to (6) of the "
+             "paper; it is small where the scene is rigid.",
+             Tier::kCommon);
+    v.Flag("uncentered",
+           o.uncentered,
+           "Leave the features' mean motion in before its dimension is measured: that of a"
+           " rigid scene is then 4, not 3.",
+           Tier::kCommon);
+    v.Number("history_length",
+             o.history_length,
+             1,
+             60,
+             "How many past frames the features hold each other over, the L of the paper. "
+             "More frames tell true motion from noise better; the time grows.",
+             Tier::kCommon);
+    v.Number("template_px", o.template_px, 3, 63, "n: side of the template [px], odd");
+    v.Number("penalty_weight",
+             o.penalty_weight,
+             0.0,
+             1e9,
+             "m of eq. (7), as a multiple of the calibrated one");
+    v.Number("epsilon", o.epsilon, 0.01, 1.0, "of the empirical dimension, eq. (6)");
+    v.Number("smoothing_px",
+             o.smoothing_px,
+             0.0,
+             10.0,
+             "rounds the penalty at singular values of 0 [px]");
+    v.Choice("optimizer", o.optimizer, kOptimizerNames, "how the total energy is minimised");
+    v.Number("min_iterations", o.min_iterations, 1, 1000, "min_i of Algorithm 1, per level");
+    v.Number("max_iterations", o.max_iterations, 1, 1000, "max_i of Algorithm 1, per level");
+  }
+};
+
+// The tracker of the paper's section 4, to be run with the measurement off. What it does not print
+// is ours: m (its supplement has it), the template's side of its timing, the limits of iterations.
+inline SubspaceOptions PaperSubspaceOptions() {
+  SubspaceOptions options;
+  options.constraint = Constraint::kWeak;
+  options.template_px = 7;
+  options.optimizer = OptimizerKind::kAlgorithm1;
+  return options;
+}
 
 // Templates of a feature, n x n on each level of a pyramid.
 using Templates = std::vector<std::vector<float>>;

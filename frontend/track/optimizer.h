@@ -2,9 +2,17 @@
 
 #include <Eigen/Core>
 
+#include "frontend/core/options.h"
 #include "frontend/energy/total_energy.h"
 
 namespace cohort {
+
+enum class OptimizerKind {
+  kAlgorithm1,   // the paper's first-order descent
+  kJointNewton,  // damped Newton steps of all features together
+};
+inline constexpr ChoiceNames<OptimizerKind, 2> kOptimizerNames{
+    {{"algorithm-1", OptimizerKind::kAlgorithm1}, {"joint-newton", OptimizerKind::kJointNewton}}};
 
 struct OptimizerResult {
   Eigen::Matrix2Xd x;

@@ -2,9 +2,34 @@
 
 #include <memory>
 
-#include "frontend/track/track_loop.h"
+#include "frontend/core/options.h"
+#include "frontend/track/feature_mover.h"
 
 namespace cohort {
+
+// Baseline: robust local optical flow of OpenCV.
+struct RlofOptions {
+  int window_px = 31;
+  int max_level = 4;
+  bool robust = true;
+  bool illumination_model = false;
+  bool global_motion = true;
+  double forward_backward_px = 1.0;
+
+  template <typename Self, typename Visitor>
+  static void Visit(Self& o, Visitor& v) {
+    v.Number("window_px", o.window_px, 3, 101, "side of the tracked patch [px], odd");
+    v.Number("max_level", o.max_level, 0, 8, "pyramid levels above full resolution");
+    v.Flag("robust", o.robust, "Hampel's norm in place of least squares");
+    v.Flag("illumination_model", o.illumination_model, "estimate gain and offset of every patch");
+    v.Flag("global_motion", o.global_motion, "start at the motion of the whole picture");
+    v.Number("forward_backward_px",
+             o.forward_backward_px,
+             0.0,
+             100.0,
+             "a feature ends if tracking back misses its start by more [px]; 0: no check");
+  }
+};
 
 // A baseline: robust local optical flow (cv::optflow::calcOpticalFlowSparseRLOF; Senst, Eiselein,
 // Sikora 2012-2016): Lucas-Kanade with a redescending norm, an illumination model and the whole

@@ -51,10 +51,8 @@ struct Appearance {
 
 class SubspaceMover final : public FeatureMover {
  public:
-  explicit SubspaceMover(const TrackerOptions& options)
-      : options_(options.subspace),
-        measure_(options.measurement),
-        joint_(options.tracker == TrackerKind::kSubspace) {}
+  SubspaceMover(const SubspaceOptions& options, const MeasurementOptions& measurement, bool joint)
+      : options_(options), measure_(measurement), joint_(joint) {}
 
   std::vector<Move> MoveFeatures(const Pyramid& current) override;
   void Keep(std::span<const std::uint8_t> keep) override;
@@ -128,8 +126,8 @@ Appearance SubspaceMover::TakeAppearance(const Pyramid& pyramid,
                                          const Eigen::Vector2d& xy) const {
   Appearance appearance;
   appearance.levels = TakeTemplates(pyramid, xy, options_.template_px);
-  appearance.window_px = std::max(measure_.window_px, measure_.wide_window_px);
-  appearance.anchor = TakeAnchor(smooth, xy, measure_.window_px, appearance.window_px);
+  appearance.window_px = std::max(measure_.patch.window_px, measure_.patch.wide_window_px);
+  appearance.anchor = TakeAnchor(smooth, xy, measure_.patch.window_px, appearance.window_px);
   return appearance;
 }
 
@@ -206,7 +204,7 @@ void SubspaceMover::DeformAnchors(const Eigen::Matrix2Xd& x) {
   }
   Eigen::Matrix2d similarity;
   similarity << a, -b, b, a;
-  const double noise = measure_.warp_noise * measure_.warp_noise;
+  const double noise = measure_.patch.warp_noise * measure_.patch.warp_noise;
   for (Appearance& appearance : appearance_) {
     appearance.anchor.warp = similarity * appearance.anchor.warp;
     appearance.anchor.warp_covariance.diagonal().array() += noise;
@@ -242,8 +240,8 @@ class SubspaceMover::Differences {
   // Is it the anchor that was measured?
   bool LooksRight(std::size_t f, const Measurement& m, const MeasurementOptions& options) const {
     const double expected = noise_variance_ + kPatternShare * appearance_[f].anchor.signal_variance;
-    return m.converged && m.correlation >= options.min_correlation &&
-           m.residual_variance <= options.max_residual_ratio * expected &&
+    return m.converged && m.correlation >= options.patch.min_correlation &&
+           m.residual_variance <= options.patch.max_residual_ratio * expected &&
            OfCenter(f, Center(f, m.xy), 0.0) <= options.max_center_ratio;
   }
   // An occluder pushes a patch before it, to where the feature's surroundings still look like it.
@@ -300,7 +298,7 @@ std::vector<Move> SubspaceMover::Measure(const Pyramid& current, const Eigen::Ma
   std::vector<TrajectoryModel::Observation> now(F);
   for (std::size_t f = 0; f < F; ++f) {
     const Measurement& m = measured[f];
-    trusted[f] = confirmed_[f] && (m.xy - starts[f]).norm() <= measure_.max_distance_px &&
+    trusted[f] = confirmed_[f] && (m.xy - starts[f]).norm() <= measure_.patch.max_distance_px &&
                  differences.LooksRight(f, m, measure_);
     if (trusted[f]) now[f] = Seen(m);
   }
@@ -423,9 +421,9 @@ void SubspaceMover::Observe(std::size_t f,
   appearance.anchor.gradients = m.gradients;
   appearance.anchor.gradients_count =
       std::min(appearance.anchor.gradients_count + 1.0, kGradientsMemory);
-  if (m.window_px == measure_.wide_window_px && m.window_px > measure_.window_px &&
+  if (m.window_px == measure_.patch.wide_window_px && m.window_px > measure_.patch.window_px &&
       0.5 * covariance.trace() < measure_.wide_above_px * measure_.wide_above_px) {
-    appearance.window_px = measure_.window_px;
+    appearance.window_px = measure_.patch.window_px;
     appearance.anchor.gradients_count = 0.0;
   }
   const CenterDifference center = differences.Center(f, m.xy);
@@ -453,7 +451,7 @@ Measurement SubspaceMover::Doubt(std::size_t f,
         current, appearance_[f].anchor, at, appearance_[f].window_px, covariance_scale_);
     const auto agrees = [&](const Measurement& m) {
       return strong ? Agrees(f, m, *own) && !Astray(f, m, *own)
-                    : (m.xy - at).norm() <= measure_.max_distance_px;
+                    : (m.xy - at).norm() <= measure_.patch.max_distance_px;
     };
     if (agrees(large) && differences.LooksRight(f, large, measure_) &&
         !(strong && differences.Pushed(f, large, at, measure_))) {
@@ -478,7 +476,7 @@ Measurement SubspaceMover::Doubt(std::size_t f,
     const bool hidden =
         differences.OfCenter(f, differences.Center(f, at), sigma) > measure_.max_center_ratio;
     if (hidden) unexplained = 0;
-    if (measure_.max_unexplained_frames > 0 && sigma > measure_.max_distance_px) {
+    if (measure_.max_unexplained_frames > 0 && sigma > measure_.patch.max_distance_px) {
       move.loss = LossReason::kContradicted;
     }
   }
@@ -517,7 +515,7 @@ void SubspaceMover::Calibrate(const std::vector<Measurement>& measured,
 }
 
 std::vector<Move> SubspaceMover::MoveFeatures(const Pyramid& current) {
-  Pyramid smooth = SmoothPyramid(current, measure_.denoise_sigma_px);
+  Pyramid smooth = SmoothPyramid(current, measure_.patch.denoise_sigma_px);
   const Eigen::Matrix2Xd guide = Guide(current);
   std::vector<Move> moves;
   if (joint_ && measure_.enabled) {
@@ -585,7 +583,7 @@ void SubspaceMover::Add(std::span<const Eigen::Vector2d> born, const Pyramid& cu
     model_ = TrajectoryModel(kModelFrames, measure_.max_rank, measure_.perspective);
     model_.Update({});
     history_.emplace_front(2, 0);
-    Remember(current, SmoothPyramid(current, measure_.denoise_sigma_px));
+    Remember(current, SmoothPyramid(current, measure_.patch.denoise_sigma_px));
     if (measure_.max_open_px > 0.0) lk_previous_ = LkPyramid(current, kLkWindowPx, kLkMaxLevel);
   }
   const Eigen::Index first_new = features();
@@ -646,10 +644,10 @@ void SubspaceMover::FillHistory(Eigen::Index first_new) {
       const Measurement m = MeasurePatch(smooth_[l],
                                          appearance_[static_cast<std::size_t>(f)].anchor,
                                          guessed,
-                                         measure_.window_px,
+                                         measure_.patch.window_px,
                                          covariance_scale_);
-      if (m.converged && m.correlation >= measure_.min_correlation &&
-          (m.xy - guessed).norm() <= measure_.max_distance_px) {
+      if (m.converged && m.correlation >= measure_.patch.min_correlation &&
+          (m.xy - guessed).norm() <= measure_.patch.max_distance_px) {
         history_[l].col(f) = m.xy;
         course.back() = Seen(m);
       }
@@ -660,8 +658,13 @@ void SubspaceMover::FillHistory(Eigen::Index first_new) {
 
 }  // namespace
 
-std::unique_ptr<FeatureMover> MakeSubspaceMover(const TrackerOptions& options) {
-  return std::make_unique<SubspaceMover>(options);
+std::unique_ptr<FeatureMover> MakeSubspaceMover(const SubspaceOptions& options,
+                                                const MeasurementOptions& measurement) {
+  return std::make_unique<SubspaceMover>(options, measurement, true);
+}
+
+std::unique_ptr<FeatureMover> MakeDescentMover(const SubspaceOptions& options) {
+  return std::make_unique<SubspaceMover>(options, MeasurementOptions{}, false);
 }
 
 }  // namespace cohort

@@ -2,7 +2,9 @@
 
 #include <memory>
 
-#include "frontend/track/track_loop.h"
+#include "frontend/track/feature_mover.h"
+#include "frontend/track/guide.h"
+#include "frontend/track/measurement.h"
 
 namespace cohort {
 
@@ -17,7 +19,10 @@ namespace cohort {
 // frame, by the motion of the features around it, corrected by aligning its template with the
 // frames of the window (kept for this). So every column is always complete.
 //
-// `descent` is the same without a penalty and without memory: every feature for itself.
-std::unique_ptr<FeatureMover> MakeSubspaceMover(const TrackerOptions& options);
+std::unique_ptr<FeatureMover> MakeSubspaceMover(const SubspaceOptions& options,
+                                                const MeasurementOptions& measurement);
+
+// Tracker `descent`: the same without a penalty and without memory, every feature for itself.
+std::unique_ptr<FeatureMover> MakeDescentMover(const SubspaceOptions& options);
 
 }  // namespace cohort

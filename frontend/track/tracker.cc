@@ -17,11 +17,13 @@ std::unique_ptr<FeatureMover> MakeMover(const TrackerOptions& options) {
     case TrackerKind::kRlof:
       return MakeRlofMover(options.rlof);
     case TrackerKind::kDis:
+      return MakeDenseFlowMover(DenseFlowMethod::kDis, options.dense_flow);
     case TrackerKind::kDeepFlow:
-      return MakeDenseFlowMover(options.tracker, options.dense_flow);
+      return MakeDenseFlowMover(DenseFlowMethod::kDeepFlow, options.dense_flow);
     case TrackerKind::kSubspace:
+      return MakeSubspaceMover(options.subspace, options.measurement);
     case TrackerKind::kDescent:
-      return MakeSubspaceMover(options);
+      return MakeDescentMover(options.subspace);
   }
   ThrowUsageError("unknown tracker");
 }
