@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "backend/scene/bundle_adjustment.h"
+#include "backend/scene/mapper_termination.h"
 #include "backend/scene/reconstruction.h"
 #include "frontend/tracks/track_store.h"
 
@@ -13,11 +13,6 @@ namespace cohort {
 
 struct MapperOptions {
   int min_track_length = 3;
-  double max_reprojection_px = 4.0;
-  double min_angle_deg = 0.5;
-  double keyframe_parallax_px = 10.0;
-  RobustLoss loss = RobustLoss::kCauchy;
-  double loss_scale = 1.0;
   bool use_covariances = true;
   double covariance_floor_px = 0.1;
   bool include_predicted = false;
@@ -29,24 +24,11 @@ struct MapperOptions {
 
   template <typename Self, typename Visitor>
   static void Visit(Self& o, Visitor& v) {
-    v.Number("min_track_length", o.min_track_length, 2, 1000, "shorter tracks are not used");
-    v.Number("max_reprojection_px",
-             o.max_reprojection_px,
-             0.1,
-             100.0,
-             "an observation farther from its point's image is not believed [px]");
-    v.Number("min_angle_deg", o.min_angle_deg, 0.0, 90.0, "least angle between a point's rays");
-    v.Number("keyframe_parallax_px",
-             o.keyframe_parallax_px,
-             0.5,
-             1000.0,
-             "parallax after which a frame takes part in growing the model [px]");
-    v.Choice("loss", o.loss, kRobustLossNames, "robust loss of bundle adjustment");
-    v.Number("loss_scale",
-             o.loss_scale,
-             0.01,
-             100.0,
-             "where the loss turns, in units of where the residuals' distribution has it");
+    v.Number("min_track_length",
+             o.min_track_length,
+             2,
+             1000,
+             "tracks observed in fewer frames are not used [frames]");
     v.Flag("use_covariances",
            o.use_covariances,
            "Weigh every observation by how sure the tracker is of it; off: all alike.",
@@ -55,7 +37,8 @@ struct MapperOptions {
              o.covariance_floor_px,
              0.0,
              10.0,
-             "added in quadrature to a tracker's standard deviation [px]");
+             "added in quadrature to a tracker's standard deviation, so that no observation claims "
+             "to be exact [px]");
     v.Flag("include_predicted",
            o.include_predicted,
            "Use positions that no image confirmed too, with less weight. They hold on to "
@@ -65,7 +48,7 @@ struct MapperOptions {
              o.predicted_growth_px,
              0.01,
              100.0,
-             "standard deviation a predicted position gains per frame [px]");
+             "standard deviation that a predicted position gains with every frame [px]");
     v.Flag("refine_focal",
            o.refine_focal,
            "Refine the focal length of a guessed camera; off: the guess is taken as true.",
@@ -83,28 +66,6 @@ struct MapperOptions {
            Tier::kCommon);
   }
 };
-
-enum class MapperTermination : std::uint8_t {
-  kSuccess,       // one model of at least 80 % of the frames
-  kPartial,       // a model of fewer frames
-  kTooFewTracks,  // nothing to start from
-  kStaticCamera,  // nothing moves by more than the noise
-  kPureRotation,  // a rotation about the camera's centre explains all motion: no depth
-  kNoStart,       // there is parallax, but no pair of frames gave a consistent model
-  kAmbiguous,     // two different models explain the tracks equally well (a plane, a mirror image)
-  kWeakDepth,     // a model came out, but its depths are within their own uncertainty
-  kNotRigid,      // a model came out, but it does not explain the parallax
-};
-inline constexpr ChoiceNames<MapperTermination, 9> kMapperTerminationNames{
-    {{"success", MapperTermination::kSuccess},
-     {"partial", MapperTermination::kPartial},
-     {"too few tracks", MapperTermination::kTooFewTracks},
-     {"static camera", MapperTermination::kStaticCamera},
-     {"pure rotation", MapperTermination::kPureRotation},
-     {"no start", MapperTermination::kNoStart},
-     {"ambiguous", MapperTermination::kAmbiguous},
-     {"weak depth", MapperTermination::kWeakDepth},
-     {"not rigid", MapperTermination::kNotRigid}}};
 
 // A part of the clip that could not be tied to the model returned.
 struct OtherComponent {
@@ -128,6 +89,7 @@ struct MapperResult {
   // With MapperOptions::covariances, scaled by noise^2: of (omega [rad], centre), see CameraPose.
   std::map<FrameIndex, Eigen::Matrix<double, 6, 6>> camera_covariances;
   std::map<FeatureId, Eigen::Matrix3d> point_covariances;
+  std::vector<std::string> warnings;  // what was asked for and could not be done, a line each
 };
 
 // Cameras and points from tracks alone. The camera is the file's; refined if it is a guess, and

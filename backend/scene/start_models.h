@@ -1,11 +1,11 @@
 #pragma once
 
-#include <optional>
-#include <string_view>
+#include <cstdint>
 #include <vector>
 
 #include "backend/scene/keyframes.h"
 #include "backend/scene/working_model.h"
+#include "frontend/core/options.h"
 
 namespace cohort {
 
@@ -23,19 +23,14 @@ struct StartModel {
   std::vector<int> window;
 };
 
-struct StartOptions {
-  WorkingModelOptions model;
-  bool refine_focal = false;  // the camera is a guess: several focal lengths are tried
-  int min_points = 10;
-};
-
 // Models of the frames from pair.frame_a to pair.frame_b, the best first: relative poses of the
 // essential matrix and, where a homography explains the pair too, of its decomposition; both mirror
 // models of the affine factorisation. All are grown over the window, adjusted there and compared by
-// cost; those that leave half of the window unexplained are left out.
+// cost; those that leave half of the window unexplained are left out. With refine_focal the camera
+// is a guess, and several focal lengths are tried.
 std::vector<StartModel> BuildStartModels(const WhitenedTracks& whitened,
                                          const Camera& camera,
                                          const FramePairMotion& pair,
-                                         const StartOptions& options);
+                                         bool refine_focal);
 
 }  // namespace cohort

@@ -27,11 +27,8 @@ constexpr double kMaxLossTurn = 6.0;
 
 }  // namespace
 
-WorkingModel::WorkingModel(const WhitenedTracks& whitened,
-                           const Camera& camera,
-                           const WorkingModelOptions& options)
+WorkingModel::WorkingModel(const WhitenedTracks& whitened, const Camera& camera)
     : whitened_(&whitened),
-      options_(options),
       cam_from_world_(whitened.frame_count()),
       centers_(whitened.frame_count()),
       rotations_(whitened.frame_count()),
@@ -55,17 +52,23 @@ void WorkingModel::SetPose(int frame, const Rigid3& cam_from_world) {
   centers_[frame] = cam_from_world.Inverse().translation;
 }
 
-void WorkingModel::ClearPose(int frame) {
-  if (!HasPose(frame)) return;
-  --registered_;
-  cam_from_world_[frame].reset();
-  for (const int o : whitened_->ObservationsIn(frame)) is_inlier_[o] = 0;
-}
-
 std::vector<int> WorkingModel::RegisteredFrames() const {
   std::vector<int> frames;
   for (int f = 0; f < whitened_->frame_count(); ++f) {
     if (HasPose(f)) frames.push_back(f);
+  }
+  return frames;
+}
+
+std::vector<int> WorkingModel::NearestRegistered(int frame, std::size_t count) const {
+  // Looks no further than it must: it is asked for every frame.
+  std::vector<int> frames;
+  for (int d = 0; d < whitened_->frame_count(); ++d) {
+    for (const int f : {frame - d, frame + d}) {
+      if (frames.size() == count) return frames;
+      if (f < 0 || f >= whitened_->frame_count() || !HasPose(f)) continue;
+      if (frames.empty() || frames.back() != f) frames.push_back(f);  // both are one if d is 0
+    }
   }
   return frames;
 }
@@ -91,7 +94,7 @@ bool WorkingModel::RegisterFrame(int frame, const std::optional<Rigid3>& start) 
   }
   if (static_cast<int>(points.size()) < kMinPoseInliers) return false;
   // Twice the final bound: poses and points of a growing model are not yet settled.
-  const double max_error = (relaxed_ ? 3.0 : 2.0) * options_.max_reprojection_px / MeanFocal();
+  const double max_error = (relaxed_ ? 3.0 : 2.0) * kMaxReprojectionPx / MeanFocal();
   const auto pose = EstimateAbsolutePose(points, start, max_error);
   const int min_inliers = relaxed_ ? kMinPoseInliersRelaxed : kMinPoseInliers;
   const double min_ratio = relaxed_ ? kMinPoseInlierRatioRelaxed : kMinPoseInlierRatio;
@@ -104,7 +107,7 @@ bool WorkingModel::RegisterFrame(int frame, const std::optional<Rigid3>& start) 
 }
 
 int WorkingModel::TriangulateTracks(std::span<const int> tracks) {
-  const double max_error = options_.max_reprojection_px / MeanFocal();
+  const double max_error = kMaxReprojectionPx / MeanFocal();
   const std::size_t min_rays = MinViews();
   int found = 0;
   std::vector<Ray> rays;
@@ -208,7 +211,7 @@ bool WorkingModel::HasEnoughAngle(int track) const {
   // The widest pair, nearly: the ray farthest from the first, then the one farthest from that.
   const auto [first, last] = whitened_->TrackRange(track);
   const Eigen::Vector3d& x = Point(track);
-  const double min_angle = options_.min_angle_deg * kDegree;
+  const double min_angle = kMinRayAngleDeg * kDegree;
   std::optional<Eigen::Vector3d> from;
   for (int pass = 0; pass < 2; ++pass) {
     double widest = -1.0;
@@ -247,7 +250,7 @@ int WorkingModel::UpdateInliers(std::span<const int> tracks, double max_error, d
       const WhitenedObservation& observation = whitened_->observations()[o];
       if (HasPose(observation.frame)) {
         const std::optional<Eigen::Vector2d> error = PixelError(o);
-        inlier = error && error->norm() <= widen * options_.max_reprojection_px &&
+        inlier = error && error->norm() <= widen * kMaxReprojectionPx &&
                  (observation.whitening * *error).norm() <= max_error;
       }
       if (inlier) ++views;

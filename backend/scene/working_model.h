@@ -9,10 +9,13 @@
 
 namespace cohort {
 
-struct WorkingModelOptions {
-  double max_reprojection_px = 4.0;  // never beyond this is an observation kept
-  double min_angle_deg = 1.0;        // largest angle between two rays of a point, at least
-};
+// Never beyond this is an observation an inlier [px]; COLMAP's bound.
+inline constexpr double kMaxReprojectionPx = 4.0;
+// Least of the largest angle between two rays of a point [deg]. Chosen by eye on the tuning clips;
+// COLMAP's 1.5 is for photographs.
+inline constexpr double kMinRayAngleDeg = 0.5;
+// Noise of a whitened coordinate: less is no information, but a clip without noise.
+inline constexpr double kMinWhitenedNoise = 0.02;
 
 struct ModelAdjustment {
   BundleResult bundle;      // its cameras: the free frames, then the fixed ones
@@ -20,12 +23,10 @@ struct ModelAdjustment {
 };
 
 // A reconstruction in the making: which frames have a pose, which tracks a point, and which
-// observations of them are believed.
+// observations of them are inliers.
 class WorkingModel {
  public:
-  WorkingModel(const WhitenedTracks& whitened,
-               const Camera& camera,
-               const WorkingModelOptions& options);
+  WorkingModel(const WhitenedTracks& whitened, const Camera& camera);
 
   const WhitenedTracks& whitened() const { return *whitened_; }
   const Camera& camera() const { return camera_; }
@@ -37,9 +38,10 @@ class WorkingModel {
   bool HasPose(int frame) const { return cam_from_world_[frame].has_value(); }
   const Rigid3& Pose(int frame) const { return *cam_from_world_[frame]; }
   void SetPose(int frame, const Rigid3& cam_from_world);
-  void ClearPose(int frame);
   std::vector<int> RegisteredFrames() const;  // ascending
   int registered() const { return registered_; }
+  // At most `count` registered frames by distance in time, the frame itself first.
+  std::vector<int> NearestRegistered(int frame, std::size_t count) const;
 
   bool HasPoint(int track) const { return points_[track].has_value(); }
   const Eigen::Vector3d& Point(int track) const { return *points_[track]; }
@@ -74,8 +76,8 @@ class WorkingModel {
                          std::span<const int> fixed,
                          const BundleOptions& options);
 
-  // Believes again in what agrees with the model and no longer in what does not: observations
-  // further than max_error (whitened) or max_reprojection_px off are none; points behind a
+  // Takes for inliers what agrees with the model and no longer what does not: observations
+  // further than max_error (whitened) or kMaxReprojectionPx off are none; points behind a
   // camera, seen at too small an angle or by fewer than three frames (two in a model of two) are
   // dropped. Returns how many observations changed sides. Also measures the noise.
   // A start that is known to be rough may widen the bound in pixels by a factor.
@@ -91,7 +93,7 @@ class WorkingModel {
   // Projection less observation [px]; none behind the camera, or without a pose or a point.
   std::optional<Eigen::Vector2d> PixelError(int observation) const;
 
-  // Median of the believed observations' whitened errors in a frame; 0 without any.
+  // Median of the inliers' whitened errors in a frame; 0 without any.
   double MedianError(int frame) const;
 
   // How differently two models see the same points: median absolute deviation of the logarithm of
@@ -113,7 +115,6 @@ class WorkingModel {
 
   const WhitenedTracks* whitened_;
   Camera camera_;
-  WorkingModelOptions options_;
   std::vector<Eigen::Vector2d> n_;
   std::vector<std::optional<Rigid3>> cam_from_world_;
   std::vector<Eigen::Vector3d> centers_;  // of frames with a pose

@@ -89,6 +89,7 @@ Outcome ReconstructByCeres(const TrackFile& file,
                            const ReconstructCommandOptions& options,
                            const fs::path& folder) {
   MapperResult result = ReconstructWithCeres(file, options.ceres);
+  for (const std::string& warning : result.warnings) spdlog::warn("{}", warning);
   std::string without_point = "track_id,observations\n";
   for (const FeatureId feature : result.without_point) {
     without_point += fmt::format("{},{}\n", ToInt(feature), file.tracks.Track(feature).size());

@@ -20,7 +20,7 @@ double DepthUncertainty(test::SyntheticTracks scene, float sigma_px) {
   WhiteningOptions options;
   options.covariance_floor_px = 0.0;
   const WhitenedTracks whitened(scene.file, options);
-  WorkingModel model(whitened, *scene.file.camera, {});
+  WorkingModel model(whitened, *scene.file.camera);
   for (int f = 0; f < whitened.frame_count(); ++f) {
     model.SetPose(f, scene.cam_from_world.at(whitened.frames()[f].index));
   }

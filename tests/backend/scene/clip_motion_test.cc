@@ -1,4 +1,4 @@
-#include "backend/scene/keyframes.h"
+#include "backend/scene/clip_motion.h"
 
 #include <gtest/gtest.h>
 
@@ -20,7 +20,7 @@ test::SyntheticTracksOptions Drifting(CameraPath path) {
 ClipMotion MotionByDirection(const TrackFile& file, Camera camera) {
   const WhitenedTracks whitened(file, {});
   const std::vector<int> keyframes = SelectKeyframes(whitened, camera, 10.0, 10);
-  return ClassifyDrift(whitened, camera, RankPairs(whitened, camera, keyframes, 12));
+  return ClassifyDrift(whitened, camera, RankPairs(whitened, camera, keyframes));
 }
 
 TEST(ClassifyDrift, ParallaxLiesAlongTheEpipolarLinesAndDriftDoesNot) {

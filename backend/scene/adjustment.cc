@@ -1,0 +1,158 @@
+#include "backend/scene/adjustment.h"
+
+#include <spdlog/spdlog.h>
+
+#include <algorithm>
+#include <limits>
+#include <span>
+
+namespace cohort {
+namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+// Bundle adjustment of all points with an inlier, every registered camera fixed; and whose points
+// they are.
+struct PointProblem {
+  BundleProblem bundle;
+  std::vector<int> tracks;
+};
+PointProblem MakePointProblem(const WorkingModel& model) {
+  const WhitenedTracks& whitened = model.whitened();
+  PointProblem problem;
+  problem.bundle.intrinsics = model.camera();
+  std::vector<int> camera_of_frame(whitened.frame_count(), -1);
+  for (const int frame : model.RegisteredFrames()) {
+    camera_of_frame[frame] = static_cast<int>(problem.bundle.cameras.size());
+    problem.bundle.cameras.push_back({model.Pose(frame), true});
+  }
+  for (int track = 0; track < whitened.track_count(); ++track) {
+    if (!model.HasPoint(track)) continue;
+    const auto [first, last] = whitened.TrackRange(track);
+    for (int o = first; o < last; ++o) {
+      if (!model.IsInlier(o)) continue;
+      const WhitenedObservation& observation = whitened.observations()[o];
+      problem.bundle.observations.push_back({camera_of_frame[observation.frame],
+                                             static_cast<int>(problem.tracks.size()),
+                                             observation.xy,
+                                             observation.covariance_px2});
+    }
+    problem.tracks.push_back(track);
+    problem.bundle.points_in_world.push_back(model.Point(track));
+  }
+  return problem;
+}
+
+}  // namespace
+
+BundleOptions MapperBundleOptions(const WorkingModel& model,
+                                  const CameraRefinement& refinement,
+                                  int max_iterations,
+                                  double function_tolerance) {
+  BundleOptions bundle;
+  bundle.loss = RobustLoss::kCauchy;
+  bundle.loss_scale = std::max(kMinWhitenedNoise, model.loss_turn());
+  bundle.max_iterations = max_iterations;
+  bundle.function_tolerance = function_tolerance;
+  bundle.refine_focal = refinement.focal;
+  bundle.refine_radial = refinement.radial;
+  bundle.refine_principal_point = refinement.principal_point;
+  return bundle;
+}
+
+void AdjustAround(WorkingModel& model, int frame) {
+  // How many frames move, and how many neighbours hold them. Chosen by eye
+  // on the tuning clips.
+  constexpr std::size_t kFree = 4;
+  constexpr std::size_t kFixed = 6;
+  const std::vector<int> near = model.NearestRegistered(frame, kFree + kFixed);
+  const std::size_t free = std::min(kFree, near.size());
+  BundleOptions bundle = MapperBundleOptions(model, {}, 6, 1e-3);
+  // A new pose is not settled: what the settled part calls noise would leave its observations
+  // without a say.
+  bundle.loss_scale = std::max(bundle.loss_scale, 2.0 * model.MedianError(frame));
+  model.Adjust(std::span(near).first(free), std::span(near).subspan(free), bundle);
+}
+
+void AdjustAll(WorkingModel& model, const CameraRefinement& refinement) {
+  model.UpdateAllInliers(kInfinity);
+  model.Adjust(model.RegisteredFrames(), {}, MapperBundleOptions(model, refinement, 10, 1e-3));
+  model.UpdateAllInliers(kInfinity);
+  model.TriangulateAllTracks();
+}
+
+void AdjustUntilSettled(WorkingModel& model,
+                        const CameraRefinement& refinement,
+                        int max_rounds,
+                        int first_iterations) {
+  // Share of the observations that change sides. Chosen by eye on the tuning clips.
+  constexpr double kSettled = 2e-3;
+  const auto observations = static_cast<double>(model.whitened().observations().size());
+  model.UpdateAllInliers(kInfinity);
+  for (int round = 0; round < max_rounds; ++round) {
+    // Later rounds start beside the optimum: half the iterations do.
+    const int iterations = round == 0 ? first_iterations : std::max(2, first_iterations / 2);
+    const ModelAdjustment adjustment = model.Adjust(
+        model.RegisteredFrames(), {}, MapperBundleOptions(model, refinement, iterations, 1e-5));
+    const int changes = model.UpdateAllInliers(model.ErrorBound());
+    const int found = model.TriangulateAllTracks();
+    spdlog::debug("{}; {} observations change sides, {} new points, noise {:.3f}",
+                  adjustment.bundle.Brief(),
+                  changes,
+                  found,
+                  model.noise());
+    if (changes + found < kSettled * observations) break;
+  }
+}
+
+void AdjustPoints(WorkingModel& model) {
+  PointProblem problem = MakePointProblem(model);
+  if (problem.bundle.observations.empty()) return;
+  const BundleResult result =
+      AdjustBundle(std::move(problem.bundle), MapperBundleOptions(model, {}, 20, 1e-6));
+  if (result.termination == BundleTermination::kFailed) return;
+  for (std::size_t i = 0; i < problem.tracks.size(); ++i) {
+    model.SetPoint(problem.tracks[i], result.solution.points_in_world[i]);
+  }
+}
+
+std::optional<Camera> FindBetterCamera(const WorkingModel& model,
+                                       const std::vector<int>& keyframes) {
+  constexpr std::size_t kMinFrames = 4;
+  // Three more parameters cannot take a fifth of a cost of hundreds of residuals by chance.
+  constexpr double kMuchBetter = 0.8;
+  WorkingModel trial(model);
+  std::vector<int> frames;
+  for (const int f : keyframes) {
+    if (trial.HasPose(f)) frames.push_back(f);
+  }
+  if (frames.size() < kMinFrames) return std::nullopt;
+  BundleOptions bundle = MapperBundleOptions(trial, {}, 10, 1e-4);
+  const double before = trial.Adjust(frames, {}, bundle).bundle.final_cost;
+  bundle.refine_focal = bundle.refine_radial = true;
+  const double after = trial.Adjust(frames, {}, bundle).bundle.final_cost;
+  if (after < kMuchBetter * before) return trial.camera();
+  return std::nullopt;
+}
+
+std::optional<ModelCovariances> AdjustWithCovariances(WorkingModel& model,
+                                                      const CameraRefinement& refinement) {
+  const std::vector<int> frames = model.RegisteredFrames();
+  BundleOptions bundle = MapperBundleOptions(model, refinement, 10, 1e-8);
+  bundle.covariances = true;
+  const ModelAdjustment adjustment = model.Adjust(frames, {}, bundle);
+  const std::optional<BundleCovariances>& covariances = adjustment.bundle.covariances;
+  if (!covariances) return std::nullopt;
+  const WhitenedTracks& whitened = model.whitened();
+  const double variance = model.noise() * model.noise();
+  ModelCovariances result;
+  for (std::size_t i = 0; i < frames.size(); ++i) {
+    result.cameras[whitened.frames()[frames[i]].index] = variance * covariances->cameras[i];
+  }
+  for (std::size_t i = 0; i < adjustment.tracks.size(); ++i) {
+    result.points[whitened.features()[adjustment.tracks[i]]] = variance * covariances->points[i];
+  }
+  return result;
+}
+
+}  // namespace cohort

@@ -1,0 +1,53 @@
+#pragma once
+
+#include <map>
+#include <optional>
+#include <vector>
+
+#include "backend/scene/working_model.h"
+
+namespace cohort {
+
+// What the mapper's bundle adjustments refine of the camera. Nothing of one that is known.
+struct CameraRefinement {
+  bool focal = false;
+  bool radial = false;
+  bool principal_point = false;
+};
+
+// Robust by Cauchy's loss, which turns where the distribution of the model's residuals has it.
+BundleOptions MapperBundleOptions(const WorkingModel& model,
+                                  const CameraRefinement& refinement,
+                                  int max_iterations,
+                                  double function_tolerance);
+
+// The frame and its nearest registered neighbours, held by those beyond; the camera stays.
+void AdjustAround(WorkingModel& model, int frame);
+
+// Everything, briefly, then points for the tracks that have none.
+void AdjustAll(WorkingModel& model, const CameraRefinement& refinement);
+
+// Everything, then what the result agrees with, until little changes.
+void AdjustUntilSettled(WorkingModel& model,
+                        const CameraRefinement& refinement,
+                        int max_rounds,
+                        int first_iterations);
+
+// The points from all inliers; poses and camera stay.
+void AdjustPoints(WorkingModel& model);
+
+// What the tracks say of a camera that is kept: refined on the keyframes alone. None where they
+// have no better one to offer.
+std::optional<Camera> FindBetterCamera(const WorkingModel& model,
+                                       const std::vector<int>& keyframes);
+
+// Scaled by the noise that the model found: of (omega [rad], centre), see CameraPose, and of points.
+struct ModelCovariances {
+  std::map<FrameIndex, Eigen::Matrix<double, 6, 6>> cameras;
+  std::map<FeatureId, Eigen::Matrix3d> points;
+};
+// Adjusts everything to the optimum first. None where the problem is rank deficient.
+std::optional<ModelCovariances> AdjustWithCovariances(WorkingModel& model,
+                                                      const CameraRefinement& refinement);
+
+}  // namespace cohort

@@ -1,0 +1,44 @@
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "backend/scene/keyframes.h"
+#include "backend/scene/mapper_termination.h"
+#include "backend/scene/working_model.h"
+
+namespace cohort {
+
+// Before there is a model: a clip whose camera stands still or only turns. None: it has parallax.
+std::optional<MapperEnd> RefuseClipWithoutParallax(const WhitenedTracks& whitened,
+                                                   const Camera& camera,
+                                                   const std::vector<FramePairMotion>& pairs);
+
+// How a clip that moves and yet gave no model ends: where its motion is not that of a camera on its
+// way through a scene, so; otherwise as it is.
+MapperEnd ExplainMissingModel(const WhitenedTracks& whitened,
+                              const Camera& camera,
+                              const std::vector<int>& keyframes,
+                              MapperEnd otherwise);
+
+// A model that is not worth returning: its depths are within their own uncertainty, or it leaves
+// most of the parallax unexplained. `camera` is what the clip came with. None: it is worth it.
+std::optional<MapperEnd> RefuseModel(const WorkingModel& model,
+                                     const Camera& camera,
+                                     const std::vector<int>& keyframes);
+
+// How much of the parallax the model leaves unexplained: over the pairs of keyframes with most of
+// it, the median distance of the observations from the model's points, relative to that from the
+// best rotation. Small for a rigid scene; for what only looks like parallax, such as tracks that
+// drift each on its own, no depths and no path bring it far below 1.
+double UnexplainedParallax(const WorkingModel& model, const std::vector<int>& keyframes);
+
+// Standard deviation of the coordinates of the model's inliers [px], robust. Not much more than the
+// tracks' own noise (EstimateNoise), unless the camera is another or the tracks drift.
+double NoiseLeftPx(const WorkingModel& model);
+
+// A sentence where the model leaves much more noise than the tracks have by themselves; or empty.
+std::string DescribeExcessNoise(const WorkingModel& model, bool camera_known);
+
+}  // namespace cohort

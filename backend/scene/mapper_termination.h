@@ -1,0 +1,38 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "frontend/core/options.h"
+
+namespace cohort {
+
+enum class MapperTermination : std::uint8_t {
+  kSuccess,       // one model of at least 80 % of the frames
+  kPartial,       // a model of fewer frames
+  kTooFewTracks,  // nothing to start from
+  kStaticCamera,  // nothing moves by more than the noise
+  kPureRotation,  // a rotation about the camera's centre explains all motion: no depth
+  kNoStart,       // there is parallax, but no pair of frames gave a consistent model
+  kAmbiguous,     // two different models explain the tracks equally well (a plane, a mirror image)
+  kWeakDepth,     // a model came out, but its depths are within their own uncertainty
+  kNotRigid,      // a model came out, but it does not explain the parallax
+};
+inline constexpr ChoiceNames<MapperTermination, 9> kMapperTerminationNames{
+    {{"success", MapperTermination::kSuccess},
+     {"partial", MapperTermination::kPartial},
+     {"too few tracks", MapperTermination::kTooFewTracks},
+     {"static camera", MapperTermination::kStaticCamera},
+     {"pure rotation", MapperTermination::kPureRotation},
+     {"no start", MapperTermination::kNoStart},
+     {"ambiguous", MapperTermination::kAmbiguous},
+     {"weak depth", MapperTermination::kWeakDepth},
+     {"not rigid", MapperTermination::kNotRigid}}};
+
+// How a step of the mapper ended, and what there is to say of it; the text may be empty.
+struct MapperEnd {
+  MapperTermination termination = MapperTermination::kSuccess;
+  std::string detail;
+};
+
+}  // namespace cohort

@@ -1,0 +1,89 @@
+#include "backend/scene/parts.h"
+
+#include <fmt/format.h>
+#include <spdlog/spdlog.h>
+
+#include <algorithm>
+
+#include "backend/scene/growth.h"
+#include "backend/scene/judgement.h"
+#include "backend/scene/start.h"
+
+namespace cohort {
+namespace {
+
+constexpr std::size_t kMaxParts = 20;  // a bound on time: a clip in more pieces is no clip
+
+// Grows the best start and, where the window could not tell it from another scene, its rival.
+PartResult GrowStart(std::vector<StartModel> starts,
+                     const std::vector<int>& keyframes,
+                     const CameraRefinement& refinement) {
+  StartModel* const rival = FindRival(starts);
+  WorkingModel& best = starts.front().model;
+  GrowModel(best, keyframes, refinement);
+  if (rival == nullptr) return {{MapperTermination::kSuccess, ""}, std::move(best)};
+
+  GrowModel(rival->model, keyframes, refinement);
+  const double bound = std::min(best.ErrorBound(), rival->model.ErrorBound());
+  const double cost = best.TruncatedCost(keyframes, bound);
+  const double rival_cost = rival->model.TruncatedCost(keyframes, bound);
+  const double noise = std::min(best.noise(), rival->model.noise());
+  spdlog::debug("two scenes fit the start; over all keyframes their costs are {:.1f} and {:.1f}",
+                cost,
+                rival_cost);
+  if (!IsWorse(std::max(cost, rival_cost), std::min(cost, rival_cost), noise)) {
+    return {{MapperTermination::kAmbiguous,
+             "two different scenes explain the tracks equally well (a plane or too little "
+             "perspective)"}};
+  }
+  return {{MapperTermination::kSuccess, ""}, std::move(cost <= rival_cost ? best : rival->model)};
+}
+
+}  // namespace
+
+PartResult MapPart(const WhitenedTracks& whitened,
+                   const Camera& camera,
+                   const CameraRefinement& refinement,
+                   const std::vector<int>& keyframes) {
+  const std::vector<FramePairMotion> pairs = RankPairs(whitened, camera, keyframes);
+  if (pairs.empty()) {
+    return {{MapperTermination::kTooFewTracks,
+             fmt::format("no two frames share {} tracks", kMinCommonTracks)}};
+  }
+  if (const auto end = RefuseClipWithoutParallax(whitened, camera, pairs)) return {*end};
+  Start start = FindStart(whitened, camera, pairs, refinement.focal);
+  if (!start.models.empty()) return GrowStart(std::move(start.models), keyframes, refinement);
+  return {ExplainMissingModel(
+      whitened,
+      camera,
+      keyframes,
+      {MapperTermination::kNoStart,
+       fmt::format("there is parallax, but none of {} windows gave a consistent model",
+                   start.windows_tried)})};
+}
+
+std::vector<WorkingModel> MapRemainingParts(WorkingModel first,
+                                            const Camera& camera,
+                                            const CameraRefinement& refinement,
+                                            std::vector<int> keyframes) {
+  const WhitenedTracks& whitened = first.whitened();
+  std::vector<WorkingModel> parts;
+  std::optional<WorkingModel> model(std::move(first));
+  while (model && parts.size() < kMaxParts) {
+    RegisterOtherFrames(*model);
+    std::vector<int> rest;
+    for (const int k : keyframes) {
+      if (!model->HasPose(k)) rest.push_back(k);
+    }
+    parts.push_back(std::move(*model));
+    if (rest.size() < 2) break;
+    keyframes = std::move(rest);
+    model = MapPart(whitened, camera, refinement, keyframes).model;
+  }
+  std::stable_sort(parts.begin(), parts.end(), [](const WorkingModel& a, const WorkingModel& b) {
+    return a.registered() > b.registered();
+  });
+  return parts;
+}
+
+}  // namespace cohort

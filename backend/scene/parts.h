@@ -1,0 +1,31 @@
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "backend/scene/adjustment.h"
+#include "backend/scene/mapper_termination.h"
+
+namespace cohort {
+
+// A model of the keyframes, or of those of them that could be tied together; or why there is none.
+struct PartResult {
+  MapperEnd end;
+  std::optional<WorkingModel> model = std::nullopt;
+};
+
+// Finds a start among these keyframes and grows it over them; with it a rival, a start of equal cost
+// that is another scene. If all keyframes cannot tell the two apart, the clip is ambiguous.
+PartResult MapPart(const WhitenedTracks& whitened,
+                   const Camera& camera,
+                   const CameraRefinement& refinement,
+                   const std::vector<int>& keyframes);
+
+// Models of the clip's parts: `first` with the frames between its keyframes and, where the tracks
+// break off, models of what it left over. The one of most frames is first.
+std::vector<WorkingModel> MapRemainingParts(WorkingModel first,
+                                            const Camera& camera,
+                                            const CameraRefinement& refinement,
+                                            std::vector<int> keyframes);
+
+}  // namespace cohort
