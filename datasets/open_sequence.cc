@@ -1,11 +1,9 @@
-#include <array>
+#include "datasets/open_sequence.h"
+
+#include <string>
 #include <system_error>
 
-#include "datasets/readers/euroc.h"
 #include "datasets/readers/image_folder.h"
-#include "datasets/readers/kitti.h"
-#include "datasets/readers/sequence.h"
-#include "datasets/readers/tum.h"
 #include "datasets/readers/video_sequence.h"
 #include "frontend/core/error.h"
 
@@ -14,21 +12,10 @@ namespace {
 
 namespace fs = std::filesystem;
 
-struct FolderLayout {
-  Layout layout;
-  const char* mark;  // what it is recognised by
-  bool (*is)(const fs::path&);
-  ImageList (*read)(const fs::path&);
-};
-constexpr std::array<FolderLayout, 3> kFolderLayouts{
-    {{Layout::kTum, kTumMark, IsTum, ReadTum},
-     {Layout::kEuroc, kEurocMark, IsEuroc, ReadEuroc},
-     {Layout::kKitti, kKittiMark, IsKitti, ReadKitti}}};
-
 [[noreturn]] void ThrowNothingRecognised(const fs::path& folder) {
   std::string looked_for;
-  for (const FolderLayout& candidate : kFolderLayouts) {
-    looked_for += fmt::format("{} ({}), ", candidate.mark, NameOf(kLayoutNames, candidate.layout));
+  for (const FolderReader& reader : kFolderReaders) {
+    looked_for += fmt::format("{} ({}), ", reader.mark, reader.layout);
   }
   std::string hint;
   std::error_code error;
@@ -47,14 +34,15 @@ constexpr std::array<FolderLayout, 3> kFolderLayouts{
 std::unique_ptr<Sequence> OpenFolder(const fs::path& folder,
                                      Layout layout,
                                      const FrameRange& range) {
-  for (const FolderLayout& candidate : kFolderLayouts) {
-    if (layout != Layout::kAuto && layout != candidate.layout) continue;
-    if (candidate.is(folder)) return OpenImageList(candidate.read(folder), range);
-    if (layout == candidate.layout) {
+  for (std::size_t i = 0; i < kFolderReaders.size(); ++i) {
+    const FolderReader& reader = kFolderReaders[i];
+    if (layout != Layout::kAuto && layout != LayoutOfReader(i)) continue;
+    if (reader.recognises(folder)) return OpenImageList(reader.read(folder), range);
+    if (layout == LayoutOfReader(i)) {
       ThrowError("{} is no folder in {} layout: it has no {}",
                  folder.string(),
-                 NameOf(kLayoutNames, layout),
-                 candidate.mark);
+                 reader.layout,
+                 reader.mark);
     }
   }
   if (layout == Layout::kVideo) ThrowError("{} is a folder: give a video file", folder.string());

@@ -117,7 +117,7 @@ cv::Mat BarPattern(int height_px, unsigned seed) {
   return pattern;
 }
 
-RandomStream NoiseOf(const DegradeOptions& options, std::uint32_t frame) {
+RandomStream NoiseStream(const DegradeOptions& options, std::uint32_t frame) {
   return RandomStream(options.seed, "degrade/noise").Fork(frame);
 }
 
@@ -137,14 +137,14 @@ double ParseLevel(const std::string& text) {
   return level;
 }
 
-PaperLevel PaperLevelOf(double level) {
+PaperLevel PaperLevelAt(double level) {
   return {Geometric(level, 1.0, 0.3, 0.2),
           Straight(level, 0.004, 0.04, 0.06),
           std::min(2.0, 2.0 * level),
           Straight(level, 0.0, 0.02, 0.03)};
 }
 
-SensorLevel SensorLevelOf(double level) {
+SensorLevel SensorLevelAt(double level) {
   const double gain = Geometric(level, 1.0, 0.08, 0.04);
   const double shot = Geometric(level, 1e-4, 0.006, 0.012);
   return {gain,
@@ -158,14 +158,14 @@ cv::Mat DegradeFrame(const cv::Mat& gray,
                      const DegradeOptions& options,
                      std::uint32_t frame,
                      const cv::Mat& motion) {
-  RandomStream random = NoiseOf(options, frame);
+  RandomStream random = NoiseStream(options, frame);
   cv::Mat image = ToUnit(gray);
   switch (options.recipe) {
     case DegradeRecipe::kPaper:
-      image = Paper(image, PaperLevelOf(options.level), random);
+      image = Paper(image, PaperLevelAt(options.level), random);
       break;
     case DegradeRecipe::kSensor:
-      image = Sensor(image, SensorLevelOf(options.level), motion, random);
+      image = Sensor(image, SensorLevelAt(options.level), motion, random);
       break;
   }
   cv::Mat out;
@@ -218,21 +218,21 @@ cv::Mat TrueMotion(const Sequence& sequence, FrameIndex frame, const cv::Mat& de
   return motion;
 }
 
-cv::Mat SignalOf(const cv::Mat& gray,
-                 const DegradeOptions& options,
-                 std::uint32_t frame,
-                 const cv::Mat& motion) {
+cv::Mat NoiseFreeSignal(const cv::Mat& gray,
+                        const DegradeOptions& options,
+                        std::uint32_t frame,
+                        const cv::Mat& motion) {
   cv::Mat image = ToUnit(gray);
   switch (options.recipe) {
     case DegradeRecipe::kPaper: {
-      const PaperLevel level = PaperLevelOf(options.level);
+      const PaperLevel level = PaperLevelAt(options.level);
       image *= level.gain;
       if (level.blur_px > 0.0) cv::GaussianBlur(image, image, cv::Size(0, 0), level.blur_px);
       return image;
     }
     case DegradeRecipe::kSensor: {
-      RandomStream random = NoiseOf(options, frame);
-      return SensorSignal(image, SensorLevelOf(options.level), motion, random);
+      RandomStream random = NoiseStream(options, frame);
+      return SensorSignal(image, SensorLevelAt(options.level), motion, random);
     }
   }
   ThrowUsageError("unknown recipe");
@@ -242,8 +242,8 @@ OccludedFrame DrawOccluder(const cv::Mat& gray,
                            const DegradeOptions& options,
                            std::uint32_t frame) {
   OccludedFrame result{gray.clone(), cv::Mat::zeros(gray.size(), CV_8UC1)};
-  const double course = 2.0 * gray.cols + kBarWidthPx;
-  const double travelled = std::fmod(options.occluder_px_per_frame * frame, course);
+  const double path_px = 2.0 * gray.cols + kBarWidthPx;
+  const double travelled = std::fmod(options.occluder_px_per_frame * frame, path_px);
   const int left = static_cast<int>(std::lround(travelled)) - kBarWidthPx;
   const cv::Rect bar =
       cv::Rect(left, 0, kBarWidthPx, gray.rows) & cv::Rect(0, 0, gray.cols, gray.rows);

@@ -62,8 +62,8 @@ struct SensorLevel {
   double digital_gain;  // back to a fifth of the full range, as an automatic exposure does
   double shutter;       // open for this share of the time between frames
 };
-PaperLevel PaperLevelOf(double level);
-SensorLevel SensorLevelOf(double level);
+PaperLevel PaperLevelAt(double level);
+SensorLevel SensorLevelAt(double level);
 
 // One frame; `gray` is CV_8UC1 or CV_16UC1, the result CV_8UC1. With v in 0..1 and n normal noise:
 //   paper   g v + s1 n, Gaussian blur, + s2 n
@@ -80,10 +80,10 @@ cv::Mat DegradeFrame(const cv::Mat& gray,
 
 // The same frame as it would be without noise, digital gain, gamma and 8 bits, CV_32FC1: what the
 // noise is added to. Sensor: in linear light.
-cv::Mat SignalOf(const cv::Mat& gray,
-                 const DegradeOptions& options,
-                 std::uint32_t frame,
-                 const cv::Mat& motion = {});
+cv::Mat NoiseFreeSignal(const cv::Mat& gray,
+                        const DegradeOptions& options,
+                        std::uint32_t frame,
+                        const cv::Mat& motion = {});
 
 // How the true camera moves the picture, a frame's worth about `frame`: `motion` above. Empty
 // without true poses, camera or depth.

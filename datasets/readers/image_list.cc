@@ -21,7 +21,7 @@ class ImageListSequence final : public Sequence {
                  list_.images.size(),
                  range.first);
     }
-    size_ = ReadImage(FileOf(range.first)).size();
+    size_ = ReadImage(ImageFile(range.first)).size();
     if (Camera* camera = list_.camera ? &*list_.camera : nullptr) {
       if (camera->width_px == 0) {
         camera->width_px = size_.width;
@@ -43,7 +43,7 @@ class ImageListSequence final : public Sequence {
   std::optional<Frame> Next() override {
     if (read_ == count_) return std::nullopt;
     const std::size_t i = range_.first + read_ * range_.stride;
-    const std::string file = FileOf(i).string();
+    const std::string file = ImageFile(i).string();
     cv::Mat picture;
     try {
       picture = ReadImage(file);
@@ -92,7 +92,7 @@ class ImageListSequence final : public Sequence {
   const std::string& Warning() const override { return warning_; }
 
  private:
-  std::filesystem::path FileOf(std::size_t image) const {
+  std::filesystem::path ImageFile(std::size_t image) const {
     return list_.root / list_.images[image].name;
   }
 

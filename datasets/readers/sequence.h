@@ -4,24 +4,14 @@
 #include <cstdint>
 #include <filesystem>
 #include <map>
-#include <memory>
 #include <optional>
 #include <string>
 
-#include "frontend/core/options.h"
 #include "frontend/geometry/camera.h"
 #include "frontend/geometry/rigid3.h"
 #include "frontend/image/frame.h"
 
 namespace cohort {
-
-enum class Layout { kAuto, kVideo, kImages, kTum, kEuroc, kKitti };
-inline constexpr ChoiceNames<Layout, 6> kLayoutNames{{{"auto", Layout::kAuto},
-                                                      {"video", Layout::kVideo},
-                                                      {"images", Layout::kImages},
-                                                      {"tum", Layout::kTum},
-                                                      {"euroc", Layout::kEuroc},
-                                                      {"kitti", Layout::kKitti}}};
 
 // Frames first, first + stride, ... up to but without end; end is none for the whole clip.
 struct FrameRange {
@@ -66,11 +56,5 @@ class Sequence {
   virtual std::optional<cv::Mat> OccluderMask(FrameIndex frame) const = 0;
   virtual const std::string& Warning() const = 0;  // empty: all is well
 };
-
-// Opens a video file, an image folder, a glob of images, or a folder in TUM RGB-D / ETH3D, EuRoC
-// ASL or KITTI odometry layout (datasets/README.md). Throws Error saying what was looked for.
-std::unique_ptr<Sequence> OpenSequence(const std::filesystem::path& input,
-                                       Layout layout = Layout::kAuto,
-                                       const FrameRange& range = {});
 
 }  // namespace cohort

@@ -24,7 +24,7 @@ double Travel(double frame) {
 }
 
 template <typename Sines>
-Eigen::Vector3d SumOf(const Sines& sines, double frame) {
+Eigen::Vector3d SumOfSines(const Sines& sines, double frame) {
   Eigen::Vector3d sum = Eigen::Vector3d::Zero();
   for (const auto& sine : sines) {
     sum += sine.amplitude.cwiseProduct(
@@ -82,13 +82,13 @@ Rigid3 CameraPath::CamFromWorld(double frame) const {
   world_from_cam.col(0) = down.cross(axis).normalized();
   world_from_cam.col(1) = axis.cross(world_from_cam.col(0));
 
-  const Eigen::Vector3d turn = SumOf(turn_, frame);
+  const Eigen::Vector3d turn = SumOfSines(turn_, frame);
   const double angle = turn.norm();
   const Eigen::Quaterniond shake = angle > 0.0
                                        ? Eigen::Quaterniond(Eigen::AngleAxisd(angle, turn / angle))
                                        : Eigen::Quaterniond::Identity();
   const Rigid3 pose{(Eigen::Quaterniond(world_from_cam) * shake).normalized(),
-                    centre + SumOf(shift_, frame)};
+                    centre + SumOfSines(shift_, frame)};
   return pose.Inverse();
 }
 

@@ -157,9 +157,9 @@ void Shade(const std::vector<FrameTriangle>& triangles,
 class Lighting {
  public:
   explicit Lighting(const SyntheticScene& scene)
-      : layout_(scene.layout()), vertices_(scene.VerticesInWorld(0.0)) {
+      : design_(scene.design()), vertices_(scene.VerticesInWorld(0.0)) {
     for (const SyntheticScene::Triangle& triangle : scene.triangles()) {
-      if (layout_.patches[triangle.patch].moves) continue;
+      if (design_.patches[triangle.patch].moves) continue;
       const Eigen::Vector3d& a = vertices_[triangle.vertices[0]];
       blockers_.push_back(
           {a, vertices_[triangle.vertices[1]] - a, vertices_[triangle.vertices[2]] - a});
@@ -167,7 +167,7 @@ class Lighting {
   }
 
   // CV_32FC1, one value every decimetre or so of a patch.
-  cv::Mat MapOf(const Patch& patch, RandomStream random) const {
+  cv::Mat LightMap(const Patch& patch, RandomStream random) const {
     const auto cells = [](double length_m) {
       return std::clamp(static_cast<int>(std::lround(length_m / 0.1)), 3, 60);
     };
@@ -175,7 +175,7 @@ class Lighting {
     for (int i = 0; i < 64; ++i) box.extend(patch.x_in_world((i % 8) / 7.0, (i / 8) / 7.0, 0.0));
     const std::vector<Blocker> near = BlockersIn(box, kReach);
     const std::vector<Blocker> before_lamp =
-        BlockersIn(Eigen::AlignedBox3d(box).extend(layout_.lamp), LampSize());
+        BlockersIn(Eigen::AlignedBox3d(box).extend(design_.lamp), LampSize());
     cv::Mat map(cells(patch.texture.height_m), cells(patch.texture.width_m), CV_32FC1);
     for (int y = 0; y < map.rows; ++y) {
       for (int x = 0; x < map.cols; ++x) {
@@ -193,7 +193,7 @@ class Lighting {
     Eigen::Vector3d corner, u, v;
   };
 
-  double LampSize() const { return 0.06 * (layout_.lamp - layout_.viewpoint.target).norm(); }
+  double LampSize() const { return 0.06 * (design_.lamp - design_.viewpoint.target).norm(); }
 
   std::vector<Blocker> BlockersIn(const Eigen::AlignedBox3d& box, double margin) const {
     std::vector<Blocker> result;
@@ -217,17 +217,17 @@ class Lighting {
     const Eigen::Vector3d along_t = patch.x_in_world(s, t + step, 0.0) - x;
     Eigen::Vector3d normal = along_t.cross(along_s).normalized();
     // The side that is looked at.
-    if (normal.dot(layout_.viewpoint.centre - x) < 0.0) normal = -normal;
+    if (normal.dot(design_.viewpoint.centre - x) < 0.0) normal = -normal;
     const Eigen::Vector3d origin = x + 0.01 * normal;
 
     constexpr int kLampRays = 6;
     constexpr int kSkyRays = 10;
-    const double scale2 = (layout_.lamp - layout_.viewpoint.target).squaredNorm() + 4.0;
+    const double scale2 = (design_.lamp - design_.viewpoint.target).squaredNorm() + 4.0;
     double direct = 0.0;
     for (int i = 0; i < kLampRays; ++i) {
       const Eigen::Vector3d jitter(
           random.Uniform(-1, 1), random.Uniform(-1, 1), random.Uniform(-1, 1));
-      const Eigen::Vector3d to_lamp = layout_.lamp + LampSize() * jitter - origin;
+      const Eigen::Vector3d to_lamp = design_.lamp + LampSize() * jitter - origin;
       const double cosine = normal.dot(to_lamp.normalized());
       if (cosine <= 0.0 || IsBlocked(before_lamp, origin, to_lamp)) continue;
       direct += cosine / (0.5 + to_lamp.squaredNorm() / scale2);
@@ -238,7 +238,7 @@ class Lighting {
       direction = (direction.normalized() + 1.01 * normal).normalized();  // cosine-weighted
       open += IsBlocked(near, origin, kReach * direction) ? 0.35 : 1.0;
     }
-    return layout_.ambient * open / kSkyRays + 1.2 * (1.0 - layout_.ambient) * direct / kLampRays;
+    return design_.ambient * open / kSkyRays + 1.2 * (1.0 - design_.ambient) * direct / kLampRays;
   }
 
   static bool IsBlocked(const std::vector<Blocker>& blockers,
@@ -260,7 +260,7 @@ class Lighting {
     return false;
   }
 
-  const SceneLayout& layout_;
+  const SceneDesign& design_;
   std::vector<Eigen::Vector3d> vertices_;
   std::vector<Blocker> blockers_;
 };
@@ -275,7 +275,7 @@ Renderer::Renderer(const SyntheticScene& scene, unsigned threads) : scene_(scene
   ParallelFor(drawn.size(), threads, [&](std::size_t i) {
     const Patch& patch = scene.patches()[i];
     drawn[i] = MakeTexture(patch.texture, texture_random.Fork(i));
-    cv::Mat light = lighting.MapOf(patch, light_random.Fork(i));
+    cv::Mat light = lighting.LightMap(patch, light_random.Fork(i));
     cv::GaussianBlur(light, light, cv::Size(3, 3), 0.8, 0.8, cv::BORDER_REPLICATE);
     cv::resize(light, light, drawn[i].size(), 0, 0, cv::INTER_CUBIC);
     cv::multiply(drawn[i], cv::max(light, 0.03), drawn[i]);

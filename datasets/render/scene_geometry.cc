@@ -4,18 +4,17 @@
 #include <cmath>
 #include <limits>
 
-#include "datasets/render/scene_layouts.h"
+#include "datasets/render/scene_design.h"
 #include "frontend/core/error.h"
 
 namespace cohort {
 namespace {
 
-constexpr int kSceneVersion = 1;   // raise it when the same options give another scene
 constexpr double kNearest = 0.02;  // [m]
 constexpr int kTilePx = 16;
 constexpr int kTileMarginPx = 64;
 
-Camera CameraOf(const SyntheticSceneOptions& options) {
+Camera PinholeCamera(const SyntheticSceneOptions& options) {
   Camera camera;
   camera.width_px = options.width_px;
   camera.height_px = options.height_px;
@@ -28,13 +27,13 @@ Camera CameraOf(const SyntheticSceneOptions& options) {
 }  // namespace
 
 SyntheticScene::SyntheticScene(const SyntheticSceneOptions& options)
-    : SyntheticScene(options, MakeLayout(options.scene, options.seed, options.focal_px)) {}
+    : SyntheticScene(options, DesignScene(options.scene, options.seed, options.focal_px)) {}
 
-SyntheticScene::SyntheticScene(const SyntheticSceneOptions& options, SceneLayout layout)
+SyntheticScene::SyntheticScene(const SyntheticSceneOptions& options, SceneDesign design)
     : options_(options),
-      camera_(CameraOf(options)),
-      layout_(std::move(layout)),
-      path_(options.motion, layout_.viewpoint, options.seed) {
+      camera_(PinholeCamera(options)),
+      design_(std::move(design)),
+      path_(options.motion, design_.viewpoint, options.seed) {
   ValidateOptions(options);
   Triangulate();
 }

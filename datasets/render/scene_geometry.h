@@ -27,7 +27,7 @@ struct Patch {
 };
 
 // The surfaces of a scene and where it is looked at from.
-struct SceneLayout {
+struct SceneDesign {
   std::vector<Patch> patches;
   Viewpoint viewpoint;
   Eigen::Vector3d lamp{0.0, -1.0, 0.0};
@@ -41,7 +41,7 @@ struct SurfacePoint {
 };
 
 // A scene of textured surfaces, mostly 2-9 m away, and the hand-held camera that looks at it. All
-// of it follows from the options: pictures (render.h), depth, and the true course of every point of
+// of it follows from the options: pictures (render.h), depth, and the true path of every point of
 // a surface, also of moving and deforming ones.
 class SyntheticScene {
  public:
@@ -51,16 +51,16 @@ class SyntheticScene {
   };
 
   explicit SyntheticScene(const SyntheticSceneOptions& options);
-  // Of one's own layout, for tests and experiments.
-  SyntheticScene(const SyntheticSceneOptions& options, SceneLayout layout);
+  // Of one's own design, for tests and experiments.
+  SyntheticScene(const SyntheticSceneOptions& options, SceneDesign design);
 
   const SyntheticSceneOptions& options() const { return options_; }
   const Camera& camera() const { return camera_; }  // pinhole, centred
   // At a fraction of a frame too.
   Rigid3 CamFromWorld(double frame) const { return path_.CamFromWorld(frame); }
 
-  const SceneLayout& layout() const { return layout_; }
-  const std::vector<Patch>& patches() const { return layout_.patches; }
+  const SceneDesign& design() const { return design_; }
+  const std::vector<Patch>& patches() const { return design_.patches; }
   const std::vector<Triangle>& triangles() const { return triangles_; }
   const std::vector<Eigen::Vector2d>& vertices() const { return vertices_; }  // (s, t)
   std::vector<Eigen::Vector3d> VerticesInWorld(double frame) const;
@@ -70,7 +70,7 @@ class SyntheticScene {
 
   SyntheticSceneOptions options_;
   Camera camera_;
-  SceneLayout layout_;
+  SceneDesign design_;
   std::vector<Triangle> triangles_;
   std::vector<Eigen::Vector2d> vertices_;
   std::vector<std::size_t> first_vertex_;       // by patch

@@ -21,7 +21,7 @@ constexpr int kSceneVersion = 2;
 constexpr std::int64_t kFps = 30;
 
 template <typename Enum, std::size_t N>
-Enum ValueOf(const ChoiceNames<Enum, N>& names, const std::string& text) {
+Enum ChoiceNamed(const ChoiceNames<Enum, N>& names, const std::string& text) {
   for (const auto& [name, value] : names) {
     if (name == text) return value;
   }
@@ -95,8 +95,8 @@ std::optional<SceneFile> ReadSceneFile(const std::filesystem::path& folder) {
                  kSceneVersion);
     }
     SceneFile scene;
-    scene.options.scene = ValueOf(kSceneNames, file["scene"].string());
-    scene.options.motion = ValueOf(kMotionNames, file["motion"].string());
+    scene.options.scene = ChoiceNamed(kSceneNames, file["scene"].string());
+    scene.options.motion = ChoiceNamed(kMotionNames, file["motion"].string());
     scene.options.frames = static_cast<int>(file["frames"]);
     scene.options.width_px = static_cast<int>(file["width_px"]);
     scene.options.height_px = static_cast<int>(file["height_px"]);

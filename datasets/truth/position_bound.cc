@@ -34,13 +34,13 @@ std::vector<double> Autocorrelation(double sigma_px, int longest) {
 PositionBound::PositionBound(const DegradeOptions& options, int window_px)
     : recipe_(options.recipe), half_px_(window_px / 2) {
   if (recipe_ == DegradeRecipe::kSensor) {
-    const SensorLevel level = SensorLevelOf(options.level);
+    const SensorLevel level = SensorLevelAt(options.level);
     shot_ = level.shot;
     // Rounding happens behind digital gain and gamma; in linear light it is least where it is dark.
     read_ = level.read;
     return;
   }
-  const PaperLevel level = PaperLevelOf(options.level);
+  const PaperLevel level = PaperLevelAt(options.level);
   const int side = 2 * half_px_ + 1;
   const std::vector<double> a = Autocorrelation(level.blur_px, side);
   Eigen::MatrixXd C(side * side, side * side);

@@ -11,7 +11,7 @@ namespace cohort {
 // How well a patch of a degraded frame can be located at all: the Cramer-Rao bound of its
 // translation against a template without noise,
 //   covariance = F^-1,   F = J^T C^-1 J,
-// with J (pixels x 2) the gradient of the frame's signal (SignalOf) in the window and C the
+// with J (pixels x 2) the gradient of the frame's signal (NoiseFreeSignal) in the window and C the
 // covariance of the noise of its pixels:
 //   paper   C_ij = s1^2 a(x_i - x_j) a(y_i - y_j) + (s2^2 + q^2) [i = j], a: autocorrelation of the
 //           blur's kernel; so the noise that is blurred with the picture counts with its exact

@@ -143,7 +143,7 @@ class DepthTruth final : public TrackTruth {
   std::optional<TruePosition> Locate(const Anchor& anchor, FrameIndex frame) override {
     const auto pose = sequence_.TrueCamFromWorld().find(frame);
     if (pose == sequence_.TrueCamFromWorld().end()) return std::nullopt;
-    const Eigen::Vector3d x_in_cam = pose->second * anchor.in_world;
+    const Eigen::Vector3d x_in_cam = pose->second * anchor.x_in_world;
     const auto xy = camera_.Project(x_in_cam);
     if (!xy) return std::nullopt;
     TruePosition position{*xy, camera_.Contains(*xy), false};

@@ -17,15 +17,15 @@ struct TruePosition {
   bool visible = false;  // in the image and hidden by nothing
 };
 
-// The true course of points: the error of a track is its distance from the course of the surface
-// point that its first position shows. What is asked of a frame is kept; not for several threads.
+// The true paths of points: the error of a track is its distance from the path of the surface point
+// that its first position shows. What is asked of a frame is kept; not for several threads.
 class TrackTruth {
  public:
   // A point of the scene, as this truth names it.
   struct Anchor {
     FrameIndex frame{};
-    Eigen::Vector3d in_world = Eigen::Vector3d::Zero();  // in that frame; rigid scenes: in all
-    SurfacePoint on_surface;                             // of a rendered scene
+    Eigen::Vector3d x_in_world = Eigen::Vector3d::Zero();  // in that frame; rigid scenes: in all
+    SurfacePoint on_surface;                               // of a rendered scene
   };
 
   virtual ~TrackTruth() = default;

@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "backend/colmap/model_io.h"
+#include "datasets/open_sequence.h"
 #include "datasets/truth/track_truth.h"
 #include "frontend/tracks/track_store.h"
 #include "pipelines/console/table.h"
@@ -127,7 +128,7 @@ Json EvaluateModelFolder(const fs::path& folder, const Sequence& sequence, Track
                                 const Eigen::Vector2d& xy) -> std::optional<Eigen::Vector3d> {
       const auto anchor = truth->Pick(frame, xy);
       if (!anchor) return std::nullopt;
-      return anchor->in_world;
+      return anchor->x_in_world;
     };
   }
   const ModelEvaluation figures =

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "datasets/readers/sequence.h"
+#include "datasets/open_sequence.h"
 #include "pipelines/console/command.h"
 
 namespace cohort {

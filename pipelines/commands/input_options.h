@@ -4,7 +4,7 @@
 #include <optional>
 #include <string>
 
-#include "datasets/readers/sequence.h"
+#include "datasets/open_sequence.h"
 #include "frontend/core/options.h"
 
 namespace cohort {

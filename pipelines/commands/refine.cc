@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "backend/colmap/model_io.h"
+#include "datasets/open_sequence.h"
 #include "frontend/tracks/track_store.h"
 #include "pipelines/commands/track.h"
 #include "pipelines/console/table.h"

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "datasets/readers/sequence.h"
+#include "datasets/open_sequence.h"
 #include "frontend/core/error.h"
 #include "frontend/core/output.h"
 #include "pipelines/console/progress_bar.h"

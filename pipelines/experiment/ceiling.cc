@@ -114,7 +114,7 @@ TrackFile MakeCeilingTracks(Sequence& clip,
     if (degrade.recipe == DegradeRecipe::kSensor) {
       motion = TrueMotion(clip, source->index, clip.TrueDepth(source->index).value_or(cv::Mat()));
     }
-    mover.Show(frame->index, SignalOf(source->gray, degrade, ToInt(source->index), motion));
+    mover.Show(frame->index, NoiseFreeSignal(source->gray, degrade, ToInt(source->index), motion));
     const FrameResult result = loop.Track(*frame);
     observations.insert(observations.end(), result.observations.begin(), result.observations.end());
     file.frames.push_back({frame->index, frame->name, frame->timestamp_ns});

@@ -7,7 +7,7 @@
 #include "backend/colmap/colmap_mapper.h"
 #include "backend/colmap/sift_mapper.h"
 #include "backend/scene/mapper.h"
-#include "datasets/readers/sequence.h"
+#include "datasets/open_sequence.h"
 #include "frontend/track/tracker_options.h"
 #include "pipelines/experiment/paper_protocol.h"
 #include "pipelines/experiment/results.h"

@@ -56,14 +56,14 @@ Json NotesOf(const std::vector<CellNote>& notes) {
 Json LevelOf(const std::string& level) {
   if (level == kAsIs) return {{"name", level}, {"about", "the clips as they are"}};
   if (level == kSensor) {
-    const SensorLevel sensor = SensorLevelOf(ParseLevel(kSensorLevel));
+    const SensorLevel sensor = SensorLevelAt(ParseLevel(kSensorLevel));
     return {{"name", level},
             {"about",
              fmt::format("a camera sensor at {:.0f} % of the light: photon and read noise, gain, "
                          "motion blur",
                          100.0 * sensor.gain)}};
   }
-  const PaperLevel paper = PaperLevelOf(ParseLevel(level));
+  const PaperLevel paper = PaperLevelAt(ParseLevel(level));
   std::string about = fmt::format("{:.0f} % of the light, noise of {:.1f} % of the full range",
                                   100.0 * paper.gain,
                                   100.0 * paper.noise_before);
@@ -229,8 +229,8 @@ int ErrorClassOf(const Point3D& point,
   const auto pose = true_poses.find(first.frame);
   const auto anchor = truth->Pick(first.frame, first.xy);
   if (!anchor || pose == true_poses.end()) return 3;
-  const double error = (truth_from_world * point.in_world - anchor->in_world).norm();
-  const double distance = (pose->second * anchor->in_world).norm();
+  const double error = (truth_from_world * point.in_world - anchor->x_in_world).norm();
+  const double distance = (pose->second * anchor->x_in_world).norm();
   return error <= 0.01 * distance ? 0 : error <= 0.05 * distance ? 1 : 2;
 }
 

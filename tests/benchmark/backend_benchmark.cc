@@ -25,7 +25,7 @@
 #include "backend/colmap/colmap_mapper.h"
 #include "backend/colmap/model_io.h"
 #include "backend/scene/mapper.h"
-#include "datasets/readers/sequence.h"
+#include "datasets/open_sequence.h"
 #include "tests/support/program.h"
 #include "tests/support/shared_data.h"
 #include "tests/support/shared_tracks.h"

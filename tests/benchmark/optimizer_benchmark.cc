@@ -16,6 +16,7 @@
 #include <vector>
 
 #include "datasets/degrade/degrade.h"
+#include "datasets/open_sequence.h"
 #include "datasets/truth/track_truth.h"
 #include "frontend/core/output.h"
 #include "frontend/core/statistics.h"

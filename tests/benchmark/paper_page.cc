@@ -12,6 +12,7 @@
 #include <opencv2/imgproc.hpp>
 #include <vector>
 
+#include "datasets/open_sequence.h"
 #include "datasets/render/synthetic_scene.h"
 #include "datasets/truth/track_truth.h"
 #include "frontend/core/output.h"

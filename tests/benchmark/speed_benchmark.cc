@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "datasets/degrade/degrade.h"
+#include "datasets/open_sequence.h"
 #include "frontend/core/output.h"
 #include "frontend/core/statistics.h"
 #include "frontend/image/frame_offset.h"

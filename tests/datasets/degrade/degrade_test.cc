@@ -7,6 +7,7 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
+#include "datasets/open_sequence.h"
 #include "frontend/core/error.h"
 #include "frontend/core/output.h"
 #include "tests/datasets/fixtures.h"
@@ -34,7 +35,7 @@ DegradeOptions Options(DegradeRecipe recipe, double level) {
 struct Statistics {
   double mean, sigma;  // intensities 0..1
 };
-Statistics Of(const cv::Mat& picture) {
+Statistics MeanAndSpread(const cv::Mat& picture) {
   cv::Scalar mean;
   cv::Scalar sigma;
   cv::meanStdDev(picture, mean, sigma);
@@ -42,38 +43,38 @@ Statistics Of(const cv::Mat& picture) {
 }
 
 TEST(Levels, AreTheTablesAndBetween) {
-  EXPECT_EQ(PaperLevelOf(0).gain, 1.0);
-  EXPECT_EQ(PaperLevelOf(0).noise_before, 0.004);
-  EXPECT_EQ(PaperLevelOf(0).blur_px, 0.0);
-  EXPECT_EQ(PaperLevelOf(0).noise_after, 0.0);
-  EXPECT_NEAR(PaperLevelOf(1).gain, 0.3, 1e-12);
-  EXPECT_NEAR(PaperLevelOf(1).noise_before, 0.04, 1e-12);
-  EXPECT_EQ(PaperLevelOf(1).blur_px, 2.0);
-  EXPECT_NEAR(PaperLevelOf(1).noise_after, 0.02, 1e-12);
-  EXPECT_NEAR(PaperLevelOf(2).gain, 0.2, 1e-12);
-  EXPECT_NEAR(PaperLevelOf(2).noise_before, 0.06, 1e-12);
-  EXPECT_EQ(PaperLevelOf(2).blur_px, 2.0);
-  EXPECT_NEAR(PaperLevelOf(2).noise_after, 0.03, 1e-12);
-  EXPECT_NEAR(PaperLevelOf(1.5).noise_before, 0.05, 1e-12);
-  EXPECT_NEAR(PaperLevelOf(1.5).gain, std::sqrt(0.06), 1e-12);
-  EXPECT_NEAR(PaperLevelOf(0.5).blur_px, 1.0, 1e-12);
-  EXPECT_NEAR(PaperLevelOf(3).noise_after, 0.04, 1e-12);
+  EXPECT_EQ(PaperLevelAt(0).gain, 1.0);
+  EXPECT_EQ(PaperLevelAt(0).noise_before, 0.004);
+  EXPECT_EQ(PaperLevelAt(0).blur_px, 0.0);
+  EXPECT_EQ(PaperLevelAt(0).noise_after, 0.0);
+  EXPECT_NEAR(PaperLevelAt(1).gain, 0.3, 1e-12);
+  EXPECT_NEAR(PaperLevelAt(1).noise_before, 0.04, 1e-12);
+  EXPECT_EQ(PaperLevelAt(1).blur_px, 2.0);
+  EXPECT_NEAR(PaperLevelAt(1).noise_after, 0.02, 1e-12);
+  EXPECT_NEAR(PaperLevelAt(2).gain, 0.2, 1e-12);
+  EXPECT_NEAR(PaperLevelAt(2).noise_before, 0.06, 1e-12);
+  EXPECT_EQ(PaperLevelAt(2).blur_px, 2.0);
+  EXPECT_NEAR(PaperLevelAt(2).noise_after, 0.03, 1e-12);
+  EXPECT_NEAR(PaperLevelAt(1.5).noise_before, 0.05, 1e-12);
+  EXPECT_NEAR(PaperLevelAt(1.5).gain, std::sqrt(0.06), 1e-12);
+  EXPECT_NEAR(PaperLevelAt(0.5).blur_px, 1.0, 1e-12);
+  EXPECT_NEAR(PaperLevelAt(3).noise_after, 0.04, 1e-12);
 
   for (const auto& [level, gain, shot] :
        {std::tuple{0.0, 1.0, 1e-4}, std::tuple{1.0, 0.08, 0.006}, std::tuple{2.0, 0.04, 0.012}}) {
-    const SensorLevel sensor = SensorLevelOf(level);
+    const SensorLevel sensor = SensorLevelAt(level);
     EXPECT_NEAR(sensor.gain, gain, 1e-12);
     EXPECT_NEAR(sensor.shot, shot, 1e-12);
     EXPECT_NEAR(std::log(sensor.read), 2.18 * std::log(shot) + 1.2, 1e-9);
   }
   // Darker and noisier all the way, far beyond hard too.
   for (double level = 0.0; level < 10.0; level += 0.25) {
-    EXPECT_LT(PaperLevelOf(level + 0.25).gain, PaperLevelOf(level).gain);
-    EXPECT_GT(PaperLevelOf(level + 0.25).noise_before, PaperLevelOf(level).noise_before);
-    EXPECT_GT(PaperLevelOf(level + 0.25).gain, 0.0);
-    EXPECT_LT(SensorLevelOf(level + 0.25).gain, SensorLevelOf(level).gain);
-    EXPECT_GT(SensorLevelOf(level + 0.25).shot, SensorLevelOf(level).shot);
-    EXPECT_LE(SensorLevelOf(level + 0.25).shutter, 1.0);
+    EXPECT_LT(PaperLevelAt(level + 0.25).gain, PaperLevelAt(level).gain);
+    EXPECT_GT(PaperLevelAt(level + 0.25).noise_before, PaperLevelAt(level).noise_before);
+    EXPECT_GT(PaperLevelAt(level + 0.25).gain, 0.0);
+    EXPECT_LT(SensorLevelAt(level + 0.25).gain, SensorLevelAt(level).gain);
+    EXPECT_GT(SensorLevelAt(level + 0.25).shot, SensorLevelAt(level).shot);
+    EXPECT_LE(SensorLevelAt(level + 0.25).shutter, 1.0);
   }
 }
 
@@ -92,8 +93,9 @@ TEST(Levels, AreNamedOrNumbers) {
 TEST(PaperRecipe, HasTheMeanAndTheNoiseThatItPromises) {
   const cv::Mat flat(400, 400, CV_8UC1, cv::Scalar(204));  // 0.8
   for (const double level : {1.0, 1.5, 2.0}) {
-    const PaperLevel paper = PaperLevelOf(level);
-    const Statistics statistics = Of(DegradeFrame(flat, Options(DegradeRecipe::kPaper, level), 0));
+    const PaperLevel paper = PaperLevelAt(level);
+    const Statistics statistics =
+        MeanAndSpread(DegradeFrame(flat, Options(DegradeRecipe::kPaper, level), 0));
     EXPECT_NEAR(statistics.mean, 0.8 * paper.gain, 0.002) << level;
     const double blurred = paper.noise_before / (2.0 * std::sqrt(M_PI) * paper.blur_px);
     EXPECT_NEAR(statistics.sigma / std::hypot(blurred, paper.noise_after, 1 / std::sqrt(12) / 255),
@@ -101,7 +103,8 @@ TEST(PaperRecipe, HasTheMeanAndTheNoiseThatItPromises) {
                 0.03)
         << level;
   }
-  const Statistics clean = Of(DegradeFrame(flat, Options(DegradeRecipe::kPaper, 0.0), 0));
+  const Statistics clean =
+      MeanAndSpread(DegradeFrame(flat, Options(DegradeRecipe::kPaper, 0.0), 0));
   EXPECT_NEAR(clean.mean, 0.8, 1e-3);
   EXPECT_NEAR(clean.sigma, std::hypot(0.004, 1 / std::sqrt(12) / 255), 2e-4);
 }
@@ -111,7 +114,7 @@ TEST(PaperRecipe, HasTheMeanAndTheNoiseThatItPromises) {
 TEST(SensorRecipe, HasTheMeanAndTheNoiseThatItPromises) {
   for (const auto& [level, value] : {std::pair{0.0, 0.5}, std::pair{0.3, 0.8}}) {
     const cv::Mat flat(400, 400, CV_16UC1, cv::Scalar(value * 65535.0));
-    const SensorLevel sensor = SensorLevelOf(level);
+    const SensorLevel sensor = SensorLevelAt(level);
     cv::Mat linear;
     DegradeFrame(flat, Options(DegradeRecipe::kSensor, level), 0)
         .convertTo(linear, CV_64F, 1.0 / 255.0);
@@ -128,7 +131,8 @@ TEST(SensorRecipe, HasTheMeanAndTheNoiseThatItPromises) {
 
 TEST(SensorRecipe, StaysDarkAndIsNoisierThanThePaper) {
   const cv::Mat flat(300, 300, CV_8UC1, cv::Scalar(128));
-  const Statistics hard = Of(DegradeFrame(flat, Options(DegradeRecipe::kSensor, 2.0), 0));
+  const Statistics hard =
+      MeanAndSpread(DegradeFrame(flat, Options(DegradeRecipe::kSensor, 2.0), 0));
   EXPECT_LT(hard.mean, 0.35);
   EXPECT_GT(hard.mean, 0.1);
   EXPECT_GT(hard.sigma, 0.1);
@@ -138,7 +142,7 @@ TEST(SensorRecipe, StaysDarkAndIsNoisierThanThePaper) {
 TEST(SensorRecipe, MotionBlurIsCentred) {
   const cv::Mat sharp = test::SpotsImage(200, 160, 0.0, 0.0, CV_16U);
   DegradeOptions options = Options(DegradeRecipe::kSensor, 0.4);
-  const SensorLevel level = SensorLevelOf(options.level);
+  const SensorLevel level = SensorLevelAt(options.level);
   ASSERT_GT(level.shutter, 0.1);
   const cv::Mat motion(sharp.size(), CV_32FC2, cv::Scalar(24.0, -12.0));
   cv::Mat blurred = cv::Mat::zeros(sharp.size(), CV_32F);
@@ -210,7 +214,7 @@ TEST(Occluder, IsAnOpaqueBarOfEightyPixelsAndItsMask) {
       bar = now.clone();
     }
   }
-  EXPECT_GT(Of(bar).sigma, 0.05);  // a pattern worth following
+  EXPECT_GT(MeanAndSpread(bar).sigma, 0.05);  // a pattern worth following
 }
 
 class DegradeClip : public testing::Test {

@@ -7,6 +7,7 @@
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
+#include "datasets/open_sequence.h"
 #include "frontend/core/error.h"
 #include "tests/datasets/fixtures.h"
 #include "tests/support/temp_dir.h"
@@ -210,20 +211,27 @@ TEST(OpenSequence, SaysWhatItLookedForInAFolderOfAnotherKind) {
               ThrowsMessage<Error>(HasSubstr("there are images in " + (dir / "frames").string())));
 }
 
+Layout LayoutNamed(std::string_view name) {
+  for (const auto& [text, layout] : kLayoutNames) {
+    if (text == name) return layout;
+  }
+  throw std::invalid_argument(std::string(name));
+}
+
 TEST(OpenSequence, NamesAMissingInputAndAWrongLayout) {
   const TempDir dir;
   WriteImage(dir / "0.png", 0);
   EXPECT_THAT([&] { OpenSequence(dir / "missing.mp4"); },
               ThrowsMessage<Error>(AllOf(HasSubstr("no such file"), HasSubstr("missing.mp4"))));
-  EXPECT_THAT([&] { OpenSequence(dir.path(), Layout::kTum); },
+  EXPECT_THAT([&] { OpenSequence(dir.path(), LayoutNamed("tum")); },
               ThrowsMessage<Error>(AllOf(HasSubstr("tum"), HasSubstr("rgb.txt"))));
-  EXPECT_THAT([&] { OpenSequence(dir.path(), Layout::kEuroc); },
+  EXPECT_THAT([&] { OpenSequence(dir.path(), LayoutNamed("euroc")); },
               ThrowsMessage<Error>(HasSubstr("mav0/cam0/data.csv")));
-  EXPECT_THAT([&] { OpenSequence(dir.path(), Layout::kKitti); },
+  EXPECT_THAT([&] { OpenSequence(dir.path(), LayoutNamed("kitti")); },
               ThrowsMessage<Error>(HasSubstr("image_0")));
   EXPECT_THAT([&] { OpenSequence(dir.path(), Layout::kVideo); },
               ThrowsMessage<Error>(HasSubstr("is a folder")));
-  EXPECT_THAT([&] { OpenSequence(dir / "0.png", Layout::kKitti); },
+  EXPECT_THAT([&] { OpenSequence(dir / "0.png", LayoutNamed("kitti")); },
               ThrowsMessage<Error>(HasSubstr("is a file")));
 }
 

@@ -4,7 +4,7 @@
 
 #include <opencv2/imgcodecs.hpp>
 
-#include "datasets/readers/sequence.h"
+#include "datasets/open_sequence.h"
 #include "frontend/core/error.h"
 #include "tests/datasets/fixtures.h"
 #include "tests/support/shared_data.h"

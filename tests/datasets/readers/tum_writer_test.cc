@@ -7,7 +7,7 @@
 #include <csignal>
 #include <opencv2/core.hpp>
 
-#include "datasets/readers/sequence.h"
+#include "datasets/open_sequence.h"
 #include "frontend/core/error.h"
 #include "tests/datasets/fixtures.h"
 #include "tests/support/child_process.h"

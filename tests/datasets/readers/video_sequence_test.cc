@@ -6,6 +6,7 @@
 #include <fstream>
 #include <opencv2/videoio.hpp>
 
+#include "datasets/open_sequence.h"
 #include "frontend/core/error.h"
 #include "frontend/core/output.h"
 #include "tests/datasets/fixtures.h"

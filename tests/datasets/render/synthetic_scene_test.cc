@@ -8,7 +8,7 @@
 #include <cmath>
 #include <fstream>
 
-#include "datasets/readers/sequence.h"
+#include "datasets/open_sequence.h"
 #include "datasets/render/render.h"
 #include "datasets/render/scene_geometry.h"
 #include "frontend/core/error.h"
@@ -40,19 +40,19 @@ SyntheticSceneOptions Small(SceneName scene, Motion motion = Motion::kLateral) {
 }
 
 // One flat surface, lit evenly, before a camera that moves as in any scene.
-SceneLayout OneQuad(const Eigen::Vector3d& corner,
+SceneDesign OneQuad(const Eigen::Vector3d& corner,
                     const Eigen::Vector3d& right,
                     const Eigen::Vector3d& down,
                     Material material) {
-  SceneLayout layout;
-  layout.ambient = 1.0;
+  SceneDesign design;
+  design.ambient = 1.0;
   Patch patch;
   patch.x_in_world = [=](double s, double t, double) -> Eigen::Vector3d {
     return corner + s * right + t * down;
   };
   patch.texture = {material, right.norm(), down.norm(), 100.0, 1.0};
-  layout.patches.push_back(patch);
-  return layout;
+  design.patches.push_back(patch);
+  return design;
 }
 
 TEST(Renderer, ShowsTheTextureWhereTheProjectionSays) {
@@ -126,13 +126,13 @@ TEST(Renderer, DepthIsThePlanesEquation) {
 // What is near hides what is far, also where a surface reaches behind the camera.
 TEST(Renderer, NearSurfacesHideFarOnes) {
   const SyntheticSceneOptions options = Small(SceneName::kRoom);
-  SceneLayout layout = OneQuad({-9, -9, 6}, {18, 0, 0}, {0, 18, 0}, Material::kBricks);
-  for (const SceneLayout& more :
+  SceneDesign design = OneQuad({-9, -9, 6}, {18, 0, 0}, {0, 18, 0}, Material::kBricks);
+  for (const SceneDesign& more :
        {OneQuad({-0.5, -0.5, 3}, {1, 0, 0}, {0, 1, 0}, Material::kPoster),
         OneQuad({-9, 1.5, 6}, {18, 0, 0}, {0, 0, -12}, Material::kTiles)}) {
-    layout.patches.push_back(more.patches[0]);
+    design.patches.push_back(more.patches[0]);
   }
-  const SyntheticScene scene(options, layout);
+  const SyntheticScene scene(options, design);
   const cv::Mat depth = RenderDepth(scene, 0.0);
   const Rigid3 world_from_cam = scene.CamFromWorld(0.0).Inverse();
   const Eigen::Vector3d eye = world_from_cam.translation;

@@ -30,7 +30,7 @@ cv::Mat Picture() {
 }
 
 Eigen::Matrix2d Bound(const DegradeOptions& options, const cv::Mat& picture = Picture()) {
-  const auto signal = PositionBound::Prepare(SignalOf(picture, options, 0));
+  const auto signal = PositionBound::Prepare(NoiseFreeSignal(picture, options, 0));
   return PositionBound(options, kWindowPx).Covariance(signal, kCentre).value();
 }
 
@@ -52,13 +52,13 @@ TEST(PositionBound, IsNoiseOverGradientEnergyWhereTheNoiseIsWhite) {
   const DegradeOptions clean = Options(DegradeRecipe::kPaper, 0.0);
   const double variance = 0.004 * 0.004 + 1.0 / (12.0 * 255.0 * 255.0);
   const Eigen::Matrix2d expected =
-      variance * GradientEnergy(SignalOf(Picture(), clean, 0)).inverse();
+      variance * GradientEnergy(NoiseFreeSignal(Picture(), clean, 0)).inverse();
   EXPECT_LT((Bound(clean) - expected).norm(), 1e-6 * expected.norm());
 }
 
 TEST(PositionBound, BlurredNoiseCountsMoreThanItsSizeAndLessThanWhiteNoiseAtItsSource) {
   const DegradeOptions medium = Options(DegradeRecipe::kPaper, 1.0);
-  const Eigen::Matrix2d white = GradientEnergy(SignalOf(Picture(), medium, 0)).inverse();
+  const Eigen::Matrix2d white = GradientEnergy(NoiseFreeSignal(Picture(), medium, 0)).inverse();
   const double blurred_variance = 0.04 * 0.04 / (4.0 * M_PI * 2.0 * 2.0);
   const double bound = Bound(medium).trace();
   EXPECT_GT(bound, (0.02 * 0.02 + blurred_variance) * white.trace());
@@ -70,7 +70,7 @@ TEST(PositionBound, BlurredNoiseCountsMoreThanItsSizeAndLessThanWhiteNoiseAtItsS
 TEST(PositionBound, IsNotBeatenByLeastSquaresOnRealNoise) {
   for (const double level : {0.0, 1.0}) {
     const DegradeOptions options = Options(DegradeRecipe::kPaper, level);
-    const cv::Mat signal = SignalOf(Picture(), options, 0);
+    const cv::Mat signal = NoiseFreeSignal(Picture(), options, 0);
     const Eigen::Matrix2d energy = GradientEnergy(signal);
     constexpr int kFrames = 600;
     Eigen::Matrix2d scatter = Eigen::Matrix2d::Zero();
@@ -106,8 +106,8 @@ TEST(PositionBound, OfTheSensorFallsWithLight) {
 
 TEST(PositionBound, ThereIsNoneWithoutTexture) {
   const DegradeOptions medium = Options(DegradeRecipe::kPaper, 1.0);
-  const auto signal =
-      PositionBound::Prepare(SignalOf(cv::Mat(kSide, kSide, CV_8U, cv::Scalar(99)), medium, 0));
+  const auto signal = PositionBound::Prepare(
+      NoiseFreeSignal(cv::Mat(kSide, kSide, CV_8U, cv::Scalar(99)), medium, 0));
   EXPECT_FALSE(PositionBound(medium, kWindowPx).Covariance(signal, kCentre));
 }
 

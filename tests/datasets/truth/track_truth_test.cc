@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include "datasets/degrade/degrade.h"
+#include "datasets/open_sequence.h"
 #include "datasets/render/render.h"
 #include "datasets/render/synthetic_scene.h"
 #include "tests/datasets/fixtures.h"
@@ -64,8 +65,9 @@ TEST_F(Clip, TheSceneAndItsDepthPicturesTellTheSameOfARigidScene) {
       EXPECT_LT((home->xy - xy).norm(), 1e-6);
       EXPECT_TRUE(home->visible);
       if (!b || depth->IsOnDepthEdge(FrameIndex{0}, xy, 2.0)) continue;
-      EXPECT_LT((a->in_world - b->in_world).norm(), 0.02 * 6.0);  // at most the step it may bridge
-      near += (a->in_world - b->in_world).norm() < 2e-3;
+      EXPECT_LT((a->x_in_world - b->x_in_world).norm(),
+                0.02 * 6.0);  // at most the step it may bridge
+      near += (a->x_in_world - b->x_in_world).norm() < 2e-3;
       const auto pa = exact->Locate(*a, FrameIndex{11});
       const auto pb = depth->Locate(*b, FrameIndex{11});
       ASSERT_TRUE(pa && pb);
@@ -105,11 +107,11 @@ TEST_F(Clip, PointsOfMovingBodiesMoveWithThem) {
         ASSERT_TRUE(again);
         EXPECT_EQ(again->on_surface.triangle, anchor->on_surface.triangle);
         EXPECT_LT((again->on_surface.weights - anchor->on_surface.weights).norm(), 1e-6);
-        const double z = (scene.CamFromWorld(9.0) * again->in_world).z();
+        const double z = (scene.CamFromWorld(9.0) * again->x_in_world).z();
         const int px = static_cast<int>(std::lround(later->xy.x()));
         const int py = static_cast<int>(std::lround(later->xy.y()));
         EXPECT_NEAR(depth.at<float>(py, px) / z, 1.0, 0.02);
-        moved += (again->in_world - anchor->in_world).norm() > 1e-3;
+        moved += (again->x_in_world - anchor->x_in_world).norm() > 1e-3;
       }
     }
     EXPECT_GT(visible, 300);
@@ -130,8 +132,8 @@ TEST_F(Clip, HiddenPointsAreSaidToBeHidden) {
       const auto anchor = truth->Pick(FrameIndex{0}, {x, y});
       const auto later = truth->Locate(*anchor, late);
       if (!later || !later->in_image || truth->IsOnDepthEdge(late, later->xy, 2.0)) continue;
-      const double z = (cam_from_world * anchor->in_world).z();
-      const double z_seen = (cam_from_world * truth->Pick(late, later->xy)->in_world).z();
+      const double z = (cam_from_world * anchor->x_in_world).z();
+      const double z_seen = (cam_from_world * truth->Pick(late, later->xy)->x_in_world).z();
       EXPECT_EQ(later->visible, z < 1.001 * z_seen);
       (later->visible ? shown : hidden) += 1;
     }

@@ -45,7 +45,7 @@ Scene MakeScene(double camera_noise_m = 0.0, double point_noise_m = 0.0) {
   std::map<std::uint32_t, Eigen::Vector3d> points;
   for (std::uint32_t f = 0; f < 50; ++f) {
     points[f] = {random.Gaussian(), random.Gaussian(), 6.0 + random.Gaussian()};
-    ScenePoint point;
+    Point3D point;
     point.in_world = model_from_truth * (points[f] + jitter(point_noise_m));
     point.views = {{FrameIndex{4}, {1.0 * f, 0.0}}, {FrameIndex{6}, {-1.0, 0.0}}};
     scene.reconstruction.points[FeatureId{f}] = point;

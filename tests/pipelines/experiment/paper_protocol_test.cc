@@ -149,12 +149,12 @@ class SlidingTruth final : public TrackTruth {
  public:
   std::optional<Anchor> Pick(FrameIndex frame, const Eigen::Vector2d& xy) override {
     Anchor anchor;
-    anchor.in_world = {xy.x() + ToInt(frame), xy.y(), 1.0};
+    anchor.x_in_world = {xy.x() + ToInt(frame), xy.y(), 1.0};
     return anchor;
   }
   std::optional<TruePosition> Locate(const Anchor& anchor, FrameIndex frame) override {
     TruePosition position;
-    position.xy = {anchor.in_world.x() - ToInt(frame), anchor.in_world.y()};
+    position.xy = {anchor.x_in_world.x() - ToInt(frame), anchor.x_in_world.y()};
     position.in_image = position.xy.x() >= 0;
     position.visible = position.in_image && (position.xy.y() > 60 || ToInt(frame) < 10);
     return position;

@@ -17,7 +17,8 @@ class MovingTruth final : public TrackTruth {
   }
   std::optional<TruePosition> Locate(const Anchor& anchor, FrameIndex frame) override {
     const double frames = static_cast<double>(ToInt(frame)) - ToInt(anchor.frame);
-    return TruePosition{anchor.in_world.head<2>() + Eigen::Vector2d(2.0 * frames, 0.0), true, true};
+    return TruePosition{
+        anchor.x_in_world.head<2>() + Eigen::Vector2d(2.0 * frames, 0.0), true, true};
   }
   bool IsOnDepthEdge(FrameIndex, const Eigen::Vector2d&, double) override { return false; }
 };

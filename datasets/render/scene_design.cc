@@ -1,4 +1,4 @@
-#include "datasets/render/scene_layouts.h"
+#include "datasets/render/scene_design.h"
 
 #include <Eigen/Geometry>
 #include <algorithm>
@@ -28,11 +28,11 @@ class Builder {
   }
 
   void SetViewpoint(const Vector3d& centre, const Vector3d& target, double metres_per_frame) {
-    layout_.viewpoint = {centre, target, metres_per_frame};
+    design_.viewpoint = {centre, target, metres_per_frame};
   }
   void SetLamp(const Vector3d& lamp, double ambient) {
-    layout_.lamp = lamp;
-    layout_.ambient = ambient;
+    design_.lamp = lamp;
+    design_.ambient = ambient;
   }
   // What is added while it is set moves so.
   void SetMotion(BodyMotion motion) { motion_ = std::move(motion); }
@@ -269,7 +269,7 @@ class Builder {
     Quad(low, right, ledge, Material::kConcrete, 1.8);
   }
 
-  SceneLayout Finish();
+  SceneDesign Finish();
 
  private:
   void Add(Patch::Shape shape,
@@ -295,7 +295,7 @@ class Builder {
     } else {
       patch.x_in_world = std::move(shape);
     }
-    layout_.patches.push_back(std::move(patch));
+    design_.patches.push_back(std::move(patch));
   }
   friend void AddCloth(Builder&);
 
@@ -303,14 +303,14 @@ class Builder {
   double focal_px_;
   BodyMotion motion_;
   double shade_ = 1.0;  // of the thing that is being added
-  SceneLayout layout_;
+  SceneDesign design_;
 };
 
 // As many texels as pixels see the surface from near the path, within what memory allows.
-SceneLayout Builder::Finish() {
-  const Viewpoint& view = layout_.viewpoint;
+SceneDesign Builder::Finish() {
+  const Viewpoint& view = design_.viewpoint;
   const double reach = 55.0 * view.metres_per_frame;
-  for (Patch& patch : layout_.patches) {
+  for (Patch& patch : design_.patches) {
     double nearest = 1e9;
     for (const Vector3d& eye : {Vector3d(view.centre + Vector3d(-reach, 0, 0)),
                                 Vector3d(view.centre + Vector3d(reach, 0, 0)),
@@ -327,7 +327,7 @@ SceneLayout Builder::Finish() {
     spec.texels_per_m = std::min(std::clamp(1.2 * focal_px_ / nearest, 24.0, 700.0),
                                  std::sqrt(kMaxTexels / (spec.width_m * spec.height_m)));
   }
-  return std::move(layout_);
+  return std::move(design_);
 }
 
 void RoomShell(Builder& b, double metres_per_frame) {
@@ -721,7 +721,7 @@ void AddCloth(Builder& b) {
       2.35,
       Material::kFabric,
       1.2);
-  b.layout_.patches.back().moves = true;
+  b.design_.patches.back().moves = true;
 }
 
 void Cloth(Builder& b) {
@@ -736,7 +736,7 @@ void Cloth(Builder& b) {
 
 }  // namespace
 
-SceneLayout MakeLayout(SceneName scene, unsigned seed, double focal_px) {
+SceneDesign DesignScene(SceneName scene, unsigned seed, double focal_px) {
   Builder builder(seed, focal_px);
   switch (scene) {
     case SceneName::kRoom:
