@@ -3,6 +3,7 @@
 #include <opencv2/core/mat.hpp>
 #include <vector>
 
+#include "datasets/render/mip_map.h"
 #include "datasets/render/scene_geometry.h"
 
 namespace cohort {

@@ -1,296 +1,18 @@
 #include "datasets/render/texture.h"
 
-#include <Eigen/Core>
-#include <array>
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
 #include <numbers>
-#include <opencv2/imgproc.hpp>
-#include <utility>
+#include <opencv2/core.hpp>
 
+#include "datasets/render/canvas.h"
 #include "frontend/core/error.h"
 
 namespace cohort {
 namespace {
 
 constexpr double kTurn = 2.0 * std::numbers::pi;
-using Polygon = std::vector<cv::Point2d>;  // [texels]
-
-double SmoothStep(double from, double to, double x) {
-  const double t = std::clamp((x - from) / (to - from), 0.0, 1.0);
-  return t * t * (3.0 - 2.0 * t);
-}
-
-// A texture in the making, as the logarithm of its reflectance: what lies on a surface (dirt,
-// shades, worn paint) multiplies what is below.
-class Canvas {
- public:
-  Canvas(const TextureSpec& spec, RandomStream random)
-      : texels_per_m_(spec.texels_per_m), random_(random) {
-    const auto texels = [&](double metres) {
-      return std::max(16, static_cast<int>(std::lround(metres * texels_per_m_)));
-    };
-    image_.create(texels(spec.height_m), texels(spec.width_m), CV_32FC1);
-  }
-
-  cv::Mat& image() { return image_; }
-  double width() const { return image_.cols; }
-  double height() const { return image_.rows; }
-  double Texels(double metres) const { return metres * texels_per_m_; }
-  RandomStream& random() { return random_; }
-  double Uniform(double min, double max) { return random_.Uniform(min, max); }
-  int Count(double per_square_metre) const {
-    return static_cast<int>(
-        std::lround(per_square_metre * width() * height() / (texels_per_m_ * texels_per_m_)));
-  }
-
-  void Fill(double reflectance) { image_.setTo(std::log(reflectance)); }
-
-  // Smooth noise of unit variance: octaves from `coarsest_m` down to `finest_m`, each `falloff`
-  // times as strong as the one before (1: as photographs are, 1/f). `stretch` makes it longer in x.
-  cv::Mat Noise(double coarsest_m, double falloff, double finest_m = 0.0, double stretch = 1.0) {
-    cv::Mat sum = cv::Mat::zeros(image_.size(), CV_32FC1);
-    double variance = 0.0;
-    double amplitude = 1.0;
-    for (double cell = Texels(coarsest_m); cell >= std::max(4.0, Texels(finest_m)); cell *= 0.5) {
-      const int cell_y = std::max(2, static_cast<int>(cell));
-      const int cell_x = std::max(2, static_cast<int>(cell * stretch));
-      cv::Mat lattice(image_.rows / cell_y + 3, image_.cols / cell_x + 3, CV_32FC1);
-      for (int y = 0; y < lattice.rows; ++y) {
-        for (int x = 0; x < lattice.cols; ++x) {
-          lattice.at<float>(y, x) = static_cast<float>(random_.Gaussian());
-        }
-      }
-      cv::Mat octave;
-      cv::resize(lattice,
-                 octave,
-                 cv::Size(lattice.cols * cell_x, lattice.rows * cell_y),
-                 0,
-                 0,
-                 cv::INTER_CUBIC);
-      const cv::Rect part(
-          static_cast<int>(random_.Below(static_cast<std::uint64_t>(cell_x))) + cell_x,
-          static_cast<int>(random_.Below(static_cast<std::uint64_t>(cell_y))) + cell_y,
-          image_.cols,
-          image_.rows);
-      cv::scaleAdd(octave(part), amplitude, sum, sum);
-      variance += 0.5 * amplitude * amplitude;  // of cubic noise, about half the lattice's
-      amplitude *= falloff;
-    }
-    if (variance > 0.0) sum *= 1.0 / std::sqrt(variance);
-    return sum;
-  }
-
-  void Add(const cv::Mat& noise, double amount) { cv::scaleAdd(noise, amount, image_, image_); }
-
-  // Paints a polygon, its edges smooth. `slope` is the change of the value from the polygon's
-  // middle per texel, `cover` its opacity.
-  void Paint(const Polygon& corners,
-             double reflectance,
-             cv::Point2d slope = {0.0, 0.0},
-             double cover = 1.0) {
-    cv::Point2d low(1e9, 1e9);
-    cv::Point2d high(-1e9, -1e9);
-    for (const cv::Point2d& p : corners) {
-      low = {std::min(low.x, p.x), std::min(low.y, p.y)};
-      high = {std::max(high.x, p.x), std::max(high.y, p.y)};
-    }
-    const cv::Point2i first(static_cast<int>(std::floor(low.x)) - 1,
-                            static_cast<int>(std::floor(low.y)) - 1);
-    const cv::Point2i last(static_cast<int>(std::ceil(high.x)) + 2,
-                           static_cast<int>(std::ceil(high.y)) + 2);
-    const cv::Rect box = cv::Rect(first, last) & cv::Rect(0, 0, image_.cols, image_.rows);
-    if (box.empty()) return;
-    std::vector<cv::Point> fixed;  // 4 bits behind the point
-    for (const cv::Point2d& p : corners) {
-      fixed.emplace_back(static_cast<int>(std::lround(16.0 * (p.x - box.x))),
-                         static_cast<int>(std::lround(16.0 * (p.y - box.y))));
-    }
-    cv::Mat mask = cv::Mat::zeros(box.size(), CV_8UC1);
-    cv::fillPoly(mask, std::vector<std::vector<cv::Point>>{fixed}, cv::Scalar(255), cv::LINE_AA, 4);
-    const double value = std::log(reflectance);
-    const cv::Point2d middle = 0.5 * (low + high);
-    for (int y = 0; y < box.height; ++y) {
-      const std::uint8_t* m = mask.ptr<std::uint8_t>(y);
-      float* row = image_.ptr<float>(box.y + y) + box.x;
-      for (int x = 0; x < box.width; ++x) {
-        if (m[x] == 0) continue;
-        const double paint =
-            value + slope.x * (box.x + x - middle.x) + slope.y * (box.y + y - middle.y);
-        row[x] += static_cast<float>(cover * m[x] / 255.0 * (paint - row[x]));
-      }
-    }
-  }
-
-  static Polygon Rectangle(double x, double y, double width, double height) {
-    return {{x, y}, {x + width, y}, {x + width, y + height}, {x, y + height}};
-  }
-
-  // A thin strip from a to b.
-  static Polygon Strip(cv::Point2d a, cv::Point2d b, double width) {
-    const cv::Point2d d = b - a;
-    const double length = std::max(1e-9, std::hypot(d.x, d.y));
-    const cv::Point2d n(-0.5 * width * d.y / length, 0.5 * width * d.x / length);
-    return {a - n, b - n, b + n, a + n};
-  }
-
-  static Polygon Ellipse(cv::Point2d centre, double rx, double ry, double angle) {
-    Polygon polygon;
-    for (int i = 0; i < 28; ++i) {
-      const double a = kTurn * i / 28.0;
-      const double x = rx * std::cos(a);
-      const double y = ry * std::sin(a);
-      polygon.emplace_back(centre.x + x * std::cos(angle) - y * std::sin(angle),
-                           centre.y + x * std::sin(angle) + y * std::cos(angle));
-    }
-    return polygon;
-  }
-
-  cv::Point2d Anywhere() {
-    const double x = Uniform(0.0, width());
-    return {x, Uniform(0.0, height())};
-  }
-
-  // Rectangles, ellipses and odd polygons.
-  Polygon RandomShape(cv::Point2d centre, double radius) {
-    const double angle = Uniform(0.0, kTurn);
-    const double ratio = Uniform(0.4, 1.0);
-    const std::uint64_t kind = random_.Below(4);
-    if (kind == 0) return Ellipse(centre, radius, ratio * radius, angle);
-    Polygon polygon;
-    const int corners = kind == 1 ? 4 : 3 + static_cast<int>(random_.Below(5));
-    for (int i = 0; i < corners; ++i) {
-      const double a = angle + kTurn * (i + (kind == 1 ? 0.0 : Uniform(-0.3, 0.3))) / corners;
-      const double r = kind == 1 ? radius : radius * Uniform(0.55, 1.0);
-      polygon.emplace_back(centre.x + r * std::cos(a), centre.y + ratio * r * std::sin(a));
-    }
-    return polygon;
-  }
-
-  // Shapes over shapes with as many small ones as photographs have (radius density r^-3), `layers`
-  // deep on average.
-  void DeadLeaves(double least_m,
-                  double most_m,
-                  double layers,
-                  double darkest,
-                  double brightest,
-                  const cv::Rect2d& part) {
-    const double least = std::max(1.5, Texels(least_m));
-    const double most = Texels(most_m);
-    const double mean_area = 3.6 * least * least * std::log(std::max(1.5, most / least));
-    const int count = static_cast<int>(std::min(6000.0, layers * part.area() / mean_area));
-    for (int i = 0; i < count; ++i) {
-      const double u = Uniform(0.0, 1.0 - (least / most) * (least / most));
-      const double radius = least / std::sqrt(1.0 - u);
-      const double x = part.x + Uniform(0.0, part.width);
-      const double y = part.y + Uniform(0.0, part.height);
-      const double slope = Uniform(-0.3, 0.3) / radius;
-      const Polygon shape = RandomShape({x, y}, radius);
-      Paint(shape, darkest * std::pow(brightest / darkest, Uniform(0.0, 1.0)), {slope, -slope});
-    }
-  }
-
-  // Lines of what looks like letters.
-  void Letters(const cv::Rect2d& part, double letter_height, double reflectance) {
-    const double stroke = std::max(1.0, 0.16 * letter_height);
-    for (double y = part.y; y + letter_height < part.y + part.height; y += 1.7 * letter_height) {
-      const double end = part.x + part.width * Uniform(0.6, 1.0);
-      for (double x = part.x; x + letter_height < end; x += 0.85 * letter_height) {
-        if (random_.Below(6) == 0) continue;  // between words
-        const double w = 0.55 * letter_height;
-        const std::array<cv::Point2d, 6> node{{{x, y},
-                                               {x + w, y},
-                                               {x, y + 0.5 * letter_height},
-                                               {x + w, y + 0.5 * letter_height},
-                                               {x, y + letter_height},
-                                               {x + w, y + letter_height}}};
-        for (int i = 0; i < 3; ++i) {
-          const std::size_t a = random_.Below(6);
-          const std::size_t b = (a + 1 + random_.Below(5)) % 6;
-          Paint(Strip(node[a], node[b], stroke), reflectance);
-        }
-      }
-    }
-  }
-
-  // A wandering thin line.
-  void Crack(double length_m, double width_m, double reflectance, double cover) {
-    cv::Point2d p = Anywhere();
-    double angle = Uniform(0.0, kTurn);
-    const double step = std::max(3.0, Texels(0.03));
-    for (double done = 0.0; done < Texels(length_m); done += step) {
-      angle += Uniform(-0.6, 0.6);
-      const cv::Point2d next = p + step * cv::Point2d(std::cos(angle), std::sin(angle));
-      Paint(Strip(p, next, std::max(0.8, Texels(width_m))), reflectance, {0, 0}, cover);
-      p = next;
-    }
-  }
-
-  // Stains with soft borders: where slow noise is high.
-  void Stains(double size_m, double share, double amount) {
-    const cv::Mat noise = Noise(size_m, 0.6);
-    const double threshold = 1.6 - 2.0 * share;
-    for (int y = 0; y < image_.rows; ++y) {
-      const float* n = noise.ptr<float>(y);
-      float* row = image_.ptr<float>(y);
-      for (int x = 0; x < image_.cols; ++x) {
-        row[x] += static_cast<float>(amount * SmoothStep(threshold, threshold + 0.7, n[x]));
-      }
-    }
-  }
-
-  // Blocks in rows with joints between them. `paint(tone, noise, u, v)` gives a block's value:
-  // tone is the block's own number (-1..1), u and v the place in it (0..1).
-  template <typename PaintBlock>
-  void Blocks(double block_width_m,
-              double block_height_m,
-              double joint_m,
-              bool staggered,
-              double unevenness_m,
-              double joint_reflectance,
-              const PaintBlock& paint) {
-    const double block_w = Texels(block_width_m);
-    const double block_h = Texels(block_height_m);
-    const double joint = std::max(1.0, Texels(joint_m));
-    const cv::Mat wobble_x = Noise(0.2, 0.7, 0.01);
-    const cv::Mat wobble_y = Noise(0.2, 0.7, 0.01);
-    const double wobble = Texels(unevenness_m);
-    const int rows = static_cast<int>(height() / block_h) + 3;
-    const int columns = static_cast<int>(width() / block_w) + 4;
-    std::vector<double> tones(static_cast<std::size_t>(rows * columns));
-    for (double& tone : tones) tone = Uniform(-1.0, 1.0);
-    std::vector<double> shifts(static_cast<std::size_t>(rows), 0.0);
-    for (int row = 0; staggered && row < rows; ++row) {
-      shifts[static_cast<std::size_t>(row)] = block_w * (0.5 * (row % 2) + Uniform(-0.08, 0.08));
-    }
-    const double joint_value = std::log(joint_reflectance);
-    for (int y = 0; y < image_.rows; ++y) {
-      float* image_row = image_.ptr<float>(y);
-      for (int x = 0; x < image_.cols; ++x) {
-        const double v = y + block_h + wobble * wobble_y.at<float>(y, x);
-        const int row = std::clamp(static_cast<int>(v / block_h), 0, rows - 1);
-        const double u =
-            x + block_w + shifts[static_cast<std::size_t>(row)] + wobble * wobble_x.at<float>(y, x);
-        const int column = std::clamp(static_cast<int>(u / block_w), 0, columns - 1);
-        const double in_u = u - column * block_w;
-        const double in_v = v - row * block_h;
-        const double to_joint =
-            std::min(std::min(in_u, block_w - in_u), std::min(in_v, block_h - in_v)) - 0.5 * joint;
-        const double cover = SmoothStep(-0.8, 0.8, to_joint);
-        const double tone = tones[static_cast<std::size_t>(row * columns + column)];
-        // Edges of blocks are worn and a little darker.
-        const double worn = -0.15 * (1.0 - SmoothStep(0.0, 0.12 * block_h, to_joint));
-        const double block = paint(tone, in_u / block_w, in_v / block_h) + worn;
-        image_row[x] += static_cast<float>(joint_value + cover * (block - joint_value));
-      }
-    }
-  }
-
- private:
-  double texels_per_m_;
-  RandomStream random_;
-  cv::Mat image_;
-};
-
-cv::Rect2d Whole(const Canvas& c) { return {0.0, 0.0, c.width(), c.height()}; }
 
 void Plaster(Canvas& c) {
   c.Fill(0.55);
@@ -300,7 +22,8 @@ void Plaster(Canvas& c) {
   for (int i = 0; i < c.Count(1.0); ++i) {  // nail holes and scratches
     const cv::Point2d p = c.Anywhere();
     const double r = c.Texels(c.Uniform(0.003, 0.012));
-    c.Paint(c.RandomShape(p, r), c.Uniform(0.0, 1.0) < 0.7 ? 0.15 : 0.8, {0, 0}, 0.8);
+    const double tone = c.Uniform(0.0, 1.0) < 0.7 ? 0.15 : 0.8;
+    c.Paint(c.RandomShape(p, r), tone, {0, 0}, 0.8);
   }
 }
 
@@ -325,18 +48,18 @@ void Concrete(Canvas& c) {
 
 void Bricks(Canvas& c) {
   c.image() = c.Noise(0.1, 0.9) * 0.16;
-  c.Blocks(0.25, 0.08, 0.012, true, 0.0025, 0.38, [&](double tone, double, double v) {
-    return std::log(0.17) + 0.38 * tone - 0.08 * v;
-  });
+  c.Blocks({0.25, 0.08, 0.012, true, 0.0025, 0.38},
+           [](double tone, double v) { return std::log(0.17) + 0.38 * tone - 0.08 * v; });
   c.Stains(1.2, 0.3, -0.3);
   c.Stains(0.5, 0.1, 0.5);
 }
 
 void Planks(Canvas& c) {
-  c.image() = c.Noise(0.03, 0.85, 0.0, 14.0) * 0.16 + c.Noise(0.5, 0.8) * 0.08;
-  c.Blocks(1.6, 0.14, 0.005, true, 0.0006, 0.04, [&](double tone, double, double) {
-    return std::log(0.26) + 0.3 * tone;
-  });
+  const cv::Mat shades = c.Noise(0.5, 0.8);
+  const cv::Mat grain = c.Noise(0.03, 0.85, 0.0, 14.0);
+  c.image() = grain * 0.16 + shades * 0.08;
+  c.Blocks({1.6, 0.14, 0.005, true, 0.0006, 0.04},
+           [](double tone, double) { return std::log(0.26) + 0.3 * tone; });
   for (int i = 0; i < c.Count(3.0); ++i) {  // knots
     const cv::Point2d p = c.Anywhere();
     const double r = c.Texels(c.Uniform(0.006, 0.02));
@@ -360,17 +83,15 @@ void Tiles(Canvas& c) {
       c.image().at<float>(y, x) -= static_cast<float>(0.4 * near);
     }
   }
-  c.Blocks(0.3, 0.3, 0.006, false, 0.0003, 0.12, [&](double tone, double, double) {
-    return std::log(0.42) + 0.25 * tone;
-  });
+  c.Blocks({0.3, 0.3, 0.006, false, 0.0003, 0.12},
+           [](double tone, double) { return std::log(0.42) + 0.25 * tone; });
   c.Stains(0.6, 0.2, -0.2);
 }
 
 void Carpet(Canvas& c) {
   c.image() = c.Noise(0.02, 1.0) * 0.18;
-  c.Blocks(0.018, 0.012, 0.004, true, 0.001, 0.07, [&](double tone, double, double) {
-    return std::log(0.16) + 0.3 * tone;
-  });
+  c.Blocks({0.018, 0.012, 0.004, true, 0.001, 0.07},
+           [](double tone, double) { return std::log(0.16) + 0.3 * tone; });
   const double border = c.Texels(0.12);
   for (int ring = 0; ring < 3; ++ring) {  // frames, one in the other
     const double inset = border * (0.4 + ring);
@@ -386,7 +107,8 @@ void Carpet(Canvas& c) {
   }
   for (int i = 0; i < c.Count(14.0); ++i) {  // ornaments
     const cv::Point2d p = c.Anywhere();
-    c.Paint(c.RandomShape(p, c.Texels(c.Uniform(0.03, 0.12))), c.Uniform(0.04, 0.5), {0, 0}, 0.6);
+    const double tone = c.Uniform(0.04, 0.5);
+    c.Paint(c.RandomShape(p, c.Texels(c.Uniform(0.03, 0.12))), tone, {0, 0}, 0.6);
   }
 }
 
@@ -403,7 +125,8 @@ void Asphalt(Canvas& c) {
   for (int i = 0; i < c.Count(0.8); ++i) c.Crack(c.Uniform(0.5, 2.0), 0.006, 0.035, 0.8);
   for (int i = 0; i < c.Count(10.0); ++i) {  // leaves, gum, paper
     const cv::Point2d p = c.Anywhere();
-    c.Paint(c.RandomShape(p, c.Texels(c.Uniform(0.008, 0.035))), c.Uniform(0.04, 0.5));
+    const double tone = c.Uniform(0.04, 0.5);
+    c.Paint(c.RandomShape(p, c.Texels(c.Uniform(0.008, 0.035))), tone);
   }
   c.Add(c.Noise(0.015, 1.0), 0.1);
 }
@@ -411,7 +134,7 @@ void Asphalt(Canvas& c) {
 void Poster(Canvas& c) {
   c.Fill(c.Uniform(0.3, 0.7));
   const double size = std::min(c.width(), c.height()) / c.Texels(1.0);
-  c.DeadLeaves(0.05 * size, 0.6 * size, 1.8, 0.04, 0.8, Whole(c));
+  c.DeadLeaves(0.05 * size, 0.6 * size, 1.8, 0.04, 0.8, c.Whole());
   for (int i = 0; i < 2; ++i) {
     const double w = c.width() * c.Uniform(0.35, 0.7);
     const double h = c.height() * c.Uniform(0.12, 0.3);
@@ -451,7 +174,8 @@ void Books(Canvas& c) {
     }
     for (std::uint64_t i = c.random().Below(4); i > 0; --i) {
       const double y = top + h * c.Uniform(0.05, 0.95);
-      c.Paint(Canvas::Rectangle(x, y, w, h * c.Uniform(0.01, 0.05)), c.Uniform(0.05, 0.6));
+      const double band_tone = c.Uniform(0.05, 0.6);
+      c.Paint(Canvas::Rectangle(x, y, w, h * c.Uniform(0.01, 0.05)), band_tone);
     }
     x += w;
   }
@@ -478,7 +202,8 @@ void Cardboard(Canvas& c) {
   }
   for (int i = 0; i < c.Count(30.0); ++i) {
     const cv::Point2d p = c.Anywhere();
-    c.Paint(c.RandomShape(p, c.Texels(c.Uniform(0.004, 0.02))), c.Uniform(0.12, 0.5), {0, 0}, 0.6);
+    const double tone = c.Uniform(0.12, 0.5);
+    c.Paint(c.RandomShape(p, c.Texels(c.Uniform(0.004, 0.02))), tone, {0, 0}, 0.6);
   }
   const cv::Rect2d print(0.05 * c.width(), 0.04 * c.height(), 0.6 * c.width(), 0.16 * c.height());
   c.Letters(print, std::max(5.0, 0.12 * c.height()), 0.07);
@@ -492,7 +217,7 @@ void Fabric(Canvas& c) {
     y += h;
   }
   const double size = std::min(c.width(), c.height()) / c.Texels(1.0);
-  c.DeadLeaves(0.03 * size, 0.2 * size, 0.8, 0.04, 0.75, Whole(c));
+  c.DeadLeaves(0.03 * size, 0.2 * size, 0.8, 0.04, 0.75, c.Whole());
   c.Add(c.Noise(0.5, 0.8), 0.1);
   c.Add(c.Noise(0.006, 1.0), 0.07);
 }
@@ -578,7 +303,8 @@ void Metal(Canvas& c) {
             tone > 0.25 ? 0.05 : 0.6);
   for (int i = 0; i < c.Count(12.0); ++i) {
     const cv::Point2d p = c.Anywhere();
-    c.Paint(c.RandomShape(p, c.Texels(c.Uniform(0.005, 0.03))), c.Uniform(0.05, 0.3), {0, 0}, 0.7);
+    const double tone = c.Uniform(0.05, 0.3);
+    c.Paint(c.RandomShape(p, c.Texels(c.Uniform(0.005, 0.03))), tone, {0, 0}, 0.7);
   }
 }
 
@@ -588,60 +314,51 @@ void Sky(Canvas& c) {
   c.Add(c.Noise(10.0, 0.6), 0.1);
 }
 
+using PaintMaterial = void (*)(Canvas&);
+
+PaintMaterial Recipe(Material material) {
+  switch (material) {
+    case Material::kPlaster:
+      return Plaster;
+    case Material::kConcrete:
+      return Concrete;
+    case Material::kBricks:
+      return Bricks;
+    case Material::kPlanks:
+      return Planks;
+    case Material::kTiles:
+      return Tiles;
+    case Material::kCarpet:
+      return Carpet;
+    case Material::kAsphalt:
+      return Asphalt;
+    case Material::kPoster:
+      return Poster;
+    case Material::kBooks:
+      return Books;
+    case Material::kCardboard:
+      return Cardboard;
+    case Material::kFabric:
+      return Fabric;
+    case Material::kFoliage:
+      return Foliage;
+    case Material::kWindow:
+      return Window;
+    case Material::kDoor:
+      return Door;
+    case Material::kMetal:
+      return Metal;
+    case Material::kSky:
+      return Sky;
+  }
+  ThrowError("no such material");
+}
+
 }  // namespace
 
 cv::Mat MakeTexture(const TextureSpec& spec, RandomStream random) {
   Canvas canvas(spec, random);
-  switch (spec.material) {
-    case Material::kPlaster:
-      Plaster(canvas);
-      break;
-    case Material::kConcrete:
-      Concrete(canvas);
-      break;
-    case Material::kBricks:
-      Bricks(canvas);
-      break;
-    case Material::kPlanks:
-      Planks(canvas);
-      break;
-    case Material::kTiles:
-      Tiles(canvas);
-      break;
-    case Material::kCarpet:
-      Carpet(canvas);
-      break;
-    case Material::kAsphalt:
-      Asphalt(canvas);
-      break;
-    case Material::kPoster:
-      Poster(canvas);
-      break;
-    case Material::kBooks:
-      Books(canvas);
-      break;
-    case Material::kCardboard:
-      Cardboard(canvas);
-      break;
-    case Material::kFabric:
-      Fabric(canvas);
-      break;
-    case Material::kFoliage:
-      Foliage(canvas);
-      break;
-    case Material::kWindow:
-      Window(canvas);
-      break;
-    case Material::kDoor:
-      Door(canvas);
-      break;
-    case Material::kMetal:
-      Metal(canvas);
-      break;
-    case Material::kSky:
-      Sky(canvas);
-      break;
-  }
+  Recipe(spec.material)(canvas);
   // Spread about a middle grey, to the contrast of photographs.
   constexpr double kContrast = 1.3;
   const double middle = std::log(0.2);
@@ -649,23 +366,6 @@ cv::Mat MakeTexture(const TextureSpec& spec, RandomStream random) {
   cv::exp(reflectance, reflectance);
   reflectance *= spec.brightness;
   return cv::min(cv::max(reflectance, 0.015), 0.9);
-}
-
-MipMap::MipMap(cv::Mat texture) {
-  Check(texture.type() == CV_32FC1 && texture.cols >= 4 && texture.rows >= 4,
-        "a texture is CV_32FC1, at least 4x4");
-  levels_.emplace_back(texture);
-  do {
-    cv::Mat half;
-    // Averages areas exactly also where a side is odd: nothing shifts.
-    cv::resize(levels_.back().texels,
-               half,
-               cv::Size((levels_.back().texels.cols + 1) / 2, (levels_.back().texels.rows + 1) / 2),
-               0,
-               0,
-               cv::INTER_AREA);
-    levels_.emplace_back(half);
-  } while (std::min(levels_.back().texels.cols, levels_.back().texels.rows) >= 4);
 }
 
 }  // namespace cohort

@@ -1,0 +1,44 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+#include <opencv2/core/mat.hpp>
+#include <vector>
+
+#include "datasets/render/scene_geometry.h"
+#include "frontend/core/random_stream.h"
+
+namespace cohort {
+
+// Light that falls on a scene's surfaces as they stand in frame 0: a soft lamp with shadows, and
+// light from all sides where nothing near stands in its way. What moves casts no shadow.
+class Lighting {
+ public:
+  explicit Lighting(const SyntheticScene& scene);  // must outlive it
+
+  // CV_32FC1, one value every decimetre or so of a patch.
+  cv::Mat LightMap(const Patch& patch, RandomStream random) const;
+
+ private:
+  struct Blocker {  // a triangle: a corner and the two edges from it
+    Eigen::Vector3d corner, u, v;
+  };
+
+  double LampSize() const { return 0.06 * (design_.lamp - design_.viewpoint.target).norm(); }
+  std::vector<Blocker> BlockersIn(const Eigen::AlignedBox3d& box, double margin) const;
+  double LightAt(const Patch& patch,
+                 double s,
+                 double t,
+                 const std::vector<Blocker>& near,
+                 const std::vector<Blocker>& before_lamp,
+                 RandomStream& random) const;
+  static bool IsBlocked(const std::vector<Blocker>& blockers,
+                        const Eigen::Vector3d& origin,
+                        const Eigen::Vector3d& way);
+
+  const SceneDesign& design_;
+  std::vector<Eigen::Vector3d> vertices_;
+  std::vector<Blocker> blockers_;
+};
+
+}  // namespace cohort

@@ -1,0 +1,19 @@
+#pragma once
+
+#include "datasets/render/scene_builder.h"
+
+namespace cohort {
+
+// What stands in each scene, where it is looked at from and how it is lit. The seed moves, sizes and
+// paints things differently; what makes the scene stays. A new scene is a function here, a name in
+// synthetic_scene.h and a line in scene_design.cc.
+void BuildRoom(SceneBuilder& b);
+void BuildCorridor(SceneBuilder& b);
+void BuildTabletop(SceneBuilder& b);
+void BuildShelves(SceneBuilder& b);
+void BuildBodies(SceneBuilder& b);  // a room in which three boxes wander
+void BuildCloth(SceneBuilder& b);   // a room in which a cloth waves
+void BuildStreet(SceneBuilder& b);
+void BuildFacade(SceneBuilder& b);
+
+}  // namespace cohort
