@@ -242,8 +242,8 @@ OccludedFrame DrawOccluder(const cv::Mat& gray,
                            const DegradeOptions& options,
                            std::uint32_t frame) {
   OccludedFrame result{gray.clone(), cv::Mat::zeros(gray.size(), CV_8UC1)};
-  const double course = 2.0 * gray.cols + kBarWidthPx;
-  const double travelled = std::fmod(options.occluder_px_per_frame * frame, course);
+  const double travel_px = 2.0 * gray.cols + kBarWidthPx;
+  const double travelled = std::fmod(options.occluder_px_per_frame * frame, travel_px);
   const int left = static_cast<int>(std::lround(travelled)) - kBarWidthPx;
   const cv::Rect bar =
       cv::Rect(left, 0, kBarWidthPx, gray.rows) & cv::Rect(0, 0, gray.cols, gray.rows);

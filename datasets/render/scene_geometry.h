@@ -41,8 +41,8 @@ struct SurfacePoint {
 };
 
 // A scene of textured surfaces, mostly 2-9 m away, and the hand-held camera that looks at it. All
-// of it follows from the options: pictures (render.h), depth, and the true course of every point of
-// a surface, also of moving and deforming ones.
+// of it follows from the options: pictures (render.h), depth, and the true trajectory of every
+// point of a surface, also of moving and deforming ones.
 class SyntheticScene {
  public:
   struct Triangle {

@@ -17,8 +17,9 @@ struct TruePosition {
   bool visible = false;  // in the image and hidden by nothing
 };
 
-// The true course of points: the error of a track is its distance from the course of the surface
-// point that its first position shows. What is asked of a frame is kept; not for several threads.
+// The true trajectories of points: the error of a track is its distance from the trajectory of the
+// surface point that its first position shows. What is asked of a frame is kept; not for several
+// threads.
 class TrackTruth {
  public:
   // A point of the scene, as this truth names it.
