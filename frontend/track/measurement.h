@@ -118,11 +118,11 @@ struct MeasurementOptions {
              o.max_rank,
              2,
              8,
-             "of the model of the courses, which starts at 2 and grows where the residuals ask for "
+             "of the trajectory model, which starts at 2 and grows where the residuals ask for "
              "it; 3: one rigid body");
     v.Flag("perspective",
            o.perspective,
-           "the model of the courses has projective cameras; off: affine ones");
+           "the trajectory model has projective cameras; off: affine ones");
     v.Number("max_unexplained_frames",
              o.max_unexplained_frames,
              0,

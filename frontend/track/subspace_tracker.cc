@@ -20,7 +20,7 @@
 namespace cohort {
 namespace {
 
-// Of so many frames the model of the courses is made; a feature may be hidden for as many.
+// Of so many frames the trajectory model is made; a feature may be hidden for as many.
 constexpr std::size_t kModelFrames = 31;
 // An anchor is where its corner was found, up to this [px]; it defines the point.
 constexpr double kAnchorSigmaPx = 0.05;
@@ -617,8 +617,9 @@ void SubspaceMover::FillHistory(Eigen::Index first_new) {
                       [&](Eigen::Index a, Eigen::Index b) {
                         return std::pair(distance(a), a) < std::pair(distance(b), b);
                       });
-    std::vector<TrajectoryModel::Observation> course;
-    course.push_back({at, Eigen::Matrix2d::Identity() / (kAnchorSigmaPx * kAnchorSigmaPx), true});
+    std::vector<TrajectoryModel::Observation> trajectory;
+    trajectory.push_back(
+        {at, Eigen::Matrix2d::Identity() / (kAnchorSigmaPx * kAnchorSigmaPx), true});
     bool known = true;
     for (std::size_t l = 1; l < history_.size(); ++l) {
       Eigen::Vector2d motion = Eigen::Vector2d::Zero();
@@ -639,7 +640,7 @@ void SubspaceMover::FillHistory(Eigen::Index first_new) {
       known = known && square - motion.squaredNorm() <= 2.0 * kCommonMotionPx * kCommonMotionPx;
       const Eigen::Vector2d guessed = history_[l - 1].col(f) + motion;
       history_[l].col(f) = guessed;
-      course.emplace_back();
+      trajectory.emplace_back();
       if (!known) continue;
       const Measurement m = MeasurePatch(smooth_[l],
                                          appearance_[static_cast<std::size_t>(f)].anchor,
@@ -649,10 +650,10 @@ void SubspaceMover::FillHistory(Eigen::Index first_new) {
       if (m.converged && m.correlation >= measure_.patch.min_correlation &&
           (m.xy - guessed).norm() <= measure_.patch.max_distance_px) {
         history_[l].col(f) = m.xy;
-        course.back() = Seen(m);
+        trajectory.back() = Seen(m);
       }
     }
-    model_.Add(course);
+    model_.Add(trajectory);
   }
 }
 

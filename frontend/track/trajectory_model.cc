@@ -682,9 +682,9 @@ void TrajectoryModel::Keep(std::span<const std::uint8_t> keep) {
   for (Frame& frame : frames_) frame.observations.resize(kept);
 }
 
-void TrajectoryModel::Add(std::span<const Observation> course) {
+void TrajectoryModel::Add(std::span<const Observation> trajectory) {
   for (std::size_t l = 0; l < frames_.size(); ++l) {
-    frames_[l].observations.push_back(l < course.size() ? course[l] : Observation{});
+    frames_[l].observations.push_back(l < trajectory.size() ? trajectory[l] : Observation{});
   }
   features_.emplace_back();
   if (rank_ > 0) {

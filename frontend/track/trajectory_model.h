@@ -8,7 +8,7 @@
 
 namespace cohort {
 
-// The courses of all features as one probabilistic low-rank model (paper section 2: the
+// The trajectories of all features as one probabilistic low-rank model (paper section 2: the
 // trajectories of a rigid scene lie near a subspace of low dimension; here with perspective, noise,
 // missing frames and uncertainty). In frame l feature f was measured at
 //   y_lf = (m_l + B_l z_f) / (1 + c_l' z_f) + e_f + noise_lf,   z_f ~ N(0, I_r),
@@ -58,7 +58,7 @@ class TrajectoryModel {
 
   void Keep(std::span<const std::uint8_t> keep);
   // A feature's measurements in the newest frames, newest first; unseen in those before.
-  void Add(std::span<const Observation> course);
+  void Add(std::span<const Observation> trajectory);
 
  private:
   static constexpr int kMaxDimensions = 12;

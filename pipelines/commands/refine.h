@@ -25,7 +25,7 @@ struct RefineCommandOptions {
            Tier::kCommon);
     v.Text("out", o.out, "The .tracks file to write.", Tier::kCommon);
     v.Text("json", o.json, "Write the figures of the run to this file, too.", Tier::kCommon);
-    SecondPassOptions::Visit(o.second_pass, v);
+    SecondPassOptions::VisitMeasurement(o.second_pass, v);
   }
 };
 

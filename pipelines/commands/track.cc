@@ -62,16 +62,16 @@ TrackFile Header(const TrackCommandOptions& options, const Sequence& sequence, c
   header.width_px = first.gray.cols;
   header.height_px = first.gray.rows;
   header.camera = CameraOf(options.input, sequence, first.gray.cols, first.gray.rows);
-  header.meta = {
-      {"program", fmt::format("cohort {}", kVersion)},
-      {"tracker", std::string(NameOf(kTrackerNames, options.tracker.tracker))},
-      {"frames", options.input.frames},
-      {"mask", AbsoluteOrNone(options.mask)},
-      {"second_pass",
-       WantsSecondPass(options.second_pass, options.tracker) ? kSecondPassAsked : kSecondPassOff},
-      {"options", ToJson(options.tracker).dump()}};
+  header.meta = {{"program", fmt::format("cohort {}", kVersion)},
+                 {"tracker", std::string(NameOf(kTrackerNames, options.tracker.tracker))},
+                 {"frames", options.input.frames},
+                 {"mask", AbsoluteOrNone(options.mask)},
+                 {"second_pass",
+                  WantsSecondPass(options.second_pass.mode, options.tracker) ? kSecondPassAsked
+                                                                             : kSecondPassOff},
+                 {"options", ToJson(options.tracker).dump()}};
   if (header.meta.at("second_pass") == kSecondPassAsked) {
-    header.meta["second_pass_options"] = ToJson(options.second_look).dump();
+    header.meta["second_pass_options"] = ToJson(options.second_pass).dump();
   }
   return header;
 }
@@ -224,7 +224,7 @@ void RunTrack(const TrackCommandOptions& options) {
   TrackFile file = ReadTrackFile(options.out);
   if (header.meta.at("second_pass") == kSecondPassAsked) {
     start = Clock::now();
-    file = WithSecondPass(std::move(file), *sequence, mask, options.second_look);
+    file = WithSecondPass(std::move(file), *sequence, mask, options.second_pass);
     WriteTrackFile(options.out, file);
     figures.second_pass_ms = MsSince(start);
   }
@@ -248,7 +248,8 @@ Command TrackCommand() {
                                        "noise, but more often lies on two surfaces."},
                                       {"constraint", {"subspace.constraint"}},
                                       {"penalty", {"subspace.penalty"}},
-                                      {"uncentered", {"subspace.uncentered"}}}},
+                                      {"uncentered", {"subspace.uncentered"}},
+                                      {"second-pass", {"second_pass.mode"}}}},
                      RunTrack);
 }
 

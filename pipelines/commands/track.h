@@ -9,10 +9,6 @@
 
 namespace cohort {
 
-enum class SecondPassMode { kAuto, kOn, kOff };
-inline constexpr ChoiceNames<SecondPassMode, 3> kSecondPassModeNames{
-    {{"auto", SecondPassMode::kAuto}, {"on", SecondPassMode::kOn}, {"off", SecondPassMode::kOff}}};
-
 struct TrackCommandOptions {
   InputOptions input;
   std::string out;
@@ -22,8 +18,7 @@ struct TrackCommandOptions {
   int threads = 0;
   std::string json;
   TrackerOptions tracker;
-  SecondPassMode second_pass = SecondPassMode::kAuto;
-  SecondPassOptions second_look;
+  SecondPassOptions second_pass;
 
   template <typename Self, typename Visitor>
   static void Visit(Self& o, Visitor& v) {
@@ -49,15 +44,7 @@ struct TrackCommandOptions {
              Tier::kCommon);
     v.Text("json", o.json, "Write the figures of the run to this file, too.", Tier::kCommon);
     TrackerOptions::Visit(o.tracker, v);
-    v.Choice("second_pass",
-             o.second_pass,
-             kSecondPassModeNames,
-             "After the last frame, reconstruct, and measure every feature again where the "
-             "model says that it is. The tracks get more accurate, at the price of going "
-             "through the video again; auto does it for the tracker subspace, strong and "
-             "measured.",
-             Tier::kCommon);
-    v.Group("second_look", o.second_look, "the second pass", Tier::kExpert);
+    v.Group("second_pass", o.second_pass, "the second pass", Tier::kExpert);
   }
 };
 

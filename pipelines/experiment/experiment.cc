@@ -124,10 +124,12 @@ Json OwnOptions(const GridTracker& tracker) {
   return kept;
 }
 
-GridTracker TrackerOf(const std::string& name, const TrackerOptions& base) {
+GridTracker TrackerOf(const std::string& name,
+                      const TrackerOptions& base,
+                      SecondPassMode second_pass) {
   if (name == "ceiling") return {name, TrackSource::kCeiling, base};
   if (name == "sift") return {name, TrackSource::kSift, base};
-  GridTracker tracker{fs::path(name).stem().string(), TrackSource::kTracker, base};
+  GridTracker tracker{fs::path(name).stem().string(), TrackSource::kTracker, base, second_pass};
   std::string first_pass = name;
   for (const auto& [suffix, mode] :
        {std::pair("-refined", SecondPassMode::kOn), std::pair("-online", SecondPassMode::kOff)}) {
@@ -185,7 +187,7 @@ class Experiment {
       if (level != kAsIs && level != kSensor) ParseLevel(level);
     }
     for (const std::string& name : options_.trackers) {
-      trackers_.push_back(TrackerOf(name, options_.tracking));
+      trackers_.push_back(TrackerOf(name, options_.tracking, options_.second_pass.mode));
       CheckTracker(trackers_.back());
     }
     CheckGrid();
@@ -351,7 +353,7 @@ class Experiment {
                     {"seed", cell.condition.seed},
                     {"tracker", OwnOptions(cell.tracker)}};
     if (options_.protocol == Protocol::kReconstruction && HasSecondPass(cell.tracker)) {
-      depends_on["second_look"] = ToJson(options_.second_look);
+      depends_on["second_pass"] = ToJson(options_.second_pass);
     }
     return depends_on;
   }
@@ -364,8 +366,8 @@ class Experiment {
     track.threads = options_.jobs == 1 ? 0 : 1;
     track.json = (cell.folder / "track.json").string();
     track.tracker = cell.tracker.options;
-    track.second_pass = cell.tracker.second_pass;
-    track.second_look = options_.second_look;
+    track.second_pass = options_.second_pass;
+    track.second_pass.mode = cell.tracker.second_pass;
     return track;
   }
 
@@ -597,7 +599,7 @@ class Experiment {
     TrackCommandOptions track = TrackOf(cell);
     track.out = cell.folder / "first_pass.tracks";
     track.json.clear();
-    track.second_pass = SecondPassMode::kOff;
+    track.second_pass.mode = SecondPassMode::kOff;
     RunTrack(track);
     return ReadTrackFile(track.out);
   }
@@ -617,7 +619,7 @@ class Experiment {
       half.tracks = halves[i];
       if (HasSecondPass(cell.tracker)) {
         const auto frames = OpenInput(cell.frames);
-        half = WithSecondPass(std::move(half), *frames, {}, options_.second_look);
+        half = WithSecondPass(std::move(half), *frames, {}, options_.second_pass);
       }
       WriteTrackFile(tracks, half);
       const ReconstructionSummary summary = MakeModel(cell, backend, tracks, out);

@@ -41,7 +41,7 @@ struct ExperimentOptions {
   TrackerOptions tracking;
   MapperOptions ceres;
   ColmapOptions colmap;
-  SecondPassOptions second_look;
+  SecondPassOptions second_pass;
   SiftOptions sift;
   PaperProtocolOptions paper;
 
@@ -56,7 +56,7 @@ struct ExperimentOptions {
              o.protocol,
              kProtocolNames,
              "What is measured: reconstruction, the models made of the tracks; paper, how "
-             "far trackers stray from points of known course, on clips with exact truth, "
+             "far trackers stray from points of known trajectory, on clips with exact truth, "
              "with the trackers' own checks by which features end off.",
              Tier::kCommon);
     v.List("trackers",
@@ -117,7 +117,7 @@ struct ExperimentOptions {
     v.Group("tracking", o.tracking, "all trackers", Tier::kExpert);
     v.Group("ceres", o.ceres, "backend ceres", Tier::kExpert);
     v.Group("colmap", o.colmap, "backend colmap", Tier::kExpert);
-    v.Group("second_look", o.second_look, "second pass of trackers that have one", Tier::kExpert);
+    v.Group("second_pass", o.second_pass, "second pass of trackers that have one", Tier::kExpert);
     v.Group("sift", o.sift, "tracker sift", Tier::kExpert);
     v.Group("paper", o.paper, "protocol paper", Tier::kExpert);
   }

@@ -8,7 +8,7 @@
 namespace cohort {
 namespace {
 
-// The course of the point that `xy` shows in frame `birth`; `frames` are the clip's.
+// The trajectory of the point that `xy` shows in frame `birth`; `frames` are the clip's.
 FollowedPoint Follow(TrackTruth& truth,
                      const std::vector<FrameIndex>& frames,
                      std::size_t birth,
@@ -78,7 +78,7 @@ ReinitializationRun RunReinitializations(FeatureMover& mover,
       std::vector<std::uint8_t> keep(live.size(), 0);
       std::vector<const FollowedPoint*> kept;
       for (std::size_t f = 0; f < live.size(); ++f) {
-        if (live[f]->end() <= i) continue;  // its course is over
+        if (live[f]->end() <= i) continue;  // its trajectory is over
         const Eigen::Vector2d truth = live[f]->xy[i - live[f]->birth];
         if (!moves[f].loss && (moves[f].xy - truth).norm() <= limit_px) {
           ++run.frames;

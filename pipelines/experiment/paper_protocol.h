@@ -12,8 +12,8 @@
 
 namespace cohort {
 
-// The paper's section 4: trackers follow points whose true course is known, in degraded video. All
-// are given the same points at their true positions; no tracker detects anything.
+// The paper's section 4: trackers follow points whose true trajectory is known, in degraded video.
+// All are given the same points at their true positions; no tracker detects anything.
 
 struct PaperProtocolOptions {
   int features = 100;

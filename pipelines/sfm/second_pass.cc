@@ -22,13 +22,13 @@ namespace {
 
 bool Observed(const Observation& o) { return o.state == ObservationState::kObserved; }
 
-// Where the model's points are in every frame, as guides for the second look.
-class ModelGuides {
+// Where the model's points are in every frame.
+class ModelPredictions {
  public:
-  ModelGuides(const TrackFile& file,
-              const Reconstruction& model,
-              const cv::Mat& mask,
-              const SecondPassOptions& o)
+  ModelPredictions(const TrackFile& file,
+                   const Reconstruction& model,
+                   const cv::Mat& mask,
+                   const SecondPassOptions& o)
       : file_(file), model_(model), mask_(mask), options_(o) {
     for (const auto& [feature, point] : model.points) {
       std::vector<FrameIndex> seen;
@@ -39,30 +39,30 @@ class ModelGuides {
       }
       if (seen.empty()) continue;
       const auto middle = static_cast<std::ptrdiff_t>(seen.size() / 2);
-      const auto half = static_cast<std::ptrdiff_t>(o.look.template_frames / 2);
+      const auto half = static_cast<std::ptrdiff_t>(o.measurement.template_frames / 2);
       const auto count = static_cast<std::ptrdiff_t>(seen.size());
       const auto first = std::max<std::ptrdiff_t>(0, middle - half);
-      const auto end = std::min(count, first + o.look.template_frames);
+      const auto end = std::min(count, first + o.measurement.template_frames);
       for (auto i = first; i < end; ++i) template_features_[seen[i]].push_back(feature);
       middle_[feature] = seen[middle];
     }
   }
 
-  std::vector<Guide> ForTemplates(FrameIndex frame) const {
-    std::vector<Guide> guides;
+  std::vector<ModelPrediction> ForTemplates(FrameIndex frame) const {
+    std::vector<ModelPrediction> predictions;
     const auto it = template_features_.find(frame);
-    if (it == template_features_.end()) return guides;
+    if (it == template_features_.end()) return predictions;
     for (const FeatureId feature : it->second) {
       const auto xy = Project(model_.points.at(feature).in_world, frame);
       const auto warp = Warp(feature, middle_.at(feature), frame);
-      if (xy && warp) guides.push_back({feature, *xy, *warp});
+      if (xy && warp) predictions.push_back({feature, *xy, *warp});
     }
-    return guides;
+    return predictions;
   }
 
-  std::vector<Guide> InSight(FrameIndex frame) const {
-    std::vector<Guide> guides;
-    if (!model_.cam_from_world.contains(frame)) return guides;
+  std::vector<ModelPrediction> InSight(FrameIndex frame) const {
+    std::vector<ModelPrediction> predictions;
+    if (!model_.cam_from_world.contains(frame)) return predictions;
     for (const auto& [feature, middle] : middle_) {
       const auto xy = InPicture(feature, frame);
       if (!xy) continue;
@@ -71,12 +71,13 @@ class ModelGuides {
       const double scale = std::sqrt(warp->determinant());
       if (!(scale <= options_.max_scale && scale >= 1.0 / options_.max_scale)) continue;
       const Observation* observation = file_.tracks.Find(feature, frame);
-      guides.push_back({feature, *xy, *warp, observation != nullptr && Observed(*observation)});
+      predictions.push_back(
+          {feature, *xy, *warp, observation != nullptr && Observed(*observation)});
     }
-    return guides;
+    return predictions;
   }
 
-  bool Guides(FeatureId feature, FrameIndex frame) const {
+  bool Predicts(FeatureId feature, FrameIndex frame) const {
     return middle_.contains(feature) && model_.cam_from_world.contains(frame);
   }
 
@@ -162,7 +163,7 @@ void ForEachFrame(const TrackFile& file, Sequence& sequence, const char* what, c
 // What no image confirms, where the model has it: the frames between a feature's sightings, and
 // those of the first pass. As uncertain as its sightings.
 void AddPredictions(const TrackFile& file,
-                    const ModelGuides& guides,
+                    const ModelPredictions& predictions,
                     std::vector<Observation>& observations) {
   std::map<FeatureId, std::vector<Observation>> seen;
   for (const Observation& o : observations) seen[o.feature].push_back(o);
@@ -181,11 +182,11 @@ void AddPredictions(const TrackFile& file,
         continue;
       }
       const bool between = sighting != sightings.begin() && sighting != sightings.end();
-      if (!guides.Guides(feature, frame.index) ||
+      if (!predictions.Predicts(feature, frame.index) ||
           (!between && file.tracks.Find(feature, frame.index) == nullptr)) {
         continue;
       }
-      const auto xy = guides.InPicture(feature, frame.index);
+      const auto xy = predictions.InPicture(feature, frame.index);
       if (!xy) continue;
       Observation& o = observations.emplace_back();
       o.feature = feature;
@@ -259,32 +260,32 @@ SecondPass MeasureAgain(const TrackFile& file,
                         Sequence& sequence,
                         const cv::Mat& mask,
                         const SecondPassOptions& options) {
-  const ModelGuides guides(file, model, mask, options);
-  SecondLook look(options.look);
+  const ModelPredictions predictions(file, model, mask, options);
+  SecondPassMeasurer measurer(options.measurement);
   ForEachFrame(file, sequence, "learn", [&](const Frame& frame) {
-    look.Learn(frame, guides.ForTemplates(frame.index));
+    measurer.Learn(frame, predictions.ForTemplates(frame.index));
   });
   ForEachFrame(file, sequence, "measure", [&](const Frame& frame) {
-    look.Measure(frame, guides.InSight(frame.index));
+    measurer.Measure(frame, predictions.InSight(frame.index));
   });
 
   SecondPass second{file, {}};
-  std::vector<Observation> observations = look.Finish();
+  std::vector<Observation> observations = measurer.Finish();
   for (const Observation& o : observations) {
     const Observation* before = file.tracks.Find(o.feature, o.frame);
     const bool was_observed = before != nullptr && Observed(*before);
     ++(was_observed ? second.figures.kept : second.figures.regained);
   }
-  AddPredictions(file, guides, observations);
+  AddPredictions(file, predictions, observations);
   for (const FeatureId feature : file.tracks.features()) {
     const auto track = file.tracks.Track(feature);
     if (options.drop_movers && !model.points.contains(feature) &&
-        MovesOtherwise(track, model, options.look.max_distance_px)) {
+        MovesOtherwise(track, model, options.measurement.max_distance_px)) {
       ++second.figures.movers;
       continue;
     }
     for (const Observation& o : track) {
-      if (!guides.Guides(o.feature, o.frame)) {
+      if (!predictions.Predicts(o.feature, o.frame)) {
         observations.push_back(o);
       } else if (Observed(o)) {
         ++second.figures.before;

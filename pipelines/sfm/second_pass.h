@@ -6,20 +6,39 @@
 
 #include "backend/scene/reconstruction.h"
 #include "datasets/readers/sequence.h"
-#include "frontend/track/second_look.h"
+#include "frontend/track/second_pass_measurer.h"
 #include "frontend/tracks/track_store.h"
 
 namespace cohort {
 
+enum class SecondPassMode { kAuto, kOn, kOff };
+inline constexpr ChoiceNames<SecondPassMode, 3> kSecondPassModeNames{
+    {{"auto", SecondPassMode::kAuto}, {"on", SecondPassMode::kOn}, {"off", SecondPassMode::kOff}}};
+
 struct SecondPassOptions {
+  SecondPassMode mode = SecondPassMode::kAuto;
   double border_px = 5.0;
   double max_scale = 2.0;
   double min_confirmed = 0.78;
   bool drop_movers = true;
-  SecondLookOptions look;
+  SecondPassMeasurementOptions measurement;
 
   template <typename Self, typename Visitor>
   static void Visit(Self& o, Visitor& v) {
+    v.Choice("mode",
+             o.mode,
+             kSecondPassModeNames,
+             "After the last frame, reconstruct, and measure every feature again where the "
+             "model says that it is. The tracks get more accurate, at the price of going "
+             "through the video again; auto does it for the tracker subspace, strong and "
+             "measured.",
+             Tier::kCommon);
+    VisitMeasurement(o, v);
+  }
+
+  // All but the mode, for who has decided already.
+  template <typename Self, typename Visitor>
+  static void VisitMeasurement(Self& o, Visitor& v) {
     v.Number("border_px", o.border_px, 0.0, 100.0, "not measured nearer to the image border [px]");
     v.Number("max_scale",
              o.max_scale,
@@ -39,7 +58,7 @@ struct SecondPassOptions {
            "Drop tracks that no point of the rigid scene explains, such as those on "
            "somebody who walks by.",
            Tier::kCommon);
-    SecondLookOptions::Visit(o.look, v);
+    SecondPassMeasurementOptions::Visit(o.measurement, v);
   }
 };
 
@@ -64,10 +83,10 @@ bool MovesOtherwise(std::span<const Observation> track,
                     const Reconstruction& model,
                     double max_error_px);
 
-// Tracks and their model -> tracks measured anew where the model's points are seen (SecondLook).
-// Where a feature is not seen between its sightings, or the first pass had it, the model predicts
-// it. Tracks without a point, and frames without a pose, keep what they had; but tracks that
-// MovesOtherwise are dropped: they are on something that crosses before the scene.
+// Tracks and their model -> tracks measured anew where the model's points are seen
+// (SecondPassMeasurer). Where a feature is not seen between its sightings, or the first pass had
+// it, the model predicts it. Tracks without a point, and frames without a pose, keep what they had;
+// but tracks that MovesOtherwise are dropped: they are on something that crosses before the scene.
 // `sequence`: the clip, rewound here; nothing is measured where `mask` (may be empty) is black.
 // Throws Error where clip, model and tracks do not belong together.
 SecondPass MeasureAgain(const TrackFile& file,

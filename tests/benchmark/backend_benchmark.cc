@@ -1,7 +1,7 @@
 // What the Ceres backend has to hold, measured:
 //   backend_benchmark rendered --work DIR   against COLMAP's mapper on tracks of rendered clips
 //   backend_benchmark synthetic             the same on generated tracks
-//   backend_benchmark refined --work DIR    what a second, guided pass gains on the rendered clips
+//   backend_benchmark refined --work DIR    what a second pass gains on the rendered clips
 //   backend_benchmark scaling               time and memory from 250 to 1000 frames
 //   backend_benchmark hard                  what it says of input that is hard or impossible
 //   backend_benchmark real                  real tracks ($COHORT_DATA)

@@ -213,7 +213,7 @@ struct Results {
 // every frame, so that neither is judged by the other's past alone.
 Run RunCase(const Film& film, const Case* with, std::size_t leader, Results* results) {
   Cohort cohort(film, with);
-  std::vector<Eigen::Matrix2Xd> course{film.truth.front()};
+  std::vector<Eigen::Matrix2Xd> positions{film.truth.front()};
   Run run;
   for (std::size_t i = 1; i <= kFrames; ++i) {
     Pair pair;
@@ -226,13 +226,13 @@ Run RunCase(const Film& film, const Case* with, std::size_t leader, Results* res
           {MedianError(pair[0].x, film.truth[i]), MedianError(pair[1].x, film.truth[i])});
       results->pairs.push_back(pair);
     }
-    course.push_back(pair[leader].x);
+    positions.push_back(pair[leader].x);
     cohort.Keep(i, pair[leader].x);
-    run.l1_px += (course.back() - film.truth[i]).cwiseAbs().sum() /
+    run.l1_px += (positions.back() - film.truth[i]).cwiseAbs().sum() /
                  static_cast<double>(film.truth[i].cols());
   }
-  run.end_px = MedianError(course[kFrames], film.truth[kFrames]);
-  run.spread = Spread(course[kFrames - kFreezeFrames], course[kFrames]) /
+  run.end_px = MedianError(positions[kFrames], film.truth[kFrames]);
+  run.spread = Spread(positions[kFrames - kFreezeFrames], positions[kFrames]) /
                Spread(film.truth[kFrames - kFreezeFrames], film.truth[kFrames]);
   return run;
 }

@@ -58,17 +58,18 @@ const std::vector<std::string> kBaselines{"klt7",
 
 const std::vector<std::string> kOurs{"subspace-paper", "subspace", "subspace-fused"};
 
-// subspace-fused with these models of the courses.
-struct CourseModel {
+// subspace-fused with these trajectory models.
+struct TrajectoryModelKind {
   const char* name;
   bool perspective;
   int max_rank;
   const char* text;
 };
-constexpr CourseModel kCourseModels[] = {{"affine-3", false, 3, "affine, at most 3"},
-                                         {"affine-8", false, 8, "affine, at most 8"},
-                                         {"projective-3", true, 3, "projective, at most 3"},
-                                         {"projective-8", true, 8, "projective, at most 8"}};
+constexpr TrajectoryModelKind kTrajectoryModels[] = {
+    {"affine-3", false, 3, "affine, at most 3"},
+    {"affine-8", false, 8, "affine, at most 8"},
+    {"projective-3", true, 3, "projective, at most 3"},
+    {"projective-8", true, 8, "projective, at most 8"}};
 
 struct PageOptions {
   fs::path work;
@@ -104,7 +105,7 @@ std::vector<std::string> RenderClips(const PageOptions& options) {
 
 struct PageResults {
   ExperimentResults trackers;
-  ExperimentResults course_models;
+  ExperimentResults trajectory_models;
   std::string occluder_section;
 };
 
@@ -126,7 +127,7 @@ PageResults Compare(const PageOptions& options, const std::vector<std::string>& 
                                               .seeds = options.seeds,
                                               .jobs = options.jobs});
   experiment.trackers.clear();
-  for (const CourseModel& model : kCourseModels) {
+  for (const TrajectoryModelKind& model : kTrajectoryModels) {
     const fs::path file = options.work / fmt::format("{}.json", model.name);
     WriteJsonFile(
         file,
@@ -135,7 +136,7 @@ PageResults Compare(const PageOptions& options, const std::vector<std::string>& 
           {{"fuse", true}, {"perspective", model.perspective}, {"max_rank", model.max_rank}}}});
     experiment.trackers.push_back(file.string());
   }
-  results.course_models = RunExperiment(experiment);
+  results.trajectory_models = RunExperiment(experiment);
   if (options.no_deepflow) return results;
   // A second or so a frame: one seed, one level.
   experiment.seeds = {options.seeds.front()};
@@ -148,7 +149,7 @@ PageResults Compare(const PageOptions& options, const std::vector<std::string>& 
 }
 
 // What perspective and further dimensions gain over the paper's affine subspace of three.
-std::string CourseModelTable(const ExperimentResults& results) {
+std::string TrajectoryModelTable(const ExperimentResults& results) {
   struct Group {
     const char* text;
     std::function<bool(const Clip&)> has;
@@ -167,12 +168,13 @@ std::string CourseModelTable(const ExperimentResults& results) {
     for (const Clip& clip : kClips) {
       if (group.has(clip)) sequences.emplace_back(NameOf(kSceneNames, clip.scene));
     }
-    for (const CourseModel& model : kCourseModels) {
+    for (const TrajectoryModelKind& model : kTrajectoryModels) {
       text += fmt::format("| {} | {} |", group.text, model.text);
       for (const bool high_is_good : {false, true}) {
         const char* const metric = high_is_good ? kFramesBetweenMetric : kL1ErrorMetric;
         for (const char* level : {"medium", "hard"}) {
-          const auto affine = AverageOf(results, level, metric, kCourseModels[0].name, sequences);
+          const auto affine =
+              AverageOf(results, level, metric, kTrajectoryModels[0].name, sequences);
           const auto own = AverageOf(results, level, metric, model.name, sequences);
           if (!affine || !own) {
             text += " FAILED | - |";
@@ -370,7 +372,7 @@ Ratios of the averages over the eight clips.
 ## Beyond affine
 
 The paper's subspace is that of an affine camera and one rigid body: three dimensions when centred. Perspective, motion ahead and
-further bodies need more. The model of the courses (`frontend/README.md`) has two answers: projective cameras
+further bodies need more. The trajectory model (`frontend/README.md`) has two answers: projective cameras
 (`--measurement.perspective`), and coordinates that start at two and are added whenever the residuals hold a direction that noise
 would not; `--measurement.max-rank` is the most, 3 or 8. `subspace-fused` with each, seeds {}, averages over the
 clips:
@@ -396,7 +398,7 @@ One m serves all of them: above each picture, where its worst level loses least 
       RatioTable(results),
       PaperTables(results),
       fmt::join(options.seeds, ", "),
-      CourseModelTable(all.course_models),
+      TrajectoryModelTable(all.trajectory_models),
       all.occluder_section);
 }
 

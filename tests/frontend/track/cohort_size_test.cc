@@ -45,7 +45,7 @@ std::vector<Eigen::Vector3d> LastingPoints(const test::PlaneScene& scene,
   return points;
 }
 
-// The surroundings of a single near feature say nothing of its depth: only its own course does.
+// The surroundings of a single near feature say nothing of its depth: only its own trajectory does.
 TEST(CohortSize, EightFeaturesAreFollowedAsOne) {
   constexpr int kFrames = 25;
   const test::PlaneScene scene;

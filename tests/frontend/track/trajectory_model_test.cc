@@ -1,4 +1,4 @@
-// The probabilistic model of the courses on trajectories in closed form: points at several depths
+// The probabilistic trajectory model on trajectories in closed form: points at several depths
 // before a camera that shakes and moves sideways, under which image positions are exactly affine in
 // 1/depth, or ahead, under which no affine model of rank 3 fits them.
 
@@ -162,8 +162,8 @@ TEST(TrajectoryModel, FollowsACameraThatTurnsAwayFromWhatItSawFirst) {
   }
 }
 
-// As from a car: features come near within a few frames, others follow, each with its course in the
-// frames before. Alternation does not converge here, and full Gauss-Newton steps run away.
+// As from a car: features come near within a few frames, others follow, each with its trajectory in
+// the frames before. Alternation does not converge here, and full Gauss-Newton steps run away.
 TEST(TrajectoryModel, PredictsWhatPassesACarToItsNoise) {
   RandomStream random(9, "test/trajectory_model/drive");
   struct Point {
@@ -217,11 +217,11 @@ TEST(TrajectoryModel, PredictsWhatPassesACarToItsNoise) {
       points.push_back(p);
       Observation anchor = Seen(at(p, t), 0.05);
       anchor.anchor = true;
-      std::vector<Observation> course = {anchor};
+      std::vector<Observation> trajectory = {anchor};
       for (int before = t - 1; before >= std::max(0, t - 9); --before) {
-        course.push_back(Seen(at(p, before) + noise(), kNoisePx));
+        trajectory.push_back(Seen(at(p, before) + noise(), kNoisePx));
       }
-      model.Add(course);
+      model.Add(trajectory);
     }
   }
   EXPECT_LE(model.rank(), 4);

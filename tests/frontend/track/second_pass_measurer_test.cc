@@ -1,4 +1,4 @@
-#include "frontend/track/second_look.h"
+#include "frontend/track/second_pass_measurer.h"
 
 #include <gtest/gtest.h>
 
@@ -20,7 +20,7 @@ Eigen::Vector2d Shift(int frame) { return {1.3 * frame, -0.7 * frame}; }
 Frame NoisyFrame(int i) {
   cv::Mat picture;
   test::WavesImage(320, 240, Shift(i).x(), Shift(i).y()).convertTo(picture, CV_32F, 0.3 / 255.0);
-  RandomStream random(1, "second_look_test/" + std::to_string(i));
+  RandomStream random(1, "second_pass_measurer_test/" + std::to_string(i));
   for (int y = 0; y < picture.rows; ++y) {
     for (int x = 0; x < picture.cols; ++x) {
       picture.at<float>(y, x) += static_cast<float>(0.05 * random.Gaussian());
@@ -41,33 +41,34 @@ std::vector<Eigen::Vector2d> Features() {
   return features;
 }
 
-// Guides that are `error` off; the first pass saw the features in the first half of the clip.
-std::vector<Guide> GuidesIn(int frame, const Eigen::Vector2d& error) {
-  std::vector<Guide> guides;
+// Predictions that are `error` off; the first pass saw the features in the first half of the clip.
+std::vector<ModelPrediction> PredictionsIn(int frame, const Eigen::Vector2d& error) {
+  std::vector<ModelPrediction> predictions;
   std::uint32_t id = 0;
   for (const Eigen::Vector2d& xy : Features()) {
-    guides.push_back({FeatureId{id++},
-                      xy + Shift(frame) + error,
-                      Eigen::Matrix2d::Identity(),
-                      frame < kFrames / 2});
+    predictions.push_back({FeatureId{id++},
+                           xy + Shift(frame) + error,
+                           Eigen::Matrix2d::Identity(),
+                           frame < kFrames / 2});
   }
-  return guides;
+  return predictions;
 }
 
-SecondLookOptions TemplatesOf(int frames) {
-  SecondLookOptions options;
+SecondPassMeasurementOptions TemplatesOf(int frames) {
+  SecondPassMeasurementOptions options;
   options.template_frames = frames;
   return options;
 }
 
-std::vector<Observation> Look(const SecondLookOptions& options = TemplatesOf(5),
-                              const Eigen::Vector2d& guide_error = {0.6, -0.4}) {
-  SecondLook look(options);
+std::vector<Observation> MeasureClip(const SecondPassMeasurementOptions& options = TemplatesOf(5),
+                                     const Eigen::Vector2d& prediction_error = {0.6, -0.4}) {
+  SecondPassMeasurer measurer(options);
   for (int i = 2; i < 2 + options.template_frames; ++i) {
-    look.Learn(NoisyFrame(i), GuidesIn(i, {0, 0}));
+    measurer.Learn(NoisyFrame(i), PredictionsIn(i, {0, 0}));
   }
-  for (int i = 0; i < kFrames; ++i) look.Measure(NoisyFrame(i), GuidesIn(i, guide_error));
-  return look.Finish();
+  for (int i = 0; i < kFrames; ++i)
+    measurer.Measure(NoisyFrame(i), PredictionsIn(i, prediction_error));
+  return measurer.Finish();
 }
 
 double Rms(const std::vector<Observation>& observations) {
@@ -79,8 +80,8 @@ double Rms(const std::vector<Observation>& observations) {
   return std::sqrt(sum / static_cast<double>(observations.size()));
 }
 
-TEST(SecondLook, FindsWhatTheFirstPassLostAndNotWhatIsHidden) {
-  const std::vector<Observation> observations = Look();
+TEST(SecondPassMeasurer, FindsWhatTheFirstPassLostAndNotWhatIsHidden) {
+  const std::vector<Observation> observations = MeasureClip();
   std::vector<int> found(kFrames);
   int behind_the_bar = 0;
   for (const Observation& o : observations) {
@@ -96,19 +97,19 @@ TEST(SecondLook, FindsWhatTheFirstPassLostAndNotWhatIsHidden) {
   EXPECT_LT(Rms(observations), 0.4);
 }
 
-TEST(SecondLook, AMeanOfFramesIsABetterTemplateThanOneFrame) {
-  EXPECT_LT(Rms(Look()), 0.9 * Rms(Look(TemplatesOf(1))));
+TEST(SecondPassMeasurer, AMeanOfFramesIsABetterTemplateThanOneFrame) {
+  EXPECT_LT(Rms(MeasureClip()), 0.9 * Rms(MeasureClip(TemplatesOf(1))));
 }
 
-TEST(SecondLook, ALargerPatchHasLessNoiseAndIsTakenWhereItAgrees) {
-  SecondLookOptions narrow = TemplatesOf(5);
+TEST(SecondPassMeasurer, ALargerPatchHasLessNoiseAndIsTakenWhereItAgrees) {
+  SecondPassMeasurementOptions narrow = TemplatesOf(5);
   narrow.wide_window_px = narrow.window_px;
-  EXPECT_LT(Rms(Look()), 0.9 * Rms(Look(narrow)));
+  EXPECT_LT(Rms(MeasureClip()), 0.9 * Rms(MeasureClip(narrow)));
 }
 
 // Left and right halves of the picture move differently: where they meet, a large patch follows
 // neither.
-TEST(SecondLook, ASmallPatchIsTakenWhereALargeOneShowsWhatMovesOtherwise) {
+TEST(SecondPassMeasurer, ASmallPatchIsTakenWhereALargeOneShowsWhatMovesOtherwise) {
   constexpr double kEdge = 160.5;
   const Eigen::Vector2d feature(kEdge - 13.0, 120.0);  // 13 px: within 15, not within 10
   const auto frame = [&](int i) {
@@ -120,19 +121,20 @@ TEST(SecondLook, ASmallPatchIsTakenWhereALargeOneShowsWhatMovesOtherwise) {
     right.colRange(161, 320).copyTo(f.gray.colRange(161, 320));
     return f;
   };
-  const std::vector<Guide> guides{{FeatureId{0}, feature, Eigen::Matrix2d::Identity(), true}};
-  SecondLook look(TemplatesOf(1));
-  look.Learn(frame(0), guides);
-  for (int i = 0; i < kFrames; ++i) look.Measure(frame(i), guides);
-  const std::vector<Observation> observations = look.Finish();
+  const std::vector<ModelPrediction> predictions{
+      {FeatureId{0}, feature, Eigen::Matrix2d::Identity(), true}};
+  SecondPassMeasurer measurer(TemplatesOf(1));
+  measurer.Learn(frame(0), predictions);
+  for (int i = 0; i < kFrames; ++i) measurer.Measure(frame(i), predictions);
+  const std::vector<Observation> observations = measurer.Finish();
   ASSERT_GE(observations.size(), 6u);
   for (const Observation& o : observations) EXPECT_LT((o.xy - feature).norm(), 0.1);
 }
 
-TEST(SecondLook, CovariancesHaveTheSizeOfTheErrors) {
+TEST(SecondPassMeasurer, CovariancesHaveTheSizeOfTheErrors) {
   double squares = 0.0;
   std::size_t count = 0;
-  for (const Observation& o : Look(TemplatesOf(5), {0.1, -0.1})) {
+  for (const Observation& o : MeasureClip(TemplatesOf(5), {0.1, -0.1})) {
     const Eigen::Vector2d d =
         o.xy - Features()[ToInt(o.feature)] - Shift(static_cast<int>(ToInt(o.frame)));
     Eigen::Matrix2d covariance;
@@ -140,8 +142,8 @@ TEST(SecondLook, CovariancesHaveTheSizeOfTheErrors) {
     squares += d.dot(covariance.inverse() * d);
     ++count;
   }
-  // Of chi-square with two degrees of freedom the mean is 2. The guides' own errors count as the
-  // measurements', so the covariances are rather too large.
+  // Of chi-square with two degrees of freedom the mean is 2. The predictions' own errors count as
+  // the measurements', so the covariances are rather too large.
   const double mean = squares / static_cast<double>(count);
   EXPECT_LT(mean, 2.0);
   EXPECT_GT(mean, 0.7);

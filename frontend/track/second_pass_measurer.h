@@ -13,7 +13,7 @@
 
 namespace cohort {
 
-struct SecondLookOptions {
+struct SecondPassMeasurementOptions {
   int window_px = 21;
   int wide_window_px = 31;
   double denoise_sigma_px = 0.8;
@@ -39,8 +39,11 @@ struct SecondLookOptions {
              1,
              99,
              "frames whose mean is a feature's template, around the middle of its track");
-    v.Number(
-        "max_distance_px", o.max_distance_px, 0.1, 50.0, "from the guide [px]; further is not it");
+    v.Number("max_distance_px",
+             o.max_distance_px,
+             0.1,
+             50.0,
+             "from the model's prediction [px]; further is not it");
     v.Number("min_correlation", o.min_correlation, 0.0, 1.0, "with the template, at least");
     v.Number("min_relative_correlation",
              o.min_relative_correlation,
@@ -56,41 +59,42 @@ struct SecondLookOptions {
              o.warp_noise,
              0.0,
              1.0,
-             "how much a patch may deform beyond what the guide says, as a share");
+             "how much a patch may deform beyond what the model says, as a share");
   }
 };
 
-// Where a feature should be in a frame, by a model of the scene.
-struct Guide {
+// Where a reconstruction says that a feature is in a frame.
+struct ModelPrediction {
   FeatureId feature{};
   Eigen::Vector2d xy = Eigen::Vector2d::Zero();
   // From the feature's template to this frame, as AnchorPatch::warp.
   Eigen::Matrix2d warp = Eigen::Matrix2d::Identity();
-  bool observed = false;  // the first pass saw it there
+  bool observed_in_first_pass = false;
 };
 
 // Measures every feature anew where a reconstruction says that it is: without constraint, against
 // one template for all of its track. The template is the mean of some neighbouring frames, brought
-// to one shape by the guides' warps, so it has less noise than any. Goes through the clip twice:
+// to one shape by the predictions' warps, so it has less noise than any. Goes through the clip
+// twice:
 //
-//   SecondLook look(options);
-//   for each frame: look.Learn(frame, guides of the features whose template it is to enter);
-//   for each frame: look.Measure(frame, guides of all that should be in sight);
-//   std::vector<Observation> observations = look.Finish();
+//   SecondPassMeasurer measurer(options);
+//   for each frame: measurer.Learn(frame, predictions of those whose template it is to enter);
+//   for each frame: measurer.Measure(frame, predictions of all that should be in sight);
+//   std::vector<Observation> observations = measurer.Finish();
 //
 // A feature is measured with a narrow and with a wide patch; of the two, the one whose positions
-// lie nearer to the guides is taken for all of its track: a wide patch has less noise, a narrow one
-// shows less of what does not move with the feature.
+// lie nearer to the predictions is taken for all of its track: a wide patch has less noise, a
+// narrow one shows less of what does not move with the feature.
 //
-// What is found counts as observed if it lies near the guide and looks as much like its template as
-// it does where the first pass saw it; so an occluder is not taken for the feature. Covariances are
-// the inverse gradient energy, in all frames with one factor: such that the distances from the
-// guides are as expected.
-class SecondLook {
+// What is found counts as observed if it lies near the prediction and looks as much like its
+// template as it does where the first pass saw it; so an occluder is not taken for the feature.
+// Covariances are the inverse gradient energy, in all frames with one factor: such that the
+// distances from the predictions are as expected.
+class SecondPassMeasurer {
  public:
-  explicit SecondLook(const SecondLookOptions& options);
-  void Learn(const Frame& frame, std::span<const Guide> guides);
-  void Measure(const Frame& frame, std::span<const Guide> guides);
+  explicit SecondPassMeasurer(const SecondPassMeasurementOptions& options);
+  void Learn(const Frame& frame, std::span<const ModelPrediction> predictions);
+  void Measure(const Frame& frame, std::span<const ModelPrediction> predictions);
   std::vector<Observation> Finish() const;  // all observed; ascending features, frames
 
  private:
@@ -98,15 +102,15 @@ class SecondLook {
     AnchorPatch sum;
     int frames = 0;
   };
-  // What the guides miss of a feature's warp (a slanted surface), from frame to frame.
+  // What the predictions miss of a feature's warp (a slanted surface), from frame to frame.
   struct Deformation {
-    Eigen::Matrix2d beyond_guide = Eigen::Matrix2d::Identity();
+    Eigen::Matrix2d beyond_prediction = Eigen::Matrix2d::Identity();
     Eigen::Matrix4d covariance = Eigen::Matrix4d::Zero();
   };
   struct Sighting {
     FrameIndex frame{};
     bool observed_before = false;
-    double distance_px = 0.0;  // from the guide
+    double distance_px = 0.0;  // from the prediction
     double mahalanobis2 = 0.0;
     double correlation = 0.0;
     double residual_variance_ratio = 0.0;  // to what noise explains
@@ -124,13 +128,13 @@ class SecondLook {
 
   void MeasureWith(Window& window,
                    const Frame& frame,
-                   std::span<const Guide> guides,
+                   std::span<const ModelPrediction> predictions,
                    const Pyramid& pyramid) const;
-  // Of each feature's sightings from the guides [px^2]; of few drawn to the mean of all features.
+  // Of each feature's sightings from the predictions [px^2]; of few drawn to all features' mean.
   std::map<FeatureId, double> MeanSquareDistances(const Window& window) const;
   std::map<FeatureId, const Window*> ChooseWindows() const;
 
-  SecondLookOptions options_;
+  SecondPassMeasurementOptions options_;
   std::map<FeatureId, Template> templates_;
   std::vector<Window> windows_;  // ascending
 };

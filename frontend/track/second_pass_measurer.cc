@@ -1,4 +1,4 @@
-#include "frontend/track/second_look.h"
+#include "frontend/track/second_pass_measurer.h"
 
 #include <Eigen/LU>
 #include <algorithm>
@@ -43,20 +43,22 @@ double DrawnMean(double sum, double count, double expected) {
 
 }  // namespace
 
-SecondLook::SecondLook(const SecondLookOptions& options) : options_(options) {
+SecondPassMeasurer::SecondPassMeasurer(const SecondPassMeasurementOptions& options)
+    : options_(options) {
   ValidateOptions(options);
   for (const int px : std::set{options.window_px, options.wide_window_px}) {
     windows_.emplace_back().px = px;
   }
 }
 
-void SecondLook::Learn(const Frame& frame, std::span<const Guide> guides) {
-  if (guides.empty()) return;
+void SecondPassMeasurer::Learn(const Frame& frame, std::span<const ModelPrediction> predictions) {
+  if (predictions.empty()) return;
   const Pyramid pyramid = SmoothPyramidOf(frame, options_.denoise_sigma_px);
   const int largest_px = windows_.back().px;
-  for (const Guide& guide : guides) {
-    const AnchorPatch patch = TakeAnchor(pyramid, guide.xy, largest_px, largest_px, guide.warp);
-    Template& t = templates_[guide.feature];
+  for (const ModelPrediction& prediction : predictions) {
+    const AnchorPatch patch =
+        TakeAnchor(pyramid, prediction.xy, largest_px, largest_px, prediction.warp);
+    Template& t = templates_[prediction.feature];
     if (t.frames == 0) {
       t.sum = patch;
     } else {
@@ -67,49 +69,49 @@ void SecondLook::Learn(const Frame& frame, std::span<const Guide> guides) {
   }
 }
 
-void SecondLook::Measure(const Frame& frame, std::span<const Guide> guides) {
+void SecondPassMeasurer::Measure(const Frame& frame, std::span<const ModelPrediction> predictions) {
   const Pyramid pyramid = SmoothPyramidOf(frame, options_.denoise_sigma_px);
-  for (Window& window : windows_) MeasureWith(window, frame, guides, pyramid);
+  for (Window& window : windows_) MeasureWith(window, frame, predictions, pyramid);
 }
 
-void SecondLook::MeasureWith(Window& window,
-                             const Frame& frame,
-                             std::span<const Guide> guides,
-                             const Pyramid& pyramid) const {
-  std::vector<std::pair<const Guide*, Measurement>> measured;
+void SecondPassMeasurer::MeasureWith(Window& window,
+                                     const Frame& frame,
+                                     std::span<const ModelPrediction> predictions,
+                                     const Pyramid& pyramid) const {
+  std::vector<std::pair<const ModelPrediction*, Measurement>> measured;
   std::vector<double> signal_variances;
   std::vector<double> variances;
-  for (const Guide& guide : guides) {
-    const auto it = templates_.find(guide.feature);
+  for (const ModelPrediction& prediction : predictions) {
+    const auto it = templates_.find(prediction.feature);
     if (it == templates_.end()) continue;
     AnchorPatch anchor = Mean(it->second.sum, it->second.frames, window.px);
-    const auto [known, first] = window.deformations.try_emplace(guide.feature);
+    const auto [known, first] = window.deformations.try_emplace(prediction.feature);
     Deformation& deformation = known->second;
     const double noise = first ? options_.warp_noise : kWarpNoisePerFrame;
     deformation.covariance.diagonal().array() += noise * noise;
-    anchor.warp = deformation.beyond_guide * guide.warp;
+    anchor.warp = deformation.beyond_prediction * prediction.warp;
     anchor.warp_covariance = deformation.covariance;
-    const Measurement m = MeasurePatch(pyramid, anchor, guide.xy, window.px, kNoiseFactor);
+    const Measurement m = MeasurePatch(pyramid, anchor, prediction.xy, window.px, kNoiseFactor);
     if (!m.converged) continue;
-    if ((m.xy - guide.xy).norm() <= options_.max_distance_px &&
+    if ((m.xy - prediction.xy).norm() <= options_.max_distance_px &&
         m.correlation >= options_.min_correlation) {
-      deformation.beyond_guide = m.warp * guide.warp.inverse();
+      deformation.beyond_prediction = m.warp * prediction.warp.inverse();
       deformation.covariance = m.warp_covariance;
     }
-    measured.emplace_back(&guide, m);
+    measured.emplace_back(&prediction, m);
     signal_variances.push_back(anchor.signal_variance);
-    if (guide.observed) variances.push_back(m.residual_variance);
+    if (prediction.observed_in_first_pass) variances.push_back(m.residual_variance);
   }
   constexpr std::size_t kEnough = 8;
   if (variances.size() >= kEnough || window.noise_variance == 0.0) {
     window.noise_variance = Median(std::move(variances));
   }
   for (std::size_t i = 0; i < measured.size(); ++i) {
-    const auto& [guide, m] = measured[i];
-    const Eigen::Vector2d d = m.xy - guide->xy;
+    const auto& [prediction, m] = measured[i];
+    const Eigen::Vector2d d = m.xy - prediction->xy;
     Sighting s;
     s.frame = frame.index;
-    s.observed_before = guide->observed;
+    s.observed_before = prediction->observed_in_first_pass;
     s.distance_px = d.norm();
     s.mahalanobis2 = d.dot(m.shape.inverse() * d);
     s.correlation = m.correlation;
@@ -120,11 +122,11 @@ void SecondLook::MeasureWith(Window& window,
     s.residual = m.residual;
     s.xy = m.xy;
     s.shape = m.shape;
-    window.sightings[guide->feature].push_back(s);
+    window.sightings[prediction->feature].push_back(s);
   }
 }
 
-std::map<FeatureId, double> SecondLook::MeanSquareDistances(const Window& window) const {
+std::map<FeatureId, double> SecondPassMeasurer::MeanSquareDistances(const Window& window) const {
   struct Sum {
     double squares = 0.0;
     double count = 0.0;
@@ -149,7 +151,7 @@ std::map<FeatureId, double> SecondLook::MeanSquareDistances(const Window& window
   return means;
 }
 
-std::map<FeatureId, const SecondLook::Window*> SecondLook::ChooseWindows() const {
+std::map<FeatureId, const SecondPassMeasurer::Window*> SecondPassMeasurer::ChooseWindows() const {
   std::map<FeatureId, const Window*> chosen;
   std::map<FeatureId, double> least;
   for (const Window& window : windows_) {
@@ -163,7 +165,7 @@ std::map<FeatureId, const SecondLook::Window*> SecondLook::ChooseWindows() const
   return chosen;
 }
 
-std::vector<Observation> SecondLook::Finish() const {
+std::vector<Observation> SecondPassMeasurer::Finish() const {
   const std::map<FeatureId, const Window*> chosen = ChooseWindows();
   std::vector<double> squares;
   for (const auto& [feature, window] : chosen) {
