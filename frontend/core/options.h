@@ -13,7 +13,7 @@
 //   };
 //
 // A visitor has: Number(name, value, min, max, help) for int, unsigned, double (min, max
-// inclusive); Flag(name, bool, help); Choice(name, enum, kNames, help); Text(name, std::string,
+// inclusive); Odd(name, value, min, max, help) for an int that must be odd; Flag(name, bool, help); Choice(name, enum, kNames, help); Text(name, std::string,
 // help); List(name, std::vector<std::string>, help); Group(name, nested_options, help). kNames is a
 // std::array of {text, enum value} pairs. Each takes a Tier as a last argument.
 
@@ -58,6 +58,22 @@ class OptionValidator {
                       min,
                       max);
     }
+  }
+  void Odd(std::string_view name,
+           const int& value,
+           int min,
+           int max,
+           std::string_view help,
+           Tier tier = Tier::kExpert) {
+    if (value % 2 == 0) {
+      ThrowUsageError("option {}{} = {} is even: give an odd number from {} to {}",
+                      prefix_,
+                      name,
+                      value,
+                      min,
+                      max);
+    }
+    Number(name, value, min, max, help, tier);
   }
   void Flag(std::string_view, const bool&, std::string_view, Tier = Tier::kExpert) {}
   template <typename Enum, std::size_t N>

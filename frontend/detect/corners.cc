@@ -9,6 +9,17 @@
 namespace cohort {
 namespace {
 
+// Cells of the grid over which corners are spread; each gets an equal share. Square
+// ones where the picture is 4 by 3.
+constexpr int kGridColumns = 8;
+constexpr int kGridRows = 6;
+// Least corner strength, as a share of the frame's strongest: goodFeaturesToTrack's usual value.
+constexpr double kQuality = 0.01;
+// Gaussian blur before detection, and the side of the corner detector's window [px]. Chosen by eye
+// on the tuning clips.
+constexpr double kDenoiseSigmaPx = 1.5;
+constexpr int kBlockPx = 7;
+
 struct Candidate {
   float strength;
   int x;
@@ -111,13 +122,9 @@ std::vector<Eigen::Vector2d> DetectCorners(const cv::Mat& gray,
   const int height = gray.rows;
 
   cv::Mat denoised;  // a buffer of its own: `gray` is still to be tracked in
-  if (options.denoise_sigma_px > 0.0) {
-    cv::GaussianBlur(gray, denoised, cv::Size(0, 0), options.denoise_sigma_px);
-  } else {
-    denoised = gray;
-  }
+  cv::GaussianBlur(gray, denoised, cv::Size(0, 0), kDenoiseSigmaPx);
   cv::Mat strength;
-  cv::cornerMinEigenVal(denoised, strength, options.block_px, 3);
+  cv::cornerMinEigenVal(denoised, strength, kBlockPx, 3);
 
   // Local maxima of 3x3, above a share of the strongest.
   const int border = std::max(border_px, 1);
@@ -139,9 +146,9 @@ std::vector<Eigen::Vector2d> DetectCorners(const cv::Mat& gray,
       }
     }
   }
-  const float floor = std::max(static_cast<float>(options.quality) * strongest,
+  const float floor = std::max(static_cast<float>(kQuality) * strongest,
                                static_cast<float>(options.min_over_noise) *
-                                   NoiseStrength(gray, strength, options.denoise_sigma_px, border));
+                                   NoiseStrength(gray, strength, kDenoiseSigmaPx, border));
   std::erase_if(candidates, [&](const Candidate& c) { return c.strength <= floor; });
   std::sort(candidates.begin(), candidates.end(), [](const Candidate& a, const Candidate& b) {
     if (a.strength != b.strength) return a.strength > b.strength;
@@ -149,8 +156,8 @@ std::vector<Eigen::Vector2d> DetectCorners(const cv::Mat& gray,
   });
 
   OccupiedGrid taken(width, height, options.min_distance_px);
-  const int columns = options.grid_columns;
-  const int rows = options.grid_rows;
+  constexpr int columns = kGridColumns;
+  constexpr int rows = kGridRows;
   std::vector<int> in_cell(static_cast<std::size_t>(columns) * rows, 0);
   const auto cell_of = [&](double x, double y) {
     const int column = std::clamp(static_cast<int>(x * columns / width), 0, columns - 1);

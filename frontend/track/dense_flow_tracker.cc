@@ -11,6 +11,12 @@
 namespace cohort {
 namespace {
 
+// Gaussian blur before [px], as before measuring (PatchOptions).
+constexpr double kDenoiseSigmaPx = 0.8;
+// Of both flows' squared lengths, allowed in addition: equation (5) of Sundaram, Brox, Keutzer
+// 2010 (frame_to_frame.h).
+constexpr double kReturnShare = 0.01;
+
 cv::Ptr<cv::DenseOpticalFlow> MakeFlow(DenseFlowMethod method) {
   switch (method) {
     case DenseFlowMethod::kDis:
@@ -37,17 +43,13 @@ cv::Point2f SampleBilinearly(const cv::Mat& flow, const cv::Point2f& at) {
 class DenseFlowMover final : public FrameToFrameMover {
  public:
   DenseFlowMover(DenseFlowMethod method, const DenseFlowOptions& options)
-      : FrameToFrameMover(
-            {.px = options.forward_backward_px, .share = options.forward_backward_share}),
-        options_(options),
+      : FrameToFrameMover({.px = options.forward_backward_px, .share = kReturnShare}),
         flow_(MakeFlow(method)) {}
 
  private:
   std::vector<cv::Mat> Prepare(const Pyramid& current) const override {
     cv::Mat gray = EightBit(current);
-    if (options_.denoise_sigma_px > 0.0) {
-      cv::GaussianBlur(gray, gray, cv::Size(), options_.denoise_sigma_px);
-    }
+    cv::GaussianBlur(gray, gray, cv::Size(), kDenoiseSigmaPx);
     return {gray};
   }
 
@@ -63,7 +65,6 @@ class DenseFlowMover final : public FrameToFrameMover {
     return steps;
   }
 
-  DenseFlowOptions options_;
   cv::Ptr<cv::DenseOpticalFlow> flow_;
 };
 

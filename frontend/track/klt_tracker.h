@@ -15,7 +15,7 @@ struct KltOptions {
 
   template <typename Self, typename Visitor>
   static void Visit(Self& o, Visitor& v) {
-    v.Number("window_px", o.window_px, 3, 101, "side of the tracked patch [px], odd");
+    v.Odd("window_px", o.window_px, 3, 101, "side of the tracked patch [px]");
     v.Number("max_level", o.max_level, 0, 8, "pyramid levels above full resolution");
     v.Number("forward_backward_px",
              o.forward_backward_px,
@@ -37,18 +37,22 @@ struct AnchoredKltOptions {
 
   template <typename Self, typename Visitor>
   static void Visit(Self& o, Visitor& v) {
-    v.Number("window_px", o.window_px, 3, 101, "side of the tracked patch [px], odd");
+    v.Odd("window_px", o.window_px, 3, 101, "side of the tracked patch [px]");
     v.Number("guide_max_level",
              o.guide_max_level,
              0,
              8,
              "pyramid levels above full resolution, from frame to frame");
-    v.Number("anchor_max_level", o.anchor_max_level, 0, 8, "the same against the first frame");
+    v.Number("anchor_max_level",
+             o.anchor_max_level,
+             0,
+             8,
+             "pyramid levels above full resolution, against the first frame");
     v.Number("max_distance_px",
              o.max_distance_px,
              0.1,
              50.0,
-             "from the guide [px]; further is unconfirmed");
+             "a place further from the guide is unconfirmed [px]");
     v.Number("forward_backward_px",
              o.forward_backward_px,
              0.01,

@@ -177,18 +177,9 @@ Eigen::Matrix2d Sandwich(const Eigen::Matrix2d& shape,
   return T * shape * T.transpose();
 }
 
-// Anchor against picture at x: the statistics, and the joint step of translation and warp.
-void Conclude(const cv::Mat& picture,
-              const Window& window,
-              int n,
-              double noise_factor,
-              const AnchorPatch& anchor,
-              const Eigen::Vector2d& guide,
-              const Eigen::Matrix2d& prior,
-              Measurement& m) {
+// How anchor and picture at m.xy look alike.
+void CompareWindows(const Window& seen, const Window& window, int n, Measurement& m) {
   const int area = n * n;
-  Window seen;
-  SampleWindow(picture, m.xy, n, seen);
   double sv = 0, st = 0, svv = 0, stt = 0, svt = 0, sabs = 0;
   for (int k = 0; k < area; ++k) {
     const double v = seen.values[k];
@@ -206,14 +197,24 @@ void Conclude(const cv::Mat& picture,
   m.correlation = cvv > 0.0 && ctt > 0.0 ? cvt / std::sqrt(cvv * ctt) : 0.0;
   m.residual_variance = std::max(0.0, (cvv + ctt - 2.0 * cvt) / area);
   m.residual = sabs / area;
+}
 
-  // The gradient g is the mean of both windows': with that of one alone its noise, multiplied with
-  // the same noise in r, would read as a change of scale. r(u) + g.s + g.(D u) - mean = 0 for the
-  // step s, the relative warp D = (d11 d12; d21 d22), mean.
-  using Matrix7f = Eigen::Matrix<float, 7, 7>;
-  using Vector7f = Eigen::Matrix<float, 7, 1>;
+using Matrix7d = Eigen::Matrix<double, 7, 7>;
+using Vector7d = Eigen::Matrix<double, 7, 1>;
+using Matrix7f = Eigen::Matrix<float, 7, 7>;
+using Vector7f = Eigen::Matrix<float, 7, 1>;
+
+// Least squares for a step of translation s, relative warp D = (d11 d12; d21 d22) and mean
+// together: r(u) + g.s + g.(D u) - mean = 0. The gradient g is the mean of both windows': with that
+// of one alone its noise, multiplied with the same noise in r, would read as a change of scale.
+struct NormalEquations {
   Matrix7f normal = Matrix7f::Zero();
   Vector7f rhs = Vector7f::Zero();
+  Eigen::Matrix2d cross;  // moments of the windows' gradients with each other
+};
+
+NormalEquations Linearize(const Window& seen, const Window& window, int n) {
+  NormalEquations equations;
   float cross_xx = 0, cross_xy = 0, cross_yy = 0;
   const int half = n / 2;
   int k = 0;
@@ -229,19 +230,50 @@ void Conclude(const cv::Mat& picture,
       cross_xy += 0.5F * (window.dx[k] * seen.dy[k] + window.dy[k] * seen.dx[k]);
       cross_yy += window.dy[k] * seen.dy[k];
       const float r = seen.values[k] - window.values[k];
-      normal.noalias() += j * j.transpose();
-      rhs.noalias() -= r * j;
+      equations.normal.noalias() += j * j.transpose();
+      equations.rhs.noalias() -= r * j;
     }
   }
+  equations.cross << cross_xx, cross_xy, cross_xy, cross_yy;
+  return equations;
+}
+
+// Takes the step, if it is a small one: translation and warp are then those of the minimum.
+void Step(const Vector7d& step,
+          const Matrix7d& covariance,
+          const AnchorPatch& anchor,
+          Measurement& m) {
+  m.warp = anchor.warp;
+  m.warp_covariance = anchor.warp_covariance;
+  if (!step.allFinite() || step.head<2>().norm() > 1.0 || step.segment<4>(2).norm() > 0.2) return;
+  m.xy += step.head<2>();
+  Eigen::Matrix2d D;
+  D << step[2], step[3], step[4], step[5];
+  m.warp = (Eigen::Matrix2d::Identity() + D) * anchor.warp;
+  m.warp_covariance = covariance.block<4, 4>(2, 2);
+}
+
+// Anchor against picture at m.xy: the statistics, and the joint step of translation and warp.
+void Conclude(const cv::Mat& picture,
+              const Window& window,
+              int n,
+              double noise_factor,
+              const AnchorPatch& anchor,
+              const Eigen::Vector2d& guide,
+              const Eigen::Matrix2d& prior,
+              Measurement& m) {
+  const int area = n * n;
+  Window seen;
+  SampleWindow(picture, m.xy, n, seen);
+  CompareWindows(seen, window, n, m);
+  const auto [normal, rhs, cross] = Linearize(seen, window, n);
+
   const double variance = std::max(m.residual_variance, 1e-6) * noise_factor;
-  Eigen::Matrix<double, 7, 7> information = normal.cast<double>() / variance;
-  Eigen::Matrix<double, 7, 1> b = rhs.cast<double>() / variance;
+  Matrix7d information = normal.cast<double>() / variance;
+  Vector7d b = rhs.cast<double>() / variance;
   information.block<4, 4>(2, 2) +=
       (anchor.warp_covariance + 1e-10 * Eigen::Matrix4d::Identity()).inverse();
-  using Matrix7d = Eigen::Matrix<double, 7, 7>;
   const Matrix7d likelihood = information.ldlt().solve(Matrix7d::Identity());
-  Eigen::Matrix2d cross;
-  cross << cross_xx, cross_xy, cross_xy, cross_yy;
   m.gradients =
       (anchor.gradients_count * anchor.gradients + cross / area) / (anchor.gradients_count + 1.0);
   m.shape = Sandwich(likelihood.topLeftCorner<2, 2>() / noise_factor,
@@ -253,15 +285,7 @@ void Conclude(const cv::Mat& picture,
     b.head<2>() += prior * (guide - m.xy);
     covariance = information.ldlt().solve(Matrix7d::Identity());
   }
-  const Eigen::Matrix<double, 7, 1> step = covariance * b;
-  m.warp = anchor.warp;
-  m.warp_covariance = anchor.warp_covariance;
-  if (!step.allFinite() || step.head<2>().norm() > 1.0 || step.segment<4>(2).norm() > 0.2) return;
-  m.xy += step.head<2>();
-  Eigen::Matrix2d D;
-  D << step[2], step[3], step[4], step[5];
-  m.warp = (Eigen::Matrix2d::Identity() + D) * anchor.warp;
-  m.warp_covariance = covariance.block<4, 4>(2, 2);
+  Step(covariance * b, covariance, anchor, m);
 }
 
 }  // namespace

@@ -22,12 +22,12 @@ struct PatchOptions {
 
   template <typename Self, typename Visitor>
   static void Visit(Self& o, Visitor& v) {
-    v.Number("window_px", o.window_px, 5, 63, "side of the measured patch [px], odd");
-    v.Number("wide_window_px",
-             o.wide_window_px,
-             5,
-             63,
-             "side of the patch where a larger one is better [px], odd");
+    v.Odd("window_px", o.window_px, 5, 63, "side of the measured patch [px]");
+    v.Odd("wide_window_px",
+          o.wide_window_px,
+          5,
+          63,
+          "side of the patch where a larger one is better [px]");
     v.Number(
         "denoise_sigma_px", o.denoise_sigma_px, 0.0, 10.0, "Gaussian blur before measuring [px]");
     v.Number("max_distance_px",
@@ -51,89 +51,6 @@ struct PatchOptions {
              0.0,
              1.0,
              "how much a patch may deform beyond what is expected, as a share");
-  }
-};
-
-// Guide, then measure: the guided position starts one unconstrained alignment of a larger patch
-// with the feature's anchor; what the image does not confirm stays predicted.
-struct MeasurementOptions {
-  bool enabled = true;
-  PatchOptions patch;
-  double wide_above_px = 0.5;
-  double max_center_ratio = 4.0;
-  int small_window_px = 11;
-  double max_sigma_px = 4.0;
-  double max_disagreement_px = 3.0;
-  double max_disagreement_sigmas = 5.0;
-  double max_open_px = 1.5;
-  int max_rank = 8;
-  bool perspective = true;
-  int max_unexplained_frames = 4;
-  bool fuse = false;
-
-  template <typename Self, typename Visitor>
-  static void Visit(Self& o, Visitor& v) {
-    v.Flag("enabled", o.enabled, "measure every guided position against the feature's anchor");
-    PatchOptions::Visit(o.patch, v);
-    v.Number("wide_above_px",
-             o.wide_above_px,
-             0.0,
-             1000.0,
-             "deviation of a position above which it is not measured well [px]");
-    v.Number("max_center_ratio",
-             o.max_center_ratio,
-             1.0,
-             100.0,
-             "the same of the innermost pixels; more is something else that hides the feature");
-    v.Number("small_window_px",
-             o.small_window_px,
-             5,
-             63,
-             "side of the patch that is tried where the large one fails [px], odd");
-    v.Number("max_sigma_px",
-             o.max_sigma_px,
-             0.1,
-             1000.0,
-             "of a measurement (strong mode); a worse one is unconfirmed; half of it for a feature "
-             "that comes back [px]");
-    v.Number("max_disagreement_px",
-             o.max_disagreement_px,
-             0.1,
-             1000.0,
-             "from where the other features say it is (strong mode) [px]; further is unconfirmed; "
-             "what measurement and prediction leave open is allowed in addition:");
-    v.Number("max_disagreement_sigmas",
-             o.max_disagreement_sigmas,
-             1.0,
-             1000.0,
-             "the same as a multiple of their deviation");
-    v.Number(
-        "max_open_px",
-        o.max_open_px,
-        0.0,
-        1000.0,
-        "what the others may leave open of where a feature is [px]; beyond, Lucas-Kanade gives its "
-        "start and (strong mode) it must come back when tracked there and back; 0: neither");
-    v.Number("max_rank",
-             o.max_rank,
-             2,
-             8,
-             "of the trajectory model, which starts at 2 and grows where the residuals ask for "
-             "it; 3: one rigid body");
-    v.Flag("perspective",
-           o.perspective,
-           "the trajectory model has projective cameras; off: affine ones");
-    v.Number("max_unexplained_frames",
-             o.max_unexplained_frames,
-             0,
-             100000,
-             "a feature ends that for more frames in a row is not confirmed although nothing hides "
-             "it, or that changes slowly; 0: no check");
-    v.Flag(
-        "fuse",
-        o.fuse,
-        "write the most probable positions, of the measurement and the other features: nearer to "
-        "the truth, but no longer independent of each other, as bundle adjustment expects");
   }
 };
 

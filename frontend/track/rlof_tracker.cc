@@ -16,9 +16,10 @@ class RlofMover final : public FrameToFrameMover {
     parameters_->setSupportRegionType(cv::optflow::SR_FIXED);
     parameters_->setLargeWinSize(options.window_px);
     parameters_->setMaxLevel(options.max_level);
-    parameters_->setUseMEstimator(options.robust);
-    parameters_->setUseIlluminationModel(options.illumination_model);
-    parameters_->setUseGlobalMotionPrior(options.global_motion);
+    parameters_->setUseMEstimator(true);  // Hampel's norm in place of least squares
+    // Gain and offset of every patch are two more unknowns for what little a dark patch tells.
+    parameters_->setUseIlluminationModel(false);
+    parameters_->setUseGlobalMotionPrior(true);
   }
 
  private:

@@ -11,18 +11,12 @@ namespace cohort {
 struct RlofOptions {
   int window_px = 31;
   int max_level = 4;
-  bool robust = true;
-  bool illumination_model = false;
-  bool global_motion = true;
   double forward_backward_px = 1.0;
 
   template <typename Self, typename Visitor>
   static void Visit(Self& o, Visitor& v) {
-    v.Number("window_px", o.window_px, 3, 101, "side of the tracked patch [px], odd");
+    v.Odd("window_px", o.window_px, 3, 101, "side of the tracked patch [px]");
     v.Number("max_level", o.max_level, 0, 8, "pyramid levels above full resolution");
-    v.Flag("robust", o.robust, "Hampel's norm in place of least squares");
-    v.Flag("illumination_model", o.illumination_model, "estimate gain and offset of every patch");
-    v.Flag("global_motion", o.global_motion, "start at the motion of the whole picture");
     v.Number("forward_backward_px",
              o.forward_backward_px,
              0.0,
@@ -32,7 +26,7 @@ struct RlofOptions {
 };
 
 // A baseline: robust local optical flow (cv::optflow::calcOpticalFlowSparseRLOF; Senst, Eiselein,
-// Sikora 2012-2016): Lucas-Kanade with a redescending norm, an illumination model and the whole
+// Sikora 2012-2016): Lucas-Kanade with a redescending norm and the whole
 // picture's motion as its start. Checked by tracking back, as klt.
 std::unique_ptr<FeatureMover> MakeRlofMover(const RlofOptions& options);
 

@@ -2,27 +2,66 @@
 
 #include <memory>
 
+#include "frontend/core/options.h"
 #include "frontend/track/feature_mover.h"
-#include "frontend/track/guide.h"
+#include "frontend/track/joint_guide.h"
 #include "frontend/track/measurement.h"
 
 namespace cohort {
 
+// Guide, then measure: the guided position starts one unconstrained alignment of a larger patch
+// with the feature's anchor; what the image does not confirm stays predicted.
+struct MeasurementOptions {
+  bool enabled = true;
+  PatchOptions patch;
+  double max_open_px = 1.5;
+  int max_rank = 8;
+  bool perspective = true;
+  int max_unexplained_frames = 4;
+  bool fuse = false;
+
+  template <typename Self, typename Visitor>
+  static void Visit(Self& o, Visitor& v) {
+    v.Flag("enabled", o.enabled, "measure every guided position against the feature's anchor");
+    PatchOptions::Visit(o.patch, v);
+    v.Number(
+        "max_open_px",
+        o.max_open_px,
+        0.0,
+        1000.0,
+        "what the others may leave open of where a feature is [px]; beyond, Lucas-Kanade gives its "
+        "start and (strong mode) it must come back when tracked there and back; 0: neither");
+    v.Number("max_rank",
+             o.max_rank,
+             2,
+             8,
+             "most rank of the trajectory model, which starts at 2 and grows where the residuals "
+             "ask for "
+             "it; 3: one rigid body");
+    v.Flag("perspective",
+           o.perspective,
+           "the trajectory model has projective cameras; off: affine ones");
+    v.Number("max_unexplained_frames",
+             o.max_unexplained_frames,
+             0,
+             100000,
+             "a feature ends that for more frames in a row is not confirmed although nothing hides "
+             "it, or that changes slowly; 0: no check");
+    v.Flag(
+        "fuse",
+        o.fuse,
+        "write the most probable positions, of the measurement and the other features: nearer to "
+        "the truth, but no longer independent of each other, as bundle adjustment expects");
+  }
+};
+
 // The paper's tracker: all features move together, from frame to frame, to the minimum of the total
-// energy (eq. 3) over a pyramid, with the trajectories of the last L frames as history. Then guide,
-// then measure (measurement.h): a position that the image confirms is observed; one that it does
-// not confirm is predicted from the feature's own past and the other features (trajectory_model.h),
-// until it is seen again or is found to be lost. The history holds the most probable positions.
-// README.md of this library lists the steps.
-//
-// A new feature has no history: its column of the trajectory matrix is filled backwards, frame by
-// frame, by the motion of the features around it, corrected by aligning its template with the
-// frames of the window (kept for this). So every column is always complete.
-//
+// energy (joint_guide.h), with the trajectories of the last L frames as history. Then guide, then
+// measure (frame_measurement.h): a position that the image confirms is observed; one that it does
+// not confirm is predicted from the feature's own past and the other features, until it is seen
+// again or is found to be lost (predicted_or_ended.h). The history holds the most probable
+// positions. README.md of this library lists the steps. Without measuring: guide_mover.h.
 std::unique_ptr<FeatureMover> MakeSubspaceMover(const SubspaceOptions& options,
                                                 const MeasurementOptions& measurement);
-
-// Tracker `descent`: the same without a penalty and without memory, every feature for itself.
-std::unique_ptr<FeatureMover> MakeDescentMover(const SubspaceOptions& options);
 
 }  // namespace cohort

@@ -1,5 +1,6 @@
 #include "frontend/track/track_loop.h"
 
+#include <algorithm>
 #include <chrono>
 #include <utility>
 
@@ -7,6 +8,15 @@
 #include "frontend/detect/corners.h"
 
 namespace cohort {
+namespace {
+
+// A feature nearer to the image border ends: its patch would be cut [px].
+constexpr double kBorderPx = 5.0;
+// No feature is born nearer to the border: it would leave the picture soon, and the widest measured
+// patch (31 px) is whole there [px].
+constexpr int kBirthBorderPx = 16;
+
+}  // namespace
 
 TrackLoop::TrackLoop(const TrackerOptions& options,
                      cv::Mat mask,
@@ -15,7 +25,7 @@ TrackLoop::TrackLoop(const TrackerOptions& options,
 
 std::optional<LossReason> TrackLoop::ReasonToEnd(const Move& move, int unconfirmed_frames) const {
   if (move.loss) return move.loss;
-  const double border = options_.border_px;
+  constexpr double border = kBorderPx;
   if (!(move.xy.x() >= border && move.xy.y() >= border && move.xy.x() <= size_.width - 1 - border &&
         move.xy.y() <= size_.height - 1 - border)) {
     return LossReason::kLeftImage;
@@ -29,9 +39,27 @@ std::optional<LossReason> TrackLoop::ReasonToEnd(const Move& move, int unconfirm
 }
 
 FrameResult TrackLoop::Track(const Frame& frame) {
+  CheckSize(frame.gray.size());
   const Pyramid pyramid = BuildPyramid(frame.gray);
+  FrameResult result;
+  if (!features_.empty()) MoveFeatures(pyramid, frame.index, result);
+  // Features that are only predicted keep their place, but do not count: the picture needs new
+  // ones.
+  const auto confirmed =
+      static_cast<int>(std::count_if(features_.begin(), features_.end(), [](const Feature& f) {
+        return f.unconfirmed_frames == 0;
+      }));
+  if (!previous_frame_ ||
+      confirmed < options_.detector.redetect_below * options_.detector.max_features) {
+    DetectFeatures(pyramid, frame.index, options_.detector.max_features - confirmed, result);
+  }
+  previous_frame_ = frame.index;
+  return result;
+}
+
+void TrackLoop::CheckSize(const cv::Size& size) {
   if (!previous_frame_) {
-    size_ = frame.gray.size();
+    size_ = size;
     if (!mask_.empty() && mask_.size() != size_) {
       ThrowError("the mask is {}x{}, the frames are {}x{}: give a mask of the frames' size",
                  mask_.cols,
@@ -40,58 +68,51 @@ FrameResult TrackLoop::Track(const Frame& frame) {
                  size_.height);
     }
   }
-  Check(frame.gray.size() == size_, "all frames of a sequence have one size");
+  Check(size == size_, "all frames of a sequence have one size");
+}
 
-  FrameResult result;
-  if (!features_.empty()) {
-    const std::vector<Move> moves = mover_->MoveFeatures(pyramid);
-    Check(moves.size() == features_.size(), "a mover answers for every feature");
-    std::vector<std::uint8_t> keep(features_.size(), 1);
-    std::vector<Feature> alive;
-    alive.reserve(features_.size());
-    for (std::size_t f = 0; f < moves.size(); ++f) {
-      Feature feature = features_[f];
-      const Move& move = moves[f];
-      feature.unconfirmed_frames =
-          move.state == ObservationState::kPredicted ? feature.unconfirmed_frames + 1 : 0;
-      if (const auto reason = ReasonToEnd(move, feature.unconfirmed_frames)) {
-        keep[f] = 0;
-        result.ends.push_back({feature.id, *previous_frame_, *reason});
-        continue;
-      }
-      feature.xy = move.xy;
-      alive.push_back(feature);
-      result.observations.push_back(
-          {feature.id, frame.index, move.xy, move.state, move.residual, move.covariance});
+void TrackLoop::MoveFeatures(const Pyramid& pyramid, FrameIndex frame, FrameResult& result) {
+  const std::vector<Move> moves = mover_->MoveFeatures(pyramid);
+  Check(moves.size() == features_.size(), "a mover answers for every feature");
+  std::vector<std::uint8_t> keep(features_.size(), 1);
+  std::vector<Feature> alive;
+  alive.reserve(features_.size());
+  for (std::size_t f = 0; f < moves.size(); ++f) {
+    Feature feature = features_[f];
+    const Move& move = moves[f];
+    feature.unconfirmed_frames =
+        move.state == ObservationState::kPredicted ? feature.unconfirmed_frames + 1 : 0;
+    if (const auto reason = ReasonToEnd(move, feature.unconfirmed_frames)) {
+      keep[f] = 0;
+      result.ends.push_back({feature.id, *previous_frame_, *reason});
+      continue;
     }
-    features_ = std::move(alive);
-    mover_->Keep(keep);
+    feature.xy = move.xy;
+    alive.push_back(feature);
+    result.observations.push_back(
+        {feature.id, frame, move.xy, move.state, move.residual, move.covariance});
   }
+  features_ = std::move(alive);
+  mover_->Keep(keep);
+}
 
-  // Features that are only predicted keep their place, but do not count: the picture needs new
-  // ones.
-  int confirmed = 0;
-  for (const Feature& feature : features_) confirmed += feature.unconfirmed_frames == 0 ? 1 : 0;
-  if (!previous_frame_ ||
-      confirmed < options_.detector.redetect_below * options_.detector.max_features) {
-    std::vector<Eigen::Vector2d> occupied;
-    for (const Feature& feature : features_) occupied.push_back(feature.xy);
-    const std::vector<Eigen::Vector2d> born =
-        DetectCorners(pyramid.levels.front(),
-                      occupied,
-                      mask_,
-                      options_.birth_border_px,
-                      options_.detector.max_features - confirmed,
-                      options_.detector);
-    for (const Eigen::Vector2d& xy : born) {
-      features_.push_back({FeatureId{next_id_++}, xy, 0});
-      result.observations.push_back(
-          {features_.back().id, frame.index, xy, ObservationState::kObserved, 0.0, std::nullopt});
-    }
-    if (!born.empty()) mover_->Add(born, pyramid);
+void TrackLoop::DetectFeatures(const Pyramid& pyramid,
+                               FrameIndex frame,
+                               int max_new,
+                               FrameResult& result) {
+  std::vector<Eigen::Vector2d> occupied;
+  for (const Feature& feature : features_) occupied.push_back(feature.xy);
+  const auto start = std::chrono::steady_clock::now();
+  const std::vector<Eigen::Vector2d> born = DetectCorners(
+      pyramid.levels.front(), occupied, mask_, kBirthBorderPx, max_new, options_.detector);
+  const std::chrono::duration<double, std::milli> ms = std::chrono::steady_clock::now() - start;
+  result.detect_ms = ms.count();
+  for (const Eigen::Vector2d& xy : born) {
+    features_.push_back({FeatureId{next_id_++}, xy, 0});
+    result.observations.push_back(
+        {features_.back().id, frame, xy, ObservationState::kObserved, 0.0, std::nullopt});
   }
-  previous_frame_ = frame.index;
-  return result;
+  if (!born.empty()) mover_->Add(born, pyramid);
 }
 
 }  // namespace cohort

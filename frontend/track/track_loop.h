@@ -30,6 +30,10 @@ class TrackLoop final : public Tracker {
     int unconfirmed_frames = 0;
   };
 
+  void CheckSize(const cv::Size& size);
+  // Both add to what the tracker says of the frame.
+  void MoveFeatures(const Pyramid& pyramid, FrameIndex frame, FrameResult& result);
+  void DetectFeatures(const Pyramid& pyramid, FrameIndex frame, int max_new, FrameResult& result);
   std::optional<LossReason> ReasonToEnd(const Move& move, int unconfirmed_frames) const;
 
   TrackerOptions options_;

@@ -1,6 +1,7 @@
 #include "frontend/track/tracker.h"
 
 #include "frontend/track/dense_flow_tracker.h"
+#include "frontend/track/guide_mover.h"
 #include "frontend/track/klt_tracker.h"
 #include "frontend/track/rlof_tracker.h"
 #include "frontend/track/subspace_tracker.h"
@@ -22,8 +23,11 @@ std::unique_ptr<FeatureMover> MakeMover(const TrackerOptions& options) {
       return MakeDenseFlowMover(DenseFlowMethod::kDeepFlow, options.dense_flow);
     case TrackerKind::kSubspace:
       return MakeSubspaceMover(options.subspace, options.measurement);
-    case TrackerKind::kDescent:
-      return MakeDescentMover(options.subspace);
+    case TrackerKind::kDescent: {
+      SubspaceOptions alone = options.subspace;
+      alone.penalty_weight = 0.0;
+      return MakeGuideMover(alone, options.measurement.patch);
+    }
   }
   ThrowUsageError("unknown tracker");
 }

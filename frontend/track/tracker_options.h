@@ -21,8 +21,6 @@ inline constexpr ChoiceNames<TrackerKind, 7> kTrackerNames{
 
 struct TrackerOptions {
   TrackerKind tracker = TrackerKind::kSubspace;
-  double border_px = 5.0;
-  int birth_border_px = 16;
   int max_unconfirmed_frames = 20;
   DetectorOptions detector;
   KltOptions klt;
@@ -42,13 +40,6 @@ struct TrackerOptions {
         "them alone. klt is what most programs use; subspace takes longer, and loses fewer "
         "in the dark.",
         Tier::kCommon);
-    v.Number(
-        "border_px", o.border_px, 0.0, 100.0, "a feature nearer to the image border ends [px]");
-    v.Number("birth_border_px",
-             o.birth_border_px,
-             1,
-             200,
-             "no new features nearer to the image border [px]");
     v.Number("max_unconfirmed_frames",
              o.max_unconfirmed_frames,
              0,
@@ -60,7 +51,7 @@ struct TrackerOptions {
     v.Group("rlof", o.rlof, "tracker rlof");
     v.Group("dense_flow", o.dense_flow, "trackers dis and deepflow");
     v.Group("subspace", o.subspace, "tracker subspace");
-    v.Group("measurement", o.measurement, "guide, then measure (tracker subspace)");
+    v.Group("measurement", o.measurement, "guide, then measure: tracker subspace");
   }
 };
 

@@ -57,6 +57,26 @@ class OptionLister {
          }});
   }
 
+  void Odd(std::string_view name,
+           int& field,
+           int min,
+           int max,
+           std::string_view help,
+           Tier tier = Tier::kExpert) {
+    Number(name, field, min, max, help, tier);
+    OptionEntry& entry = entries_.back();
+    entry.allowed = fmt::format("odd, {} to {}", min, max);
+    entry.set = [min, max, set = std::move(entry.set)](const OptionValue& value,
+                                                       std::string_view given_as) {
+      const std::int64_t wide = std::get<std::int64_t>(value);
+      if (wide % 2 == 0) {
+        ThrowUsageError(
+            "{} {} is even: give an odd number from {} to {}", given_as, wide, min, max);
+      }
+      set(value, given_as);
+    };
+  }
+
   void Flag(std::string_view name, bool& field, std::string_view help, Tier tier = Tier::kExpert) {
     Add(name, field, help, tier);
   }

@@ -9,7 +9,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <deque>
 #include <filesystem>
 #include <map>
 #include <opencv2/core/utility.hpp>
@@ -20,8 +19,7 @@
 #include "datasets/truth/track_truth.h"
 #include "frontend/core/output.h"
 #include "frontend/core/statistics.h"
-#include "frontend/image/frame_offset.h"
-#include "frontend/track/guide.h"
+#include "frontend/track/joint_guide.h"
 #include "pipelines/experiment/paper_protocol.h"
 #include "tests/support/cpu_clock.h"
 
@@ -104,78 +102,59 @@ struct Reached {
   double ms = 0.0;
 };
 
-// The guide of tracker `subspace` with the features of frame 0.
+// The guide of tracker `subspace` with the features of frame 0, once for each optimiser: both have
+// the same past.
 class Cohort {
  public:
   // No case: every feature for itself.
-  Cohort(const Film& film, const Case* with) : film_(film), case_(with) {
-    const Eigen::Matrix2Xd& x = film.truth.front();
-    for (Eigen::Index f = 0; f < x.cols(); ++f) {
-      taken_.push_back(TakeTemplates(film.pictures.front(), x.col(f), options_.template_px));
-    }
-    for (const Templates& feature : taken_) templates_.push_back(&feature);
+  Cohort(const Film& film, const Case* with) : film_(film) {
+    const Pyramid& first = film.pictures.front();
+    SubspaceOptions options;
+    options.penalty_weight = with != nullptr ? with->strength : 0.0;
     if (with != nullptr) {
-      options_.penalty = with->penalty;
-      options_.constraint = with->constraint;
-      options_.penalty_weight = with->strength;
+      options.penalty = with->penalty;
+      options.constraint = with->constraint;
     }
-    history_.push_front(x);
-    contrast_ = Contrast(0, x);
+    std::vector<std::vector<Eigen::Vector2d>> births;
+    for (const Eigen::Vector2d xy : film.truth.front().colwise()) {
+      features_.emplace_back().templates = TakeTemplates(first, xy, options.template_px);
+      births.push_back({xy});
+    }
+    for (const OptimizerKind optimizer : kOptimizers) {
+      options.optimizer = optimizer;
+      guides_.emplace_back(options);
+      guides_.back().Begin(first);
+      guides_.back().Add(births, first, features_);
+    }
   }
 
-  Reached Move(std::size_t frame, OptimizerKind optimizer) const {
+  Reached Move(std::size_t frame, std::size_t optimizer) const {
     const Pyramid& current = film_.pictures[frame];
+    const JointGuide& guide = guides_[optimizer];
+    const Eigen::Matrix2Xd start = guide.Start(current);
+    const double before_ms = test::CpuMs();
+    const OptimizerResult result = guide.Minimize(current, features_, start);
     Reached reached;
-    reached.x = history_.front().colwise() + RegisterFrames(film_.pictures[frame - 1], current);
-    const Eigen::Index F = reached.x.cols();
-    Eigen::MatrixXd history(2 * static_cast<Eigen::Index>(history_.size()), F);
-    for (std::size_t l = 0; l < history_.size(); ++l) {
-      history.middleRows(2 * static_cast<Eigen::Index>(l), 2) = history_[l];
-    }
-    const auto share = case_ != nullptr ? DataWeight(options_, contrast_, F) : std::nullopt;
-    const Eigen::VectorXd weights = Eigen::VectorXd::Constant(F, share.value_or(1.0));
-    const Eigen::Matrix2Xd shifted = reached.x;
-    SubspaceOptions options = options_;
-    options.optimizer = optimizer;
-    for (int level = static_cast<int>(current.levels.size()) - 1; level >= 0; --level) {
-      const double scale = std::ldexp(1.0, -level);
-      const GuideEnergy energy(
-          current, level, templates_, history, weights, share.has_value(), options);
-      const double before_ms = test::CpuMs();
-      const OptimizerResult result = energy.Minimize(scale * reached.x);
-      reached.ms += test::CpuMs() - before_ms;
-      reached.x = result.x / scale;
-      reached.evaluations += result.evaluations;
-      reached.steps += result.iterations;
-      if (level > 0) continue;
-      reached.start = energy.total().Value(shifted);
-      reached.energy = energy.total().Value(reached.x);
-      reached.truth = energy.total().Value(film_.truth[frame]);
-    }
+    reached.ms = test::CpuMs() - before_ms;
+    reached.x = result.x;
+    reached.evaluations = result.evaluations;
+    reached.steps = result.iterations;
+    const LevelEnergy energy = guide.Energy(current, 0, features_);
+    reached.start = energy.total().Value(start);
+    reached.energy = energy.total().Value(result.x);
+    reached.truth = energy.total().Value(film_.truth[frame]);
     return reached;
   }
 
   // `x` becomes the past.
   void Keep(std::size_t frame, const Eigen::Matrix2Xd& x) {
-    const double contrast = Contrast(frame, x);
-    if (contrast > 0.0) contrast_ = 0.8 * contrast_ + 0.2 * contrast;
-    history_.push_front(x);
-    if (static_cast<int>(history_.size()) > options_.history_length) history_.pop_back();
+    for (JointGuide& guide : guides_) guide.Remember(film_.pictures[frame], x, features_);
   }
 
  private:
-  double Contrast(std::size_t frame, const Eigen::Matrix2Xd& x) const {
-    return cohort::Contrast(
-        film_.pictures[frame].levels.front(), x, templates_, options_.template_px);
-  }
-
   const Film& film_;
-  const Case* case_;
-  SubspaceOptions options_;
-  std::vector<Templates> taken_;
-  std::vector<const Templates*> templates_;  // of them
-  std::deque<Eigen::Matrix2Xd> history_;     // newest first
-  double contrast_ = 0.0;
+  std::vector<Feature> features_;
+  std::vector<JointGuide> guides_;  // by optimiser
 };
 
 double MedianError(const Eigen::Matrix2Xd& x, const Eigen::Matrix2Xd& truth) {
@@ -219,7 +198,7 @@ Run RunCase(const Film& film, const Case* with, std::size_t leader, Results* res
     Pair pair;
     for (std::size_t turn = 0; turn < (results != nullptr ? 2 : 1); ++turn) {
       const std::size_t o = results != nullptr ? (i + turn) % 2 : leader;
-      pair[o] = cohort.Move(i, kOptimizers[o]);
+      pair[o] = cohort.Move(i, o);
     }
     if (results != nullptr) {
       results->errors_px.push_back(

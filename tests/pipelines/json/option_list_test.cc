@@ -25,7 +25,7 @@ struct InnerOptions {
 
   template <typename Self, typename Visitor>
   static void Visit(Self& o, Visitor& v) {
-    v.Number("window_px", o.window_px, 3, 101, "side of the patch [px]");
+    v.Odd("window_px", o.window_px, 3, 101, "side of the patch [px]");
     v.Number("weight", o.weight, 0.0, 1.0, "of the penalty");
   }
 };
@@ -115,6 +115,8 @@ TEST(CommandLine, NamesWhatIsWrong) {
   ExpectUsageError({"a", "--seed", "-1"}, HasSubstr("--seed -1 is out of range: give 0 to"));
   ExpectUsageError({"a", "--weight", "nan"}, HasSubstr("--weight nan is out of range"));
   ExpectUsageError({"a", "--weight", "2"}, HasSubstr("--weight 2 is out of range: give 0 to 1"));
+  ExpectUsageError({"a", "--window", "20"},
+                   HasSubstr("--window 20 is even: give an odd number from 3 to 101"));
   ExpectUsageError({"a", "--window", "x"}, HasSubstr("--window 'x' is no whole number"));
   ExpectUsageError({"a", "--mode", "slow"},
                    HasSubstr("--mode 'slow' is unknown: give one of fast"));
@@ -155,6 +157,8 @@ TEST(OptionsJson, NamesTheKeyThatIsWrong) {
   EXPECT_THAT([&] { set(R"({"inputs": "a"})"); }, throws("key inputs must be a list of texts"));
   EXPECT_THAT([&] { set(R"({"left": {"weight": 7}})"); },
               throws("c.json: key left.weight = 7 is out of range: give 0 to 1"));
+  EXPECT_THAT([&] { set(R"({"right": {"window_px": 6}})"); },
+              throws("c.json: key right.window_px = 6 is even: give an odd number from 3 to 101"));
   EXPECT_THAT([&] { set("[1]"); }, throws("must hold one JSON object"));
 }
 

@@ -1,6 +1,8 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cstdint>
+#include <deque>
 #include <optional>
 #include <span>
 #include <vector>
@@ -9,6 +11,7 @@
 #include "frontend/energy/penalty.h"
 #include "frontend/energy/total_energy.h"
 #include "frontend/image/pyramid.h"
+#include "frontend/track/feature.h"
 #include "frontend/track/optimizer.h"
 
 namespace cohort {
@@ -46,7 +49,6 @@ struct SubspaceOptions {
   int template_px = 11;
   double penalty_weight = 1.0;
   double epsilon = 0.6;
-  double smoothing_px = 0.15;
   OptimizerKind optimizer = OptimizerKind::kJointNewton;
   int min_iterations = 4;
   int max_iterations = 20;
@@ -78,21 +80,24 @@ struct SubspaceOptions {
              "How many past frames the features hold each other over, the L of the paper. "
              "More frames tell true motion from noise better; the time grows.",
              Tier::kCommon);
-    v.Number("template_px", o.template_px, 3, 63, "n: side of the template [px], odd");
+    v.Odd("template_px", o.template_px, 3, 63, "n of the paper: side of the template [px]");
     v.Number("penalty_weight",
              o.penalty_weight,
              0.0,
              1e9,
-             "m of eq. (7), as a multiple of the calibrated one");
-    v.Number("epsilon", o.epsilon, 0.01, 1.0, "of the empirical dimension, eq. (6)");
-    v.Number("smoothing_px",
-             o.smoothing_px,
-             0.0,
-             10.0,
-             "rounds the penalty at singular values of 0 [px]");
+             "m of equation (7), as a multiple of the calibrated one");
+    v.Number("epsilon", o.epsilon, 0.01, 1.0, "epsilon of the empirical dimension, equation (6)");
     v.Choice("optimizer", o.optimizer, kOptimizerNames, "how the total energy is minimised");
-    v.Number("min_iterations", o.min_iterations, 1, 1000, "min_i of Algorithm 1, per level");
-    v.Number("max_iterations", o.max_iterations, 1, 1000, "max_i of Algorithm 1, per level");
+    v.Number("min_iterations",
+             o.min_iterations,
+             1,
+             1000,
+             "min_i of Algorithm 1, on each level of the pyramid");
+    v.Number("max_iterations",
+             o.max_iterations,
+             1,
+             1000,
+             "max_i of Algorithm 1 and most Newton steps, on each level of the pyramid");
   }
 };
 
@@ -106,16 +111,12 @@ inline SubspaceOptions PaperSubspaceOptions() {
   return options;
 }
 
-// Templates of a feature, n x n on each level of a pyramid.
-using Templates = std::vector<std::vector<float>>;
-Templates TakeTemplates(const Pyramid& pyramid, const Eigen::Vector2d& xy, int n);
-
-// How steeply the energy rises around features, so that one penalty weight m fits bright and dark
-// pictures: the data term's slope grows with the contrast, the penalty's does not. Median over
-// features of the mean rise at 1.5 px [1/px]; 0 without features.
+// How steeply the energy rises around confirmed features, so that one penalty weight m fits bright
+// and dark pictures: the data term's slope grows with the contrast, the penalty's does not. Median
+// over features of the mean rise at 1.5 px [1/px]; 0 without features. `n`: side of the templates.
 double Contrast(const cv::Mat& picture,
                 const Eigen::Matrix2Xd& x,
-                std::span<const Templates* const> templates,
+                std::span<const Feature> features,
                 int n);
 
 // The weight of every feature's data term, paper equation (7): 1 / (m F contrast), or 1 / (m
@@ -124,20 +125,20 @@ std::optional<double> DataWeight(const SubspaceOptions& options,
                                  double contrast,
                                  Eigen::Index features);
 
-// What the guide minimises on one level of the pyramid, and how. Positions are those of the level.
-class GuideEnergy {
+// The total energy on one level of the pyramid, with all that it refers to, and how it is
+// minimised. Positions are those of the level.
+class LevelEnergy {
  public:
-  // `history`: 2 L x F at full resolution, newest first. Without penalty every feature is for
-  // itself. `current` and `templates` must outlive this.
-  GuideEnergy(const Pyramid& current,
+  // `history`: 2 L x F at full resolution, newest first; none: no penalty, every feature for
+  // itself. `current` and `features` must outlive this.
+  LevelEnergy(const Pyramid& current,
               int level,
-              std::span<const Templates* const> templates,
-              const Eigen::MatrixXd& history,
-              const Eigen::VectorXd& weights,
-              bool penalized,
+              std::span<const Feature> features,
+              const std::optional<Eigen::MatrixXd>& history,
+              const Eigen::VectorXd& data_weights,
               const SubspaceOptions& options);
-  GuideEnergy(const GuideEnergy&) = delete;
-  GuideEnergy& operator=(const GuideEnergy&) = delete;
+  LevelEnergy(const LevelEnergy&) = delete;
+  LevelEnergy& operator=(const LevelEnergy&) = delete;
 
   const TotalEnergy& total() const { return energy_; }
   OptimizerResult Minimize(const Eigen::Matrix2Xd& x) const;
@@ -148,6 +149,54 @@ class GuideEnergy {
   std::optional<TrajectoryMatrix> trajectories_;
   Penalty penalty_;
   TotalEnergy energy_;
+};
+
+// Where all features were in the newest frames, newest first: 2 x F each [px].
+using History = std::deque<Eigen::Matrix2Xd>;
+
+// The paper's tracker (3.1 to 3.3): all features go together to the minimum of the total energy,
+//   C(x) = sum_f a_f c_f(x_f) + P(M(x)),                        equation (3): TotalEnergy
+// over a pyramid, where the penalty P (equations 4 to 6: Penalty) asks that the trajectories M of
+// the last L frames (TrajectoryMatrix) stay near a subspace of low dimension.
+//
+//   guide.Begin(picture); guide.Add(births, picture, features);
+//   for each frame: x = guide.Minimize(picture, features, guide.Start(picture)).x;
+//                   guide.Remember(picture, x, features);   // with `confirmed` of this frame
+class JointGuide {
+ public:
+  // With penalty_weight 0 every feature is for itself (equation 2).
+  explicit JointGuide(const SubspaceOptions& options) : options_(options) {}
+
+  const History& history() const { return history_; }
+
+  // Forgets all features; the window starts with this picture.
+  void Begin(const Pyramid& picture);
+  // New features behind the old ones: where each was in the frames of the history, newest first.
+  // `features` are all, `picture` is the newest.
+  void Add(std::span<const std::vector<Eigen::Vector2d>> births,
+           const Pyramid& picture,
+           std::span<const Feature> features);
+  void Keep(std::span<const std::uint8_t> keep);
+
+  // The newest positions, moved with the whole picture.
+  Eigen::Matrix2Xd Start(const Pyramid& current) const;
+  // The nearest minimum, from coarse to fine. What the last frame contradicted has no say of its
+  // own (a_f = 0): the others lead it until the image confirms it again.
+  OptimizerResult Minimize(const Pyramid& current,
+                           std::span<const Feature> features,
+                           const Eigen::Matrix2Xd& start) const;
+  LevelEnergy Energy(const Pyramid& current, int level, std::span<const Feature> features) const;
+
+  // `x` becomes the past.
+  void Remember(const Pyramid& current, Eigen::Matrix2Xd x, std::span<const Feature> features);
+
+ private:
+  Eigen::MatrixXd HistoryMatrix() const;  // 2 L x F, newest first
+
+  SubspaceOptions options_;
+  History history_;  // L at most
+  Pyramid previous_;
+  double contrast_ = 0.0;  // running mean
 };
 
 }  // namespace cohort

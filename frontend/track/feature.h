@@ -1,0 +1,44 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "frontend/image/pyramid.h"
+#include "frontend/track/measurement.h"
+
+namespace cohort {
+
+// What a feature looked like when it was born, n x n row by row on each level of a pyramid: T of
+// the single-feature energy, paper equation (1).
+using Templates = std::vector<std::vector<float>>;
+Templates TakeTemplates(const Pyramid& pyramid, const Eigen::Vector2d& xy, int n);
+
+// All that the subspace tracker knows of one feature, but for its positions (JointGuide) and its
+// trajectory's model (TrajectoryModel).
+struct Feature {
+  Templates templates;    // for the energy
+  AnchorPatch anchor;     // for the measurement
+  int window_px = 0;      // side of the patch that is measured; narrower once it is measured well
+  double light = 0.0;     // change of its brightness since its birth; running mean
+  double change = 1.0;    // of its innermost pixels, over what noise explains; running mean
+  bool open = true;       // the other features could not say where it is
+  bool confirmed = true;  // by the image, in the last frame
+  int unexplained_frames = 0;  // in a row: not confirmed, and hidden by nothing
+  // Where Lucas-Kanade finds an open feature in this frame, if it finds back from there.
+  std::optional<Eigen::Vector2d> returned_xy;
+};
+
+// A feature born at `xy`. `smooth` is the picture denoised for measuring.
+Feature TakeFeature(const Pyramid& picture,
+                    const Pyramid& smooth,
+                    const Eigen::Vector2d& xy,
+                    int template_px,
+                    const PatchOptions& patch);
+
+// Removes the features with keep[f] == 0.
+void KeepFeatures(std::span<const std::uint8_t> keep, std::vector<Feature>& features);
+
+}  // namespace cohort

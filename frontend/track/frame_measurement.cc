@@ -1,0 +1,104 @@
+#include "frontend/track/frame_measurement.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace cohort {
+namespace {
+
+// The prior of a small patch is wide, so that it guides and does not decide: this many deviations
+// of the prediction, and no less than some of a pixel. By eye on the tuning clips.
+constexpr int kSmallWindowPx = 11;
+constexpr double kPriorFactor = 3.0;
+constexpr double kLeastPriorPx = 0.3;
+
+std::vector<Eigen::Vector2d> StartsOf(std::span<const Feature> features,
+                                      const Eigen::Matrix2Xd& guide) {
+  std::vector<Eigen::Vector2d> starts;
+  for (std::size_t f = 0; f < features.size(); ++f) {
+    starts.push_back(features[f].returned_xy.value_or(guide.col(static_cast<Eigen::Index>(f))));
+  }
+  return starts;
+}
+
+}  // namespace
+
+FrameMeasurement::FrameMeasurement(const Pyramid& smooth,
+                                   std::span<const Feature> features,
+                                   const PatchOptions& patch,
+                                   const ThereAndBack& there_and_back,
+                                   const CovarianceCalibration& calibration,
+                                   const Eigen::Matrix2Xd& guide)
+    : smooth_(smooth),
+      features_(features),
+      calibration_(calibration),
+      starts_(StartsOf(features, guide)),
+      measured_(MeasureFrom(starts_)),
+      confirmation_(smooth, patch, there_and_back, calibration, features, measured_),
+      verdicts_(features.size(), Verdict::kNotMeasured),
+      observed_(features.size()) {
+  for (std::size_t f = 0; f < features.size(); ++f) {
+    if (!features[f].confirmed) continue;
+    Judge(f, confirmation_.TestPatch(features[f], measured_[f], starts_[f]));
+  }
+}
+
+std::vector<Measurement> FrameMeasurement::MeasureFrom(
+    const std::vector<Eigen::Vector2d>& starts) const {
+  std::vector<Measurement> measured(features_.size());
+  for (std::size_t f = 0; f < features_.size(); ++f) {
+    const Feature& feature = features_[f];
+    if (!feature.confirmed) continue;
+    measured[f] =
+        MeasurePatch(smooth_, feature.anchor, starts[f], feature.window_px, calibration_.scale());
+  }
+  return measured;
+}
+
+void FrameMeasurement::Judge(std::size_t f, Verdict verdict) {
+  verdicts_[f] = verdict;
+  observed_[f] = {};
+  if (verdict == Verdict::kObserved) observed_[f] = calibration_.ForModel(measured_[f]);
+}
+
+std::vector<CovarianceCalibration::Sample> FrameMeasurement::Residuals(
+    std::span<const TrajectoryModel::Estimate> predicted) const {
+  std::vector<CovarianceCalibration::Sample> samples;
+  for (std::size_t f = 0; f < features_.size(); ++f) {
+    if (!IsObserved(f)) continue;
+    samples.push_back({measured_[f].xy - predicted[f].measured_xy,
+                       predicted[f].measured_covariance,
+                       measured_[f].shape});
+  }
+  return samples;
+}
+
+void FrameMeasurement::TestPositions(std::span<const TrajectoryModel::Estimate> predicted) {
+  for (std::size_t f = 0; f < features_.size(); ++f) {
+    if (!IsObserved(f)) continue;
+    Judge(f, confirmation_.TestPosition(features_[f], measured_[f], predicted[f]));
+  }
+}
+
+void FrameMeasurement::MeasureAtPrediction(std::size_t f,
+                                           const TrajectoryModel::Estimate& predicted,
+                                           bool strong) {
+  const Feature& feature = features_[f];
+  const Eigen::Vector2d& start = predicted.measured_xy;
+  measured_[f] =
+      MeasurePatch(smooth_, feature.anchor, start, feature.window_px, calibration_.scale());
+  Judge(f, confirmation_.TestPatchAtPrediction(feature, measured_[f], predicted, strong));
+  if (IsObserved(f)) return;
+  const double sigma_px = std::sqrt(0.5 * predicted.measured_covariance.trace());
+  const double prior_px = std::max(kPriorFactor * sigma_px, kLeastPriorPx);
+  measured_[f] = MeasurePatch(smooth_,
+                              feature.anchor,
+                              start,
+                              kSmallWindowPx,
+                              calibration_.scale(),
+                              confirmation_.noise_variance(),
+                              Eigen::Matrix2d::Identity() / (prior_px * prior_px));
+  Judge(f, confirmation_.TestSmallPatchAtPrediction(feature, measured_[f], predicted, strong));
+}
+
+}  // namespace cohort

@@ -1,0 +1,64 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <span>
+#include <vector>
+
+#include "frontend/image/pyramid.h"
+#include "frontend/track/confirmation.h"
+#include "frontend/track/covariance_calibration.h"
+#include "frontend/track/feature.h"
+#include "frontend/track/there_and_back.h"
+#include "frontend/track/trajectory_model.h"
+
+namespace cohort {
+
+// The measurements of all features in one frame, and what the tests say of them (README.md,
+// "Observed, predicted, ended", steps 2 and 3).
+class FrameMeasurement {
+ public:
+  // Aligns the large patch of every feature that the last frame confirmed, from its guide (2 x F)
+  // or from where Lucas-Kanade finds it, and tests what is seen there. The guide of what was not
+  // confirmed is the others' alone: its prediction is a better start. `smooth` is the picture
+  // denoised for measuring. All arguments but the guide must outlive this.
+  FrameMeasurement(const Pyramid& smooth,
+                   std::span<const Feature> features,
+                   const PatchOptions& patch,
+                   const ThereAndBack& there_and_back,
+                   const CovarianceCalibration& calibration,
+                   const Eigen::Matrix2Xd& guide);
+
+  bool IsObserved(std::size_t f) const { return verdicts_[f] == Verdict::kObserved; }
+  Verdict verdict(std::size_t f) const { return verdicts_[f]; }
+  const Measurement& measurement(std::size_t f) const { return measured_[f]; }
+  const Confirmation& confirmation() const { return confirmation_; }
+
+  // What is observed, as the trajectory model takes it, by the calibration of the time when it was
+  // measured.
+  const std::vector<TrajectoryModel::Observation>& observed() const { return observed_; }
+  std::vector<CovarianceCalibration::Sample> Residuals(
+      std::span<const TrajectoryModel::Estimate> predicted) const;
+
+  // Tests whether what is observed lies where the other features say (strong constraint).
+  void TestPositions(std::span<const TrajectoryModel::Estimate> predicted);
+
+  // Of what is not observed: the large patch once more from the prediction; then a small one, with
+  // the prediction as prior: the rim of the large one may lie on another surface or behind an
+  // occluder.
+  void MeasureAtPrediction(std::size_t f, const TrajectoryModel::Estimate& predicted, bool strong);
+
+ private:
+  void Judge(std::size_t f, Verdict verdict);
+  std::vector<Measurement> MeasureFrom(const std::vector<Eigen::Vector2d>& starts) const;
+
+  const Pyramid& smooth_;
+  std::span<const Feature> features_;
+  const CovarianceCalibration& calibration_;
+  std::vector<Eigen::Vector2d> starts_;
+  std::vector<Measurement> measured_;
+  Confirmation confirmation_;
+  std::vector<Verdict> verdicts_;
+  std::vector<TrajectoryModel::Observation> observed_;
+};
+
+}  // namespace cohort

@@ -1,0 +1,32 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <opencv2/core/mat.hpp>
+#include <span>
+#include <vector>
+
+#include "frontend/image/pyramid.h"
+#include "frontend/track/feature.h"
+#include "frontend/track/trajectory_model.h"
+
+namespace cohort {
+
+// Where the camera moves fast, the other features cannot say where a new one is, and alignment may
+// end at any similar pattern nearby. So what they leave open by more than `max_open_px` must be
+// where Lucas-Kanade finds it and finds back from. 0: nothing is open.
+class ThereAndBack {
+ public:
+  explicit ThereAndBack(double max_open_px) : max_open_px_(max_open_px) {}
+
+  void Begin(const Pyramid& picture);
+  // Sets returned_xy of all features. `newest`: 2 x F, where they were in the last picture.
+  void Track(const Pyramid& current, const Eigen::Matrix2Xd& newest, std::span<Feature> features);
+
+  bool IsOpen(const TrajectoryModel::Estimate& predicted) const;
+
+ private:
+  double max_open_px_;
+  std::vector<cv::Mat> previous_;
+};
+
+}  // namespace cohort

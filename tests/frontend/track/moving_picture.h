@@ -1,0 +1,38 @@
+#pragma once
+
+#include <Eigen/Core>
+
+#include "frontend/image/pyramid.h"
+#include "frontend/track/feature.h"
+#include "tests/support/closed_form_image.h"
+
+namespace cohort::test {
+
+// A textured picture that moves by whole-frame shifts: what is at p unshifted is at p + shift.
+inline Pyramid ShiftedNoise(const Eigen::Vector2d& shift) {
+  return BuildPyramid(
+      ImageOf([&](double x, double y) { return NoiseAt(400 + x - shift.x(), 300 + y - shift.y()); },
+              240,
+              180,
+              CV_32F));
+}
+
+// Features on a grid of 5 x 4, as born in the unshifted picture.
+inline Eigen::Matrix2Xd GridOfTwenty() {
+  Eigen::Matrix2Xd x(2, 20);
+  for (int f = 0; f < 20; ++f) x.col(f) = Eigen::Vector2d(45 + 35 * (f % 5), 40 + 32 * (f / 5));
+  return x;
+}
+
+inline std::vector<Feature> FeaturesAt(const Pyramid& picture,
+                                       const Eigen::Matrix2Xd& x,
+                                       int template_px = 11,
+                                       const PatchOptions& patch = {}) {
+  std::vector<Feature> features;
+  for (const Eigen::Vector2d xy : x.colwise()) {
+    features.push_back(TakeFeature(picture, SmoothPyramid(picture, 0.0), xy, template_px, patch));
+  }
+  return features;
+}
+
+}  // namespace cohort::test

@@ -1,0 +1,60 @@
+#include "frontend/track/there_and_back.h"
+
+#include <gtest/gtest.h>
+
+#include "tests/frontend/track/moving_picture.h"
+
+namespace cohort {
+namespace {
+
+const Eigen::Vector2d kMotion(6, -4);
+
+// All features of the grid, from a picture to the next one.
+std::vector<Feature> Tracked(double max_open_px, const Pyramid& next) {
+  const Pyramid first = test::ShiftedNoise({0, 0});
+  std::vector<Feature> features = test::FeaturesAt(first, test::GridOfTwenty());
+  features[4].open = false;
+  features[5].confirmed = false;
+  features[6].returned_xy = {1, 1};  // of an earlier frame
+  ThereAndBack there_and_back(max_open_px);
+  there_and_back.Begin(first);
+  there_and_back.Track(next, test::GridOfTwenty(), features);
+  return features;
+}
+
+TEST(ThereAndBack, FindsWhatIsOpenAndConfirmedWhereItWent) {
+  const std::vector<Feature> features = Tracked(1.5, test::ShiftedNoise(kMotion));
+  EXPECT_FALSE(features[4].returned_xy);
+  EXPECT_FALSE(features[5].returned_xy);
+  for (const std::size_t f : {6u, 7u, 12u, 13u}) {
+    ASSERT_TRUE(features[f].returned_xy) << f;
+    const Eigen::Vector2d xy = test::GridOfTwenty().col(static_cast<Eigen::Index>(f)) + kMotion;
+    EXPECT_LT((*features[f].returned_xy - xy).norm(), 0.1) << f;
+  }
+}
+
+TEST(ThereAndBack, WhatIsGoneDoesNotComeBack) {
+  const Pyramid other = BuildPyramid(test::ImageOf(
+      [](double x, double y) { return test::NoiseAt(3.1 * x - 900, 2000 - y); }, 240, 180, CV_32F));
+  int returned = 0;
+  for (const Feature& feature : Tracked(1.5, other)) returned += feature.returned_xy ? 1 : 0;
+  EXPECT_LE(returned, 2);
+}
+
+TEST(ThereAndBack, IsNotAskedWithoutALimit) {
+  for (const Feature& feature : Tracked(0.0, test::ShiftedNoise(kMotion))) {
+    EXPECT_FALSE(feature.returned_xy);
+  }
+}
+
+TEST(ThereAndBack, OpenIsWhatTheOthersKnowWorseThanTheLimit) {
+  TrajectoryModel::Estimate predicted;
+  predicted.measured_covariance = 1.4 * 1.4 * Eigen::Matrix2d::Identity();
+  EXPECT_FALSE(ThereAndBack(1.5).IsOpen(predicted));
+  predicted.measured_covariance = 1.6 * 1.6 * Eigen::Matrix2d::Identity();
+  EXPECT_TRUE(ThereAndBack(1.5).IsOpen(predicted));
+  EXPECT_FALSE(ThereAndBack(0.0).IsOpen(predicted));
+}
+
+}  // namespace
+}  // namespace cohort
