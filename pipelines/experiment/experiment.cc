@@ -16,18 +16,22 @@
 #include "datasets/degrade/degrade.h"
 #include "datasets/truth/track_truth.h"
 #include "frontend/core/output.h"
-#include "pipelines/commands/degrade.h"
-#include "pipelines/commands/evaluate.h"
-#include "pipelines/commands/reconstruct.h"
-#include "pipelines/commands/track.h"
-#include "pipelines/commands/video_frames.h"
 #include "pipelines/evaluation/halves.h"
 #include "pipelines/experiment/ceiling.h"
 #include "pipelines/experiment/cell_rows.h"
 #include "pipelines/experiment/cells.h"
 #include "pipelines/experiment/tasks.h"
 #include "pipelines/experiment/undegraded.h"
+#include "pipelines/jobs/degrade_job.h"
+#include "pipelines/jobs/evaluate_job.h"
+#include "pipelines/jobs/reconstruct_job.h"
+#include "pipelines/jobs/track_job.h"
 #include "pipelines/json/json_file.h"
+#include "pipelines/json/option_list.h"
+#include "pipelines/sfm/input.h"
+#include "pipelines/sfm/summary_json.h"
+#include "pipelines/sfm/track_sequence.h"
+#include "pipelines/sfm/video_frames.h"
 
 namespace cohort {
 namespace {
@@ -309,7 +313,7 @@ class Experiment {
       }
       const Condition& condition = conditions_[i];
       if (!needed || !condition.IsDegraded()) continue;
-      DegradeCommandOptions degrade;
+      DegradeJobOptions degrade;
       degrade.input = ClipInput(condition);
       degrade.out = condition.Frames().string();
       degrade.degrade = DegradeOf(condition);
@@ -320,7 +324,7 @@ class Experiment {
                        condition.folder / "degrade.json",
                        depends_on.dump(),
                        [degrade] {
-                         RunDegrade(degrade);
+                         RunDegradeJob(degrade);
                          return Json::object();
                        },
                        !options_.shard.empty()});
@@ -358,8 +362,8 @@ class Experiment {
     return depends_on;
   }
 
-  TrackCommandOptions TrackOf(const TrackCell& cell) const {
-    TrackCommandOptions track;
+  TrackJobOptions TrackOf(const TrackCell& cell) const {
+    TrackJobOptions track;
     track.input = cell.frames;
     track.out = cell.Tracks().string();
     track.seed = cell.condition.seed;
@@ -386,8 +390,8 @@ class Experiment {
                          if (cell.tracker.source == TrackSource::kCeiling) {
                            return TrackCeiling(cell);
                          }
-                         const TrackCommandOptions track = TrackOf(cell);
-                         RunTrack(track);
+                         const TrackJobOptions track = TrackOf(cell);
+                         RunTrackJob(track);
                          Json figures{{"track", ReadJsonFile(track.json)}};
                          if (cell.condition.clip.has_track_truth) {
                            figures["errors"] = Evaluate(cell, cell.Tracks(), cell.TrackErrors());
@@ -409,7 +413,7 @@ class Experiment {
     const auto truth = OpenTrackTruth(*dark, frames.input);
     TrackFile file =
         MakeCeilingTracks(*clip, *dark, *truth, DegradeOf(cell.condition), cell.tracker.options);
-    DescribeFrames(frames, *dark, file);
+    DescribeInput(frames, *dark, file);
     file.meta = {{"tracker", cell.tracker.name}};
     WriteTrackFile(cell.Tracks(), file);
     const Json track{{"tracks", file.tracks.features().size()},
@@ -419,21 +423,12 @@ class Experiment {
     return {{"track", track}, {"errors", Evaluate(cell, cell.Tracks(), cell.TrackErrors())}};
   }
 
-  static void DescribeFrames(const InputOptions& input, const Sequence& frames, TrackFile& file) {
-    file.source = fs::absolute(input.input).lexically_normal().string();
-    if (!frames.ImageRoot().empty()) {
-      file.image_root = fs::absolute(frames.ImageRoot()).lexically_normal().string();
-    }
-    file.camera = CameraOf(input, frames, file.width_px, file.height_px);
-  }
-
   Json Evaluate(const TrackCell& cell, const fs::path& subject, const fs::path& json) const {
     const InputOptions frames = cell.frames;
-    RunEvaluate({.subject = subject.string(),
-                 .truth = frames.input,
-                 .layout = frames.layout,
-                 .json = json.string()});
-    return ReadJsonFile(json);
+    return RunEvaluateJob({.subject = subject.string(),
+                           .truth = frames.input,
+                           .layout = frames.layout,
+                           .json = json.string()});
   }
 
   std::vector<Task> FollowTasks(const Shard& shard) const {
@@ -569,15 +564,15 @@ class Experiment {
                                   GridBackend backend,
                                   const fs::path& tracks,
                                   const fs::path& out) const {
-    ReconstructCommandOptions reconstruct;
-    reconstruct.tracks = tracks.string();
-    reconstruct.out = out.string();
-    reconstruct.backend =
+    ReconstructJobOptions job;
+    job.tracks = tracks.string();
+    job.out = out.string();
+    job.reconstruct.backend =
         backend == GridBackend::kColmap ? BackendKind::kColmap : BackendKind::kCeres;
-    reconstruct.write_frames = false;
-    reconstruct.ceres = options_.ceres;
-    reconstruct.colmap = ColmapOf(cell);
-    return ReconstructTracks(reconstruct);
+    job.reconstruct.write_frames = false;
+    job.reconstruct.ceres = options_.ceres;
+    job.reconstruct.colmap = ColmapOf(cell);
+    return RunReconstructJob(job);
   }
 
   // A finished model's figures.
@@ -596,11 +591,11 @@ class Experiment {
   // Halves that had a second pass together would agree by it: each gets one of its own.
   TrackFile TracksToHalve(const TrackCell& cell) const {
     if (!HasSecondPass(cell.tracker)) return ReadTrackFile(cell.Tracks());
-    TrackCommandOptions track = TrackOf(cell);
+    TrackJobOptions track = TrackOf(cell);
     track.out = cell.folder / "first_pass.tracks";
     track.json.clear();
     track.second_pass.mode = SecondPassMode::kOff;
-    RunTrack(track);
+    RunTrackJob(track);
     return ReadTrackFile(track.out);
   }
 
@@ -619,7 +614,7 @@ class Experiment {
       half.tracks = halves[i];
       if (HasSecondPass(cell.tracker)) {
         const auto frames = OpenInput(cell.frames);
-        half = WithSecondPass(std::move(half), *frames, {}, options_.second_pass);
+        half = WithSecondPass(std::move(half), *frames, {}, options_.second_pass).file;
       }
       WriteTrackFile(tracks, half);
       const ReconstructionSummary summary = MakeModel(cell, backend, tracks, out);
@@ -653,7 +648,7 @@ class Experiment {
       clip.width_px = frame->gray.cols;
       clip.height_px = frame->gray.rows;
     }
-    DescribeFrames(input, *frames, clip);
+    DescribeInput(input, *frames, clip);
     const fs::path work = cell.folder / "sift";
     if (clip.image_root.empty()) {
       fs::create_directories(cell.folder);
