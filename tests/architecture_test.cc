@@ -68,13 +68,43 @@ const std::map<std::string, std::set<std::string>> kMayInclude{
     {"pipelines/console", {"frontend/core", "pipelines/json"}},
     {"pipelines/evaluation",
      {"frontend/core", "frontend/geometry", "frontend/tracks", "datasets", "backend"}},
-    {"pipelines",
+    {"pipelines/sfm", {"frontend", "backend", "datasets", "pipelines/json"}},
+    {"pipelines/jobs",
      {"frontend",
-      "datasets",
       "backend",
+      "datasets",
       "pipelines/json",
       "pipelines/console",
-      "pipelines/evaluation"}},
+      "pipelines/evaluation",
+      "pipelines/sfm"}},
+    {"pipelines/experiment",
+     {"frontend",
+      "backend",
+      "datasets",
+      "pipelines/json",
+      "pipelines/console",
+      "pipelines/evaluation",
+      "pipelines/sfm",
+      "pipelines/jobs"}},
+    {"pipelines/report",
+     {"frontend",
+      "backend",
+      "datasets",
+      "pipelines/json",
+      "pipelines/console",
+      "pipelines/evaluation",
+      "pipelines/experiment"}},
+    {"pipelines/commands",
+     {"frontend",
+      "backend",
+      "datasets",
+      "pipelines/json",
+      "pipelines/console",
+      "pipelines/sfm",
+      "pipelines/jobs",
+      "pipelines/experiment",
+      "pipelines/report"}},
+    {"pipelines", {"pipelines/console", "pipelines/commands"}},
 };
 
 // Libraries that only one part may show or use: by the start of the include.
@@ -155,6 +185,10 @@ TEST(Architecture, FindsAnIncludeThatPointsUpward) {
   EXPECT_TRUE(Fault("datasets/a.cc", "pipelines/console/table.h"));
   EXPECT_TRUE(Fault("frontend/track/a.cc", "ceres/ceres.h"));
   EXPECT_TRUE(Fault("backend/scene/a.cc", "tests/support/temp_dir.h"));
+  EXPECT_TRUE(Fault("pipelines/sfm/a.cc", "pipelines/console/table.h"));
+  EXPECT_TRUE(Fault("pipelines/sfm/a.cc", "pipelines/evaluation/alignment.h"));
+  EXPECT_TRUE(Fault("pipelines/experiment/a.cc", "pipelines/commands/track.h"));
+  EXPECT_TRUE(Fault("pipelines/jobs/a.cc", "pipelines/experiment/tasks.h"));
   EXPECT_FALSE(Fault("backend/scene/a.cc", "ceres/ceres.h"));
   EXPECT_FALSE(Fault("backend/scene/a.cc", "frontend/tracks/track_set.h"));
   EXPECT_FALSE(Fault("pipelines/commands/a.cc", "backend/scene/reconstruction.h"));

@@ -1,22 +1,8 @@
 #include "pipelines/commands/degrade.h"
 
-#include <spdlog/spdlog.h>
-
-#include "pipelines/console/progress_bar.h"
+#include "pipelines/jobs/degrade_job.h"
 
 namespace cohort {
-
-void RunDegrade(const DegradeCommandOptions& options) {
-  DegradeOptions degrade = options.degrade;
-  degrade.level = ParseLevel(options.level);
-  const auto sequence = OpenInput(options.input);
-  ProgressBar progress("degrade", sequence->FrameCount());
-  DegradeSequence(
-      *sequence, options.input.input, degrade, options.out, [&](std::size_t, std::size_t) {
-        progress.Advance();
-      });
-  if (!sequence->Warning().empty()) spdlog::warn("{}", sequence->Warning());
-}
 
 Command DegradeCommand() {
   return MakeCommand({.name = "degrade",
@@ -25,7 +11,7 @@ Command DegradeCommand() {
                       .positionals = {"input", "out"},
                       .required = {"input", "out"},
                       .short_flags = {{"occluder", {"occluder_px_per_frame"}}}},
-                     RunDegrade);
+                     RunDegradeJob);
 }
 
 }  // namespace cohort

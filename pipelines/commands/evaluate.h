@@ -1,44 +1,10 @@
 #pragma once
 
-#include "datasets/open_sequence.h"
 #include "pipelines/console/command.h"
 
 namespace cohort {
 
-struct EvaluateCommandOptions {
-  std::string subject;
-  std::string truth;
-  Layout layout = Layout::kAuto;
-  double edge_px = 0.0;
-  std::string json;
-
-  template <typename Self, typename Visitor>
-  static void Visit(Self& o, Visitor& v) {
-    v.Text("subject", o.subject, "The .tracks file or the model folder to measure.", Tier::kCommon);
-    v.Text("truth",
-           o.truth,
-           "The clip with true poses and, for the errors of tracks and points, true depth.",
-           Tier::kCommon);
-    v.Choice("layout",
-             o.layout,
-             kLayoutNames,
-             "How to read the truth; only needed where its layout is not recognised.",
-             Tier::kCommon);
-    v.Number("edge_px",
-             o.edge_px,
-             0.0,
-             100.0,
-             "Count tracks that begin nearer to a jump of depth than this [px] as without "
-             "truth; 0: count all. Near a jump, a hair decides which surface is the true "
-             "one.",
-             Tier::kCommon);
-    v.Text("json", o.json, "Write the figures to this file, too.", Tier::kCommon);
-  }
-};
-
-// Tracks or a model against the truth.
-void RunEvaluate(const EvaluateCommandOptions& options);
-
+// Tracks or a model against the truth (EvaluateJob), printed.
 Command EvaluateCommand();
 
 }  // namespace cohort

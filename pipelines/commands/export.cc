@@ -3,7 +3,8 @@
 #include "backend/colmap/model_io.h"
 #include "backend/scene/bal.h"
 #include "frontend/tracks/track_csv.h"
-#include "pipelines/commands/video_frames.h"
+#include "pipelines/console/progress_bar.h"
+#include "pipelines/sfm/video_frames.h"
 
 namespace cohort {
 namespace {
@@ -16,7 +17,7 @@ void ExportColmapDatabase(const TrackFile& file, const ExportCommandOptions& opt
   if (file.image_root.empty() && options.write_frames) {
     images = fs::path(options.colmap_database).replace_extension("");
     images += "_images";
-    WriteVideoFrames(file, images);
+    WriteVideoFrames(file, images, ProgressBars());
   }
   fmt::print("{}: for COLMAP with --image_path {}\n", options.colmap_database, images.string());
 }

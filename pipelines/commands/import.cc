@@ -10,16 +10,10 @@
 namespace cohort {
 namespace {
 
-namespace fs = std::filesystem;
-
 // All of the file but the tracks.
 TrackFile ReadFrames(const InputOptions& input) {
   const auto sequence = OpenInput(input);
   TrackFile file;
-  file.source = fs::absolute(input.input).lexically_normal().string();
-  if (!sequence->ImageRoot().empty()) {
-    file.image_root = fs::absolute(sequence->ImageRoot()).lexically_normal().string();
-  }
   ProgressBar progress("import", sequence->FrameCount());
   while (const auto frame = sequence->Next()) {
     file.width_px = frame->gray.cols;
@@ -28,7 +22,7 @@ TrackFile ReadFrames(const InputOptions& input) {
     progress.Advance();
   }
   if (!sequence->Warning().empty()) spdlog::warn("{}", sequence->Warning());
-  file.camera = CameraOf(input, *sequence, file.width_px, file.height_px);
+  DescribeInput(input, *sequence, file);
   return file;
 }
 
@@ -59,7 +53,7 @@ void RunImport(const ImportCommandOptions& options) {
   CheckFramesKnown(file, options.tracks, options.input.input);
   file.meta = {{"program", fmt::format("cohort {}", kVersion)},
                {"tracker", "import"},
-               {"imported_from", fs::absolute(options.tracks).lexically_normal().string()},
+               {"imported_from", AbsolutePath(options.tracks)},
                {"frames", options.input.frames}};
   WriteTrackFile(options.out, file);
   fmt::print("{}: {} tracks, {} observations in {} frames\n",

@@ -1,7 +1,7 @@
 #pragma once
 
-#include "pipelines/commands/input_options.h"
 #include "pipelines/console/command.h"
+#include "pipelines/sfm/input.h"
 
 namespace cohort {
 

@@ -8,9 +8,10 @@
 #include "backend/colmap/model_io.h"
 #include "datasets/open_sequence.h"
 #include "frontend/tracks/track_store.h"
-#include "pipelines/commands/track.h"
+#include "pipelines/console/progress_bar.h"
 #include "pipelines/console/table.h"
 #include "pipelines/json/json_file.h"
+#include "pipelines/sfm/input.h"
 
 namespace cohort {
 
@@ -34,9 +35,9 @@ void RunRefine(const RefineCommandOptions& options) {
                                    model,
                                    *sequence,
                                    ReadMask(mask == file.meta.end() ? "" : mask->second),
-                                   options.second_pass);
-  second.file.meta["refined_from"] =
-      std::filesystem::absolute(options.tracks).lexically_normal().string();
+                                   options.second_pass,
+                                   ProgressBars());
+  second.file.meta["refined_from"] = AbsolutePath(options.tracks);
   WriteTrackFile(options.out, second.file);
 
   const SecondPassFigures& figures = second.figures;

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <memory>
 
 namespace cohort {
 
@@ -53,6 +54,24 @@ void ProgressBar::Advance(std::size_t steps) {
   const double seconds = std::chrono::duration<double>(now - start_).count();
   fmt::print(stderr, "\r{}\x1b[K", ProgressLine(label_, done_, total_, seconds, rate_unit_));
   std::fflush(stderr);
+}
+
+std::function<void(std::string_view, std::size_t, std::optional<std::size_t>)> ProgressBars() {
+  struct Current {
+    std::string stage;
+    std::size_t done = 0;
+    std::optional<ProgressBar> bar;
+  };
+  return [current = std::make_shared<Current>()](
+             std::string_view stage, std::size_t done, std::optional<std::size_t> total) {
+    if (!current->bar || current->stage != stage) {
+      current->stage = stage;
+      current->done = 0;
+      current->bar.emplace(current->stage, total);
+    }
+    current->bar->Advance(done - current->done);
+    current->done = done;
+  };
 }
 
 }  // namespace cohort

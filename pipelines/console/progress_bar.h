@@ -2,8 +2,10 @@
 
 #include <chrono>
 #include <cstddef>
+#include <functional>
 #include <optional>
 #include <string>
+#include <string_view>
 
 namespace cohort {
 
@@ -33,6 +35,10 @@ class ProgressBar {
   Clock::time_point start_ = Clock::now();
   Clock::time_point next_draw_ = start_;
 };
+
+// A bar for each stage of a job, one after the other, as a callback that is told how far it is.
+std::function<void(std::string_view stage, std::size_t done, std::optional<std::size_t> total)>
+ProgressBars();
 
 // The line itself, as drawn after `seconds`.
 std::string ProgressLine(const std::string& label,

@@ -6,7 +6,8 @@
 
 #include "frontend/core/options.h"
 #include "frontend/track/tracker_options.h"
-#include "pipelines/commands/track.h"
+#include "pipelines/sfm/input.h"
+#include "pipelines/sfm/second_pass.h"
 
 namespace cohort {
 

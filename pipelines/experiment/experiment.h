@@ -123,9 +123,6 @@ struct ExperimentOptions {
   }
 };
 
-// The tracker options that a name of ExperimentOptions::trackers stands for. Throws UsageError.
-TrackerOptions NamedTracker(const std::string& name, const TrackerOptions& base);
-
 // Degrades, tracks, reconstructs and evaluates every cell, each in a process of its own, below
 // OUT/cells. A cell that fails, in whatever way, is a failure in the results and stops nothing.
 // With a shard, the results are those of all cells that are finished by now.

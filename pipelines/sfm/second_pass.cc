@@ -1,7 +1,6 @@
 #include "pipelines/sfm/second_pass.h"
 
 #include <fmt/format.h>
-#include <spdlog/spdlog.h>
 
 #include <Eigen/LU>
 #include <algorithm>
@@ -10,11 +9,11 @@
 #include <map>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <string_view>
 #include <vector>
 
 #include "backend/geometry/triangulation.h"
 #include "backend/scene/mapper.h"
-#include "pipelines/console/progress_bar.h"
 #include "pipelines/json/option_list.h"
 
 namespace cohort {
@@ -132,9 +131,14 @@ class ModelPredictions {
 
 // Calls `use` with every frame of the tracks.
 template <typename Use>
-void ForEachFrame(const TrackFile& file, Sequence& sequence, const char* what, const Use& use) {
+void ForEachFrame(const TrackFile& file,
+                  Sequence& sequence,
+                  std::string_view stage,
+                  const StageProgress& progress,
+                  const Use& use) {
   sequence.Rewind();
-  ProgressBar progress(what, file.frames.size());
+  std::size_t done = 0;
+  if (progress) progress(stage, done, file.frames.size());
   std::optional<Frame> frame = sequence.Next();
   for (const FrameInfo& wanted : file.frames) {
     while (frame && frame->index < wanted.index) frame = sequence.Next();
@@ -156,7 +160,7 @@ void ForEachFrame(const TrackFile& file, Sequence& sequence, const char* what, c
           file.height_px);
     }
     use(*frame);
-    progress.Advance();
+    if (progress) progress(stage, ++done, file.frames.size());
   }
 }
 
@@ -259,17 +263,18 @@ SecondPass MeasureAgain(const TrackFile& file,
                         const Reconstruction& model,
                         Sequence& sequence,
                         const cv::Mat& mask,
-                        const SecondPassOptions& options) {
+                        const SecondPassOptions& options,
+                        const StageProgress& progress) {
   const ModelPredictions predictions(file, model, mask, options);
   SecondPassMeasurer measurer(options.measurement);
-  ForEachFrame(file, sequence, "learn", [&](const Frame& frame) {
+  ForEachFrame(file, sequence, "learn", progress, [&](const Frame& frame) {
     measurer.Learn(frame, predictions.ForTemplates(frame.index));
   });
-  ForEachFrame(file, sequence, "measure", [&](const Frame& frame) {
+  ForEachFrame(file, sequence, "measure", progress, [&](const Frame& frame) {
     measurer.Measure(frame, predictions.InSight(frame.index));
   });
 
-  SecondPass second{file, {}};
+  SecondPass second{file, {}, {}};
   std::vector<Observation> observations = measurer.Finish();
   for (const Observation& o : observations) {
     const Observation* before = file.tracks.Find(o.feature, o.frame);
@@ -299,26 +304,26 @@ SecondPass MeasureAgain(const TrackFile& file,
   return second;
 }
 
-TrackFile WithSecondPass(TrackFile file,
-                         Sequence& sequence,
-                         const cv::Mat& mask,
-                         const SecondPassOptions& options) {
+SecondPass WithSecondPass(TrackFile file,
+                          Sequence& sequence,
+                          const cv::Mat& mask,
+                          const SecondPassOptions& options,
+                          const StageProgress& progress) {
   const MapperResult model = ReconstructWithCeres(file, {});
-  const auto without = [&file](const std::string& reason) {
-    spdlog::warn("no second pass: {}", reason);
+  const auto without = [&file](const std::string& reason, const SecondPassFigures& figures) {
     file.meta["second_pass"] = "none: " + reason;
-    return std::move(file);
+    return SecondPass{std::move(file), figures, reason};
   };
   if (model.summary.Failed()) {
-    return without("the tracks do not reconstruct: " + model.summary.Brief());
+    return without("the tracks do not reconstruct: " + model.summary.Brief(), {});
   }
-  SecondPass second = MeasureAgain(file, model.reconstruction, sequence, mask, options);
+  SecondPass second = MeasureAgain(file, model.reconstruction, sequence, mask, options, progress);
   if (second.figures.Confirmed() < options.min_confirmed) {
     return without(
-        fmt::format("only {}: the scene is not as the model has it", second.figures.Brief()));
+        fmt::format("only {}: the scene is not as the model has it", second.figures.Brief()),
+        second.figures);
   }
-  spdlog::info("second pass: {}", second.figures.Brief());
-  return std::move(second.file);
+  return second;
 }
 
 }  // namespace cohort

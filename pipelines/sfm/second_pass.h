@@ -8,6 +8,7 @@
 #include "datasets/readers/sequence.h"
 #include "frontend/track/second_pass_measurer.h"
 #include "frontend/tracks/track_store.h"
+#include "pipelines/sfm/progress.h"
 
 namespace cohort {
 
@@ -75,7 +76,12 @@ struct SecondPassFigures {
 struct SecondPass {
   TrackFile file;
   SecondPassFigures figures;
+  std::string none_because;  // of WithSecondPass: why `file` is the first pass's; empty: it is not
 };
+
+// TrackFile::meta["second_pass"]: not wanted, or still to come; then "done", or "none: " and why.
+inline constexpr const char* kSecondPassOff = "off";
+inline constexpr const char* kSecondPassAsked = "asked";
 
 // Does no point of the scene, near or infinitely far, explain half of the track's observed
 // positions to within `max_error_px`? Not said of fewer than ten frames with a pose.
@@ -93,13 +99,15 @@ SecondPass MeasureAgain(const TrackFile& file,
                         const Reconstruction& model,
                         Sequence& sequence,
                         const cv::Mat& mask,
-                        const SecondPassOptions& options);
+                        const SecondPassOptions& options,
+                        const StageProgress& progress = {});
 
 // The same with a model of its own, by Ceres; where none succeeds, or too little is found again,
 // `file` itself, whose meta["second_pass"] says why.
-TrackFile WithSecondPass(TrackFile file,
-                         Sequence& sequence,
-                         const cv::Mat& mask,
-                         const SecondPassOptions& options);
+SecondPass WithSecondPass(TrackFile file,
+                          Sequence& sequence,
+                          const cv::Mat& mask,
+                          const SecondPassOptions& options,
+                          const StageProgress& progress = {});
 
 }  // namespace cohort

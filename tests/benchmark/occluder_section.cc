@@ -8,10 +8,10 @@
 #include <string_view>
 
 #include "frontend/core/statistics.h"
-#include "pipelines/commands/degrade.h"
-#include "pipelines/commands/evaluate.h"
-#include "pipelines/commands/track.h"
 #include "pipelines/experiment/tasks.h"
+#include "pipelines/jobs/degrade_job.h"
+#include "pipelines/jobs/evaluate_job.h"
+#include "pipelines/jobs/track_job.h"
 #include "pipelines/json/json_file.h"
 #include "pipelines/json/option_list.h"
 
@@ -40,13 +40,13 @@ constexpr std::string_view kOffEdges = "off_edges";
 
 Task MakeTask(const Clip& clip, const std::string& seed, const OccluderOptions& options) {
   const fs::path folder = options.work / clip.name / seed;
-  DegradeCommandOptions degrade;
+  DegradeJobOptions degrade;
   degrade.input.input = (options.clips / clip.name).string();
   degrade.input.frames = fmt::format("0:{}", kFrames);
   degrade.out = (folder / "frames").string();
   degrade.degrade.occluder_px_per_frame = kBarPxPerFrame;
   degrade.degrade.seed = static_cast<unsigned>(std::stoul(seed));
-  TrackCommandOptions track;
+  TrackJobOptions track;
   track.input.input = degrade.out;
   track.out = (folder / "clip.tracks").string();
   track.seed = degrade.degrade.seed;
@@ -58,16 +58,16 @@ Task MakeTask(const Clip& clip, const std::string& seed, const OccluderOptions& 
           folder / "result.json",
           depends_on.dump(),
           [folder, degrade, track] {
-            RunDegrade(degrade);
-            RunTrack(track);
+            RunDegradeJob(degrade);
+            RunTrackJob(track);
             Json figures;
             for (const std::string_view subject : {kAll, kOffEdges}) {
-              EvaluateCommandOptions evaluate;
+              EvaluateJobOptions evaluate;
               evaluate.subject = track.out;
               evaluate.truth = degrade.out;
               evaluate.edge_px = subject == kOffEdges ? kEdgePx : 0.0;
               evaluate.json = (folder / fmt::format("{}.json", subject)).string();
-              RunEvaluate(evaluate);
+              RunEvaluateJob(evaluate);
               figures[std::string(subject)] = ReadJsonFile(evaluate.json);
             }
             return figures;

@@ -1,15 +1,18 @@
 #pragma once
 
+#include <filesystem>
 #include <memory>
+#include <opencv2/core/mat.hpp>
 #include <optional>
 #include <string>
 
 #include "datasets/open_sequence.h"
 #include "frontend/core/options.h"
+#include "frontend/tracks/track_store.h"
 
 namespace cohort {
 
-// Which frames a command reads.
+// Which frames to read, as the command line names them.
 struct InputOptions {
   std::string input;
   Layout layout = Layout::kAuto;
@@ -45,9 +48,20 @@ struct InputOptions {
 std::unique_ptr<Sequence> OpenInput(const InputOptions& options);
 
 // The camera given, else the sequence's own, else none. Throws UsageError on another text.
-std::optional<Camera> CameraOf(const InputOptions& options,
-                               const Sequence& sequence,
-                               int width_px,
-                               int height_px);
+std::optional<Camera> KnownCamera(const InputOptions& options,
+                                  const Sequence& sequence,
+                                  int width_px,
+                                  int height_px);
+
+// Fills in where the frames of `file`, whose picture size is set, come from: source, image_root and
+// camera.
+void DescribeInput(const InputOptions& options, const Sequence& sequence, TrackFile& file);
+
+// Absolute and without dots, as a .tracks file names input; empty stays empty.
+std::string AbsolutePath(const std::filesystem::path& path);
+
+// CV_8UC1, 0 where no feature may be. Empty without a path; throws Error naming one that is no
+// picture.
+cv::Mat ReadMask(const std::string& path);
 
 }  // namespace cohort

@@ -1,4 +1,4 @@
-#include "pipelines/commands/video_frames.h"
+#include "pipelines/sfm/video_frames.h"
 
 #include <opencv2/imgcodecs.hpp>
 #include <string>
@@ -7,11 +7,12 @@
 #include "datasets/open_sequence.h"
 #include "frontend/core/error.h"
 #include "frontend/core/output.h"
-#include "pipelines/console/progress_bar.h"
 
 namespace cohort {
 
-void WriteVideoFrames(const TrackFile& file, const std::filesystem::path& folder) {
+void WriteVideoFrames(const TrackFile& file,
+                      const std::filesystem::path& folder,
+                      const StageProgress& progress) {
   constexpr const char* kWithout = "`cohort reconstruct --no-write-frames` needs no pictures";
   if (!std::filesystem::exists(file.source)) {
     ThrowError(
@@ -21,7 +22,7 @@ void WriteVideoFrames(const TrackFile& file, const std::filesystem::path& folder
   for (const FrameInfo& frame : file.frames) names.push_back(frame.name);
   OutputFolder out(folder, names);
   const auto video = OpenSequence(file.source, Layout::kVideo);
-  ProgressBar progress("write frames", file.frames.size());
+  std::size_t done = 0;
   for (const FrameInfo& wanted : file.frames) {
     std::optional<Frame> frame = video->Next();
     while (frame && frame->index < wanted.index) frame = video->Next();
@@ -35,7 +36,7 @@ void WriteVideoFrames(const TrackFile& file, const std::filesystem::path& folder
     if (!cv::imwrite(path, frame->gray)) {
       ThrowError("cannot write {}: is the disk full?", path);
     }
-    progress.Advance();
+    if (progress) progress("write frames", ++done, file.frames.size());
   }
   out.Commit();
 }

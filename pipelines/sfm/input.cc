@@ -1,8 +1,9 @@
-#include "pipelines/commands/input_options.h"
+#include "pipelines/sfm/input.h"
 
 #include <array>
 #include <charconv>
 #include <cmath>
+#include <opencv2/imgcodecs.hpp>
 
 namespace cohort {
 namespace {
@@ -47,12 +48,29 @@ std::unique_ptr<Sequence> OpenInput(const InputOptions& options) {
                       options.frames.empty() ? FrameRange{} : FrameRange::Parse(options.frames));
 }
 
-std::optional<Camera> CameraOf(const InputOptions& options,
-                               const Sequence& sequence,
-                               int width_px,
-                               int height_px) {
+std::optional<Camera> KnownCamera(const InputOptions& options,
+                                  const Sequence& sequence,
+                                  int width_px,
+                                  int height_px) {
   if (!options.camera.empty()) return ParseCamera(options.camera, width_px, height_px);
   return sequence.KnownCamera();
+}
+
+void DescribeInput(const InputOptions& options, const Sequence& sequence, TrackFile& file) {
+  file.source = AbsolutePath(options.input);
+  file.image_root = AbsolutePath(sequence.ImageRoot());
+  file.camera = KnownCamera(options, sequence, file.width_px, file.height_px);
+}
+
+std::string AbsolutePath(const std::filesystem::path& path) {
+  return path.empty() ? "" : std::filesystem::absolute(path).lexically_normal().string();
+}
+
+cv::Mat ReadMask(const std::string& path) {
+  if (path.empty()) return {};
+  cv::Mat mask = cv::imread(path, cv::IMREAD_GRAYSCALE);
+  if (mask.empty()) ThrowError("cannot read the mask {}: give a picture", path);
+  return mask;
 }
 
 }  // namespace cohort

@@ -1,0 +1,156 @@
+#include "pipelines/experiment/cell_tasks.h"
+
+#include <fmt/format.h>
+
+#include <nlohmann/json.hpp>
+
+#include "pipelines/experiment/cell_jobs.h"
+#include "pipelines/experiment/cell_rows.h"
+#include "pipelines/experiment/named_trackers.h"
+#include "pipelines/jobs/degrade_job.h"
+#include "pipelines/json/json_file.h"
+#include "pipelines/json/option_list.h"
+
+namespace cohort {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+std::string LabelOf(const Condition& condition) {
+  return fmt::format("{} {} {}", condition.clip.name, condition.level, condition.seed);
+}
+
+std::string LabelOf(const TrackCell& cell, GridBackend backend) {
+  return fmt::format(
+      "{} {} {}", NameOf(kGridBackendNames, backend), LabelOf(cell.condition), cell.tracker.name);
+}
+
+// The frames, and what is done to them.
+Json DependenciesOf(const ExperimentOptions& options, const TrackCell& cell) {
+  Json depends_on{{"clip", ToJson(ClipInput(options, cell.condition))},
+                  {"fingerprint", cell.condition.clip.fingerprint},
+                  {"level", cell.condition.level},
+                  {"seed", cell.condition.seed},
+                  {"tracker", OwnOptions(cell.tracker)}};
+  if (options.protocol == Protocol::kReconstruction && HasSecondPass(cell.tracker)) {
+    depends_on["second_pass"] = ToJson(options.second_pass);
+  }
+  return depends_on;
+}
+
+Json BackendOptions(const ExperimentOptions& options, const TrackCell& cell, GridBackend backend) {
+  switch (backend) {
+    case GridBackend::kCeres:
+    case GridBackend::kTriangulation:
+      return {{"ceres", ToJson(options.ceres)}};
+    case GridBackend::kColmap:
+      Json options{{"colmap", ToJson(ColmapOptionsOf(options, cell))}};
+      if (cell.tracker.source == TrackSource::kSift) options["sift"] = ToJson(options.sift);
+      return options;
+  }
+  ThrowUsageError("unknown backend");
+}
+
+std::string ModelDependenciesOf(const ExperimentOptions& options,
+                                const TrackCell& cell,
+                                GridBackend backend) {
+  Json depends_on = DependenciesOf(options, cell);
+  depends_on["backend"] = BackendOptions(options, cell, backend);
+  return depends_on.dump();
+}
+
+}  // namespace
+
+std::vector<Task> DegradeTasks(const ExperimentOptions& options, const ExperimentPlan& plan) {
+  std::vector<Task> tasks;
+  for (std::size_t i = 0; i < plan.conditions.size(); ++i) {
+    bool needed = false;
+    for (std::size_t t = 0; t < plan.trackers.size(); ++t) {
+      needed = needed || plan.shard.Takes(i * plan.trackers.size() + t);
+    }
+    const Condition& condition = plan.conditions[i];
+    if (!needed || !condition.IsDegraded()) continue;
+    DegradeJobOptions degrade;
+    degrade.input = ClipInput(options, condition);
+    degrade.out = condition.Frames().string();
+    degrade.degrade = DegradationOf(condition);
+    degrade.level = condition.DegradeLevel();
+    const Json depends_on{{"degrade", ToJson(degrade)},
+                          {"fingerprint", condition.clip.fingerprint}};
+    tasks.push_back({"degrade " + LabelOf(condition),
+                     condition.folder / "degrade.json",
+                     depends_on.dump(),
+                     [degrade] {
+                       RunDegradeJob(degrade);
+                       return Json::object();
+                     },
+                     !options.shard.empty()});
+  }
+  return tasks;
+}
+
+std::vector<Task> FollowTasks(const ExperimentOptions& options, const ExperimentPlan& plan) {
+  std::vector<Task> tasks;
+  for (std::size_t i = 0; i < plan.cells.size(); ++i) {
+    if (!plan.shard.Takes(i)) continue;
+    const TrackCell& cell = plan.cells[i];
+    Json depends_on = DependenciesOf(options, cell);
+    depends_on["paper"] = ToJson(options.paper);
+    tasks.push_back({fmt::format("follow {} {}", LabelOf(cell.condition), cell.tracker.name),
+                     cell.Result(),
+                     depends_on.dump(),
+                     [&options, &cell] { return FollowCell(options, cell); }});
+  }
+  return tasks;
+}
+
+std::vector<Task> TrackTasks(const ExperimentOptions& options, const ExperimentPlan& plan) {
+  std::vector<Task> tasks;
+  for (std::size_t i = 0; i < plan.cells.size(); ++i) {
+    const TrackCell& cell = plan.cells[i];
+    if (!plan.shard.Takes(i) || cell.tracker.source == TrackSource::kSift) continue;
+    tasks.push_back({fmt::format("track {} {}", LabelOf(cell.condition), cell.tracker.name),
+                     cell.Result(),
+                     DependenciesOf(options, cell).dump(),
+                     [&options, &cell] { return MakeTracks(options, cell); }});
+  }
+  return tasks;
+}
+
+std::vector<Task> ReconstructTasks(const ExperimentOptions& options, const ExperimentPlan& plan) {
+  std::vector<Task> tasks;
+  for (std::size_t i = 0; i < plan.cells.size(); ++i) {
+    if (!plan.shard.Takes(i)) continue;
+    const TrackCell& cell = plan.cells[i];
+    const bool has_tracks = cell.tracker.source != TrackSource::kSift;
+    if (has_tracks && ReadJsonFile(cell.Result()).at("figures").contains("not_available")) continue;
+    for (const GridBackend backend : plan.backends) {
+      if (!cell.Has(backend)) continue;
+      tasks.push_back(
+          {LabelOf(cell, backend),
+           cell.Result(backend),
+           ModelDependenciesOf(options, cell, backend),
+           [&options, &cell, backend] { return ReconstructCell(options, cell, backend); }});
+    }
+  }
+  return tasks;
+}
+
+std::vector<Task> HalvesTasks(const ExperimentOptions& options, const ExperimentPlan& plan) {
+  std::vector<Task> tasks;
+  for (std::size_t i = 0; i < plan.cells.size(); ++i) {
+    if (!plan.shard.Takes(i)) continue;
+    const TrackCell& cell = plan.cells[i];
+    for (const GridBackend backend : plan.backends) {
+      if (!cell.HasHalves(backend) || !HasModel(ReadJsonFile(cell.Result(backend)))) continue;
+      tasks.push_back(
+          {"halves " + LabelOf(cell, backend),
+           cell.HalvesResult(backend),
+           ModelDependenciesOf(options, cell, backend),
+           [&options, &cell, backend] { return CompareHalvesOfCell(options, cell, backend); }});
+    }
+  }
+  return tasks;
+}
+
+}  // namespace cohort

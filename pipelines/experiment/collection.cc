@@ -1,0 +1,78 @@
+#include "pipelines/experiment/collection.h"
+
+#include <nlohmann/json.hpp>
+
+#include "pipelines/experiment/cell_rows.h"
+#include "pipelines/experiment/undegraded.h"
+#include "pipelines/json/json_file.h"
+
+namespace cohort {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::ordered_json;
+
+// The last plain KLT's of the undegraded clip and the first seed; null: the grid has none.
+const TrackCell* FindUndegradedReference(const ExperimentPlan& plan, const GridClip& clip) {
+  const TrackCell* reference = nullptr;
+  for (const TrackCell& other : plan.cells) {
+    if (!other.condition.IsDegraded() && other.condition.clip.name == clip.name &&
+        other.condition.seed == plan.seeds.front() &&
+        other.tracker.source == TrackSource::kTracker &&
+        other.tracker.options.tracker == TrackerKind::kKlt) {
+      reference = &other;
+    }
+  }
+  return reference;
+}
+
+// Real clips: also against the reconstruction of the undegraded frames, where the grid has them.
+// One for all trackers, and the opponent's: that of the last plain KLT.
+void AddUndegradedRow(const ExperimentPlan& plan,
+                      const TrackCell& cell,
+                      GridBackend backend,
+                      ExperimentResults& results) {
+  const GridClip& clip = cell.condition.clip;
+  if (!clip.has_poses || clip.has_track_truth || !cell.condition.IsDegraded() ||
+      backend == GridBackend::kTriangulation) {
+    return;
+  }
+  const TrackCell* reference = FindUndegradedReference(plan, clip);
+  if (reference == nullptr) return;
+  const auto frames = OpenInput(reference->frames);
+  const auto error =
+      ErrorToUndegraded(cell.Model(backend), reference->Model(backend), frames->TrueCamFromWorld());
+  if (!error) return;
+  results.rows.push_back({clip.name,
+                          cell.condition.level,
+                          cell.tracker.name,
+                          std::string(NameOf(kGridBackendNames, backend)),
+                          cell.condition.seed,
+                          "ate_to_undegraded",
+                          *error,
+                          "m"});
+}
+
+}  // namespace
+
+ExperimentResults CollectResults(const ExperimentPlan& plan) {
+  ExperimentResults results;
+  results.cells = plan.cells;
+  for (const TrackCell& cell : plan.cells) {
+    if (fs::exists(cell.Result())) AddTrackRows(cell, ReadJsonFile(cell.Result()), results);
+    for (const GridBackend backend : plan.backends) {  // what is not there is another shard's
+      if (!fs::exists(cell.Result(backend))) continue;
+      const Json result = ReadJsonFile(cell.Result(backend));
+      AddModelRows(cell, backend, result, results);
+      if (cell.HasHalves(backend)) {
+        const fs::path halves = cell.HalvesResult(backend);
+        AddHalvesRows(
+            cell, backend, result, fs::exists(halves) ? ReadJsonFile(halves) : Json(), results);
+      }
+      AddUndegradedRow(plan, cell, backend, results);
+    }
+  }
+  return results;
+}
+
+}  // namespace cohort

@@ -1,0 +1,121 @@
+#include "pipelines/experiment/named_trackers.h"
+
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <set>
+#include <string_view>
+
+#include "pipelines/experiment/parse_unsigned.h"
+#include "pipelines/json/json_file.h"
+#include "pipelines/json/option_list.h"
+#include "pipelines/sfm/track_sequence.h"
+
+namespace cohort {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+// The groups of TrackerOptions that a tracker reads, beside the detector's.
+std::set<std::string> OwnGroups(const GridTracker& tracker) {
+  if (tracker.source != TrackSource::kTracker) return {};
+  switch (tracker.options.tracker) {
+    case TrackerKind::kSubspace:
+    case TrackerKind::kDescent:
+      return {"subspace", "measurement"};
+    case TrackerKind::kKlt:
+      return {"klt"};
+    case TrackerKind::kAnchoredKlt:
+      return {"anchored_klt"};
+    case TrackerKind::kRlof:
+      return {"rlof"};
+    case TrackerKind::kDis:
+    case TrackerKind::kDeepFlow:
+      return {"dense_flow"};
+  }
+  return {};
+}
+
+}  // namespace
+
+TrackerOptions NamedTracker(const std::string& name, const TrackerOptions& base) {
+  TrackerOptions options = base;
+  if (name.ends_with(".json")) {
+    SetFromJson(ListOptions(options), ReadJsonFile(name), name);
+    return options;
+  }
+  for (const auto& [text, kind] : kTrackerNames) {
+    if (name == text) {
+      options.tracker = kind;
+      return options;
+    }
+  }
+  if (name == "subspace-paper" || name == "descent-paper") {
+    options.tracker = name == "subspace-paper" ? TrackerKind::kSubspace : TrackerKind::kDescent;
+    options.subspace = PaperSubspaceOptions();
+    options.measurement.enabled = false;
+    return options;
+  }
+  if (name == "subspace-fused") {
+    options.tracker = TrackerKind::kSubspace;
+    options.measurement.fuse = true;
+    return options;
+  }
+  const auto window_behind = [&name](std::string_view prefix) -> std::optional<unsigned> {
+    if (!name.starts_with(prefix)) return std::nullopt;
+    return ParseUnsigned(std::string_view(name).substr(prefix.size()));
+  };
+  if (const auto window = window_behind("klt")) {
+    options.tracker = TrackerKind::kKlt;
+    options.klt.window_px = static_cast<int>(*window);
+    ValidateOptions(options);
+    return options;
+  }
+  if (const auto window = window_behind("anchored-klt")) {
+    options.tracker = TrackerKind::kAnchoredKlt;
+    options.anchored_klt.window_px = static_cast<int>(*window);
+    ValidateOptions(options);
+    return options;
+  }
+  ThrowUsageError(
+      "tracker '{}' is unknown: give a tracker of `cohort track`, kltN or anchored-kltN (window "
+      "N px), descent-paper, subspace-paper, subspace-fused, ceiling, sift or F.json",
+      name);
+}
+
+GridTracker NamedGridTracker(const std::string& name,
+                             const TrackerOptions& base,
+                             SecondPassMode second_pass) {
+  if (name == "ceiling") return {name, TrackSource::kCeiling, base};
+  if (name == "sift") return {name, TrackSource::kSift, base};
+  GridTracker tracker{
+      std::filesystem::path(name).stem().string(), TrackSource::kTracker, base, second_pass};
+  std::string first_pass = name;
+  for (const auto& [suffix, mode] :
+       {std::pair("-refined", SecondPassMode::kOn), std::pair("-online", SecondPassMode::kOff)}) {
+    if (!name.ends_with(suffix)) continue;
+    first_pass = name.substr(0, name.size() - std::string_view(suffix).size());
+    tracker.second_pass = mode;
+  }
+  tracker.options = NamedTracker(first_pass, base);
+  return tracker;
+}
+
+bool HasSecondPass(const GridTracker& tracker) {
+  return tracker.source == TrackSource::kTracker &&
+         WantsSecondPass(tracker.second_pass, tracker.options);
+}
+
+Json OwnOptions(const GridTracker& tracker) {
+  const std::set<std::string> own = OwnGroups(tracker);
+  Json kept = Json::object();
+  const Json all = ToJson(tracker.options);
+  for (const auto& [name, value] : all.items()) {
+    const bool is_group = value.is_object() && name != "detector";
+    if (!is_group || own.contains(name)) kept[name] = value;
+  }
+  if (tracker.source != TrackSource::kTracker) kept["tracker"] = tracker.name;
+  return kept;
+}
+
+}  // namespace cohort

@@ -1,0 +1,201 @@
+#include "pipelines/experiment/plan.h"
+
+#include <algorithm>
+#include <limits>
+#include <nlohmann/json.hpp>
+#include <set>
+
+#include "datasets/truth/track_truth.h"
+#include "pipelines/experiment/named_trackers.h"
+#include "pipelines/experiment/parse_unsigned.h"
+#include "pipelines/experiment/tasks.h"
+#include "pipelines/json/json_file.h"
+#include "pipelines/json/option_list.h"
+
+namespace cohort {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::ordered_json;
+
+Shard ParseShard(const std::string& text) {
+  if (text.empty()) return {};
+  const std::size_t slash = text.find('/');
+  if (slash != std::string::npos) {
+    const auto index = ParseUnsigned(std::string_view(text).substr(0, slash));
+    const auto count = ParseUnsigned(std::string_view(text).substr(slash + 1));
+    if (index && count && *index < *count) return {*index, *count};
+  }
+  ThrowUsageError("--shard '{}' is none: give i/n with i from 0 to n - 1", text);
+}
+
+unsigned ParseSeed(const std::string& text) {
+  const auto seed = ParseUnsigned(text);
+  constexpr unsigned kMost = std::numeric_limits<int>::max();  // COLMAP's
+  if (!seed || *seed > kMost) {
+    ThrowUsageError("--seeds '{}' is no seed: give whole numbers from 0 to {}", text, kMost);
+  }
+  return *seed;
+}
+
+GridBackend ParseBackend(const std::string& text) {
+  for (const auto& [name, backend] : kGridBackendNames) {
+    if (name == text) return backend;
+  }
+  ThrowUsageError("--backends '{}' is unknown: give ceres, colmap or triangulation", text);
+}
+
+// Cells of the same name would share a folder and count twice.
+void CheckDistinct(const char* option, const std::vector<std::string>& names) {
+  std::set<std::string> seen;
+  for (const std::string& name : names) {
+    if (!seen.insert(name).second) ThrowUsageError("--{} has {} twice", option, name);
+  }
+}
+
+void CheckDistinctCells(const ExperimentOptions& options, const ExperimentPlan& plan) {
+  std::vector<std::string> trackers;
+  for (const GridTracker& tracker : plan.trackers) trackers.push_back(tracker.name);
+  std::vector<std::string> seeds;
+  for (const unsigned seed : plan.seeds) seeds.push_back(std::to_string(seed));
+  CheckDistinct("trackers", trackers);
+  CheckDistinct("seeds", seeds);
+  CheckDistinct("levels", options.levels);
+  CheckDistinct("backends", options.backends);
+}
+
+void CheckTracker(const ExperimentOptions& options,
+                  const ExperimentPlan& plan,
+                  const GridTracker& tracker) {
+  if (tracker.source != TrackSource::kTracker && options.protocol == Protocol::kPaper) {
+    ThrowUsageError("--trackers {}: not with --protocol paper", tracker.name);
+  }
+  if (tracker.source == TrackSource::kSift &&
+      std::find(plan.backends.begin(), plan.backends.end(), GridBackend::kColmap) ==
+          plan.backends.end()) {
+    ThrowUsageError("--trackers sift is COLMAP alone: add colmap to --backends");
+  }
+}
+
+// Changes when a file of the clip does: names, sizes and times of writing.
+std::string FingerprintOf(const std::string& input) {
+  std::set<std::string> files;
+  const auto add = [&files](const fs::path& path) {
+    std::error_code error;
+    const auto size = fs::file_size(path, error);
+    if (error) return;
+    const auto written = fs::last_write_time(path, error).time_since_epoch().count();
+    files.insert(fmt::format("{} {} {}", path.filename().string(), size, written));
+  };
+  if (fs::is_regular_file(input)) {
+    add(input);
+  } else {
+    fs::path folder = fs::absolute(input);  // of a glob that which holds it
+    while (!fs::is_directory(folder)) folder = folder.parent_path();
+    for (const auto& entry : fs::recursive_directory_iterator(folder)) add(entry.path());
+  }
+  std::uint64_t hash = 14695981039346656037ULL;  // FNV-1a
+  for (const std::string& file : files) {
+    for (const char c : file + "\n") {
+      hash = (hash ^ static_cast<unsigned char>(c)) * 1099511628211ULL;
+    }
+  }
+  return fmt::format("{:016x}", hash);
+}
+
+}  // namespace
+
+ExperimentPlan PlanWithoutClips(const ExperimentOptions& options) {
+  ExperimentPlan plan;
+  plan.cells_folder = fs::path(options.out) / "cells";
+  plan.shard = ParseShard(options.shard);
+  for (const std::string& text : options.backends) plan.backends.push_back(ParseBackend(text));
+  for (const std::string& seed : options.seeds) plan.seeds.push_back(ParseSeed(seed));
+  for (const std::string& level : options.levels) {
+    if (level != kAsIs && level != kSensor) ParseLevel(level);
+  }
+  for (const std::string& name : options.trackers) {
+    plan.trackers.push_back(NamedGridTracker(name, options.tracking, options.second_pass.mode));
+    CheckTracker(options, plan, plan.trackers.back());
+  }
+  CheckDistinctCells(options, plan);
+  return plan;
+}
+
+std::vector<GridClip> ProbeClips(const ExperimentOptions& options, const ExperimentPlan& plan) {
+  // Every shard asks for itself.
+  std::string shard_suffix = options.shard.empty() ? "" : "_shard_" + options.shard;
+  std::replace(shard_suffix.begin(), shard_suffix.end(), '/', '_');
+  std::vector<Task> tasks;
+  for (std::size_t i = 0; i < options.inputs.size(); ++i) {
+    const InputOptions input{options.inputs[i], options.layout, options.frames, ""};
+    tasks.push_back({"open " + input.input,
+                     plan.cells_folder / fmt::format("clip{}{}.json", i, shard_suffix),
+                     ToJson(input).dump(),
+                     [input] {
+                       const auto sequence = OpenInput(input);
+                       const auto truth = OpenTrackTruth(*sequence, input.input);
+                       return Json{{"name", sequence->Name()},
+                                   {"fingerprint", FingerprintOf(input.input)},
+                                   {"has_poses", !sequence->TrueCamFromWorld().empty()},
+                                   {"has_track_truth", truth != nullptr}};
+                     }});
+  }
+  RunTasks("open", tasks, options.jobs, false);  // always: the files may have changed
+  std::set<std::string> names;
+  std::vector<GridClip> clips;
+  for (std::size_t i = 0; i < tasks.size(); ++i) {
+    const Json result = ReadJsonFile(tasks[i].result);
+    if (!result["error"].is_null()) ThrowError("{}", result["error"].get<std::string>());
+    const Json& figures = result["figures"];
+    std::string name = figures["name"];
+    for (int n = 2; !names.insert(name).second; ++n) {
+      name = fmt::format("{}-{}", figures["name"].get<std::string>(), n);
+    }
+    clips.push_back({options.inputs[i],
+                     name,
+                     figures["fingerprint"],
+                     figures["has_poses"],
+                     figures["has_track_truth"]});
+    if (options.protocol == Protocol::kPaper && !clips.back().has_track_truth) {
+      ThrowError("{} has no truth of tracks: --protocol paper needs clips of `cohort synth`",
+                 clips.back().input);
+    }
+  }
+  return clips;
+}
+
+void AddClips(const ExperimentOptions& options,
+              const std::vector<GridClip>& clips,
+              ExperimentPlan& plan) {
+  for (const GridClip& clip : clips) {
+    for (const std::string& level : options.levels) {
+      for (const unsigned seed : plan.seeds) {
+        const Condition condition{
+            clip, level, seed, plan.cells_folder / clip.name / level / std::to_string(seed)};
+        const InputOptions frames =
+            condition.IsDegraded()
+                ? InputOptions{condition.Frames().string(), Layout::kAuto, "", options.camera}
+                : ClipInput(options, condition);
+        plan.conditions.push_back(condition);
+        for (const GridTracker& tracker : plan.trackers) {
+          plan.cells.push_back({condition, tracker, frames, condition.folder / tracker.name});
+        }
+      }
+    }
+  }
+}
+
+InputOptions ClipInput(const ExperimentOptions& options, const Condition& condition) {
+  return {condition.clip.input, options.layout, options.frames, options.camera};
+}
+
+DegradeOptions DegradationOf(const Condition& condition) {
+  DegradeOptions degrade;
+  degrade.seed = condition.seed;
+  if (condition.level == kSensor) degrade.recipe = DegradeRecipe::kSensor;
+  degrade.level = ParseLevel(condition.DegradeLevel());
+  return degrade;
+}
+
+}  // namespace cohort

@@ -1,0 +1,45 @@
+#pragma once
+
+#include <filesystem>
+#include <vector>
+
+#include "pipelines/experiment/cells.h"
+#include "pipelines/experiment/experiment.h"
+
+namespace cohort {
+
+// Every n-th cell.
+struct Shard {
+  std::size_t index = 0;
+  std::size_t count = 1;
+
+  bool Takes(std::size_t i) const { return i % count == index; }
+};
+
+// What an experiment is to do, from its options.
+struct ExperimentPlan {
+  std::filesystem::path cells_folder;
+  Shard shard;
+  std::vector<GridTracker> trackers;
+  std::vector<GridBackend> backends;
+  std::vector<unsigned> seeds;
+  std::vector<Condition> conditions;  // clips x levels x seeds
+  std::vector<TrackCell> cells;       // conditions x trackers, in this order
+};
+
+// All but conditions and cells, which need the clips. Throws UsageError on options that make no
+// grid.
+ExperimentPlan PlanWithoutClips(const ExperimentOptions& options);
+void AddClips(const ExperimentOptions& options,
+              const std::vector<GridClip>& clips,
+              ExperimentPlan& plan);
+
+// Opens the clips, in processes of their own: opening one may start OpenCV's threads, and this
+// process is to fork. Throws Error on one that cannot be opened or does not suit the protocol.
+std::vector<GridClip> ProbeClips(const ExperimentOptions& options, const ExperimentPlan& plan);
+
+// The clip as it is; and what is done to it.
+InputOptions ClipInput(const ExperimentOptions& options, const Condition& condition);
+DegradeOptions DegradationOf(const Condition& condition);
+
+}  // namespace cohort

@@ -1,0 +1,21 @@
+#include "pipelines/jobs/degrade_job.h"
+
+#include <spdlog/spdlog.h>
+
+#include "pipelines/console/progress_bar.h"
+
+namespace cohort {
+
+void RunDegradeJob(const DegradeJobOptions& options) {
+  DegradeOptions degrade = options.degrade;
+  degrade.level = ParseLevel(options.level);
+  const auto sequence = OpenInput(options.input);
+  ProgressBar progress("degrade", sequence->FrameCount());
+  DegradeSequence(
+      *sequence, options.input.input, degrade, options.out, [&](std::size_t, std::size_t) {
+        progress.Advance();
+      });
+  if (!sequence->Warning().empty()) spdlog::warn("{}", sequence->Warning());
+}
+
+}  // namespace cohort

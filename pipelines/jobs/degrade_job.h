@@ -1,0 +1,31 @@
+#pragma once
+
+#include "datasets/degrade/degrade.h"
+#include "pipelines/sfm/input.h"
+
+namespace cohort {
+
+// The work of `cohort degrade`.
+struct DegradeJobOptions {
+  InputOptions input;
+  std::string out;
+  std::string level = "medium";
+  DegradeOptions degrade;  // with the level above
+
+  template <typename Self, typename Visitor>
+  static void Visit(Self& o, Visitor& v) {
+    InputOptions::Visit(o.input, v);
+    v.Text("out", o.out, "The folder to write, in TUM RGB-D layout.", Tier::kCommon);
+    v.Text("level",
+           o.level,
+           "How dark it gets: clean, medium, hard or a number; 0 is clean, 1 medium, 2 "
+           "hard, and beyond 2 it gets darker still.",
+           Tier::kCommon);
+    DegradeOptions::Visit(o.degrade, v);
+  }
+};
+
+// INPUT -> the same clip in the dark, with its truth.
+void RunDegradeJob(const DegradeJobOptions& options);
+
+}  // namespace cohort

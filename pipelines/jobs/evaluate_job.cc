@@ -1,0 +1,162 @@
+#include "pipelines/jobs/evaluate_job.h"
+
+#include <nlohmann/json.hpp>
+
+#include "backend/colmap/model_io.h"
+#include "datasets/open_sequence.h"
+#include "datasets/truth/track_truth.h"
+#include "frontend/tracks/track_store.h"
+#include "pipelines/evaluation/model_evaluation.h"
+#include "pipelines/evaluation/track_error.h"
+#include "pipelines/json/json_file.h"
+
+namespace cohort {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::ordered_json;
+
+// null where a figure cannot be computed.
+template <typename T>
+Json OrNull(const std::optional<T>& value) {
+  return value ? Json(*value) : Json(nullptr);
+}
+
+// edge_px: EvaluateJobOptions
+TrackTruthOracle OracleOf(TrackTruth& truth, double edge_px) {
+  return [&truth, edge_px](FrameIndex born, const Eigen::Vector2d& xy) -> std::optional<TruePath> {
+    if (edge_px > 0.0 && truth.IsOnDepthEdge(born, xy, edge_px)) return std::nullopt;
+    const auto anchor = truth.Pick(born, xy);
+    if (!anchor) return std::nullopt;
+    return [&truth, anchor = *anchor](FrameIndex frame) -> std::optional<TrueSighting> {
+      const auto position = truth.Locate(anchor, frame);
+      if (!position) return std::nullopt;
+      return TrueSighting{position->xy, position->visible};
+    };
+  };
+}
+
+Json ErrorsToJson(const std::optional<ErrorSummary>& errors) {
+  if (!errors) return nullptr;
+  return {{"count", errors->count},
+          {"median_px", errors->median_px},
+          {"p90_px", errors->p90_px},
+          {"mean_px", errors->mean_px}};
+}
+
+Json ErrorsToJson(const std::map<int, ErrorSummary>& errors_by_frames) {
+  Json json = Json::object();
+  for (const auto& [frames, errors] : errors_by_frames) {
+    json[std::to_string(frames)] = ErrorsToJson(errors);
+  }
+  return json;
+}
+
+Json CalibrationToJson(const CalibrationFigure& figure) {
+  return {{"count", figure.count},
+          {"nees_ratio", figure.nees_ratio},
+          {"robust_sigma", figure.robust_sigma},
+          {"share_beyond_3", figure.share_beyond_3},
+          {"histogram_sigmas", CalibrationFigure::kHistogramSigmas},
+          {"histogram", figure.histogram}};
+}
+
+Json EvaluateTrackFile(const std::string& path,
+                       const Sequence& sequence,
+                       TrackTruth* truth,
+                       double edge_px) {
+  if (truth == nullptr) {
+    ThrowError(
+        "{} has no truth of tracks: it needs true poses and depth pictures, as `cohort "
+        "synth` writes them",
+        sequence.Name());
+  }
+  const TrackFile file = ReadTrackFile(path);
+  ReinitializationOptions options;
+  options.width_px = file.width_px;
+  options.height_px = file.height_px;
+  const TrackEvaluation figures = EvaluateTracks(file.tracks, OracleOf(*truth, edge_px), options);
+  return {{"tracks", figures.tracks},
+          {"tracks_without_truth", figures.tracks_without_truth},
+          {"mean_track_length", file.tracks.MeanObservedLength()},
+          {"observed", ErrorsToJson(figures.observed)},
+          {"outlier_share", OrNull(figures.outlier_share)},
+          {"calibration",
+           figures.calibration ? CalibrationToJson(*figures.calibration) : Json(nullptr)},
+          {"predicted", ErrorsToJson(figures.predicted)},
+          {"hidden", ErrorsToJson(figures.hidden)},
+          {"hidden_but_observed", ErrorsToJson(figures.hidden_but_observed)},
+          {"predicted_precision", OrNull(figures.predicted_precision)},
+          {"predicted_recall", OrNull(figures.predicted_recall)},
+          {"mean_frames_between_reinitializations",
+           OrNull(figures.reinitializations.mean_frames_between)},
+          {"l1_error_30_frames_px",
+           figures.trajectory_l1 ? Json(figures.trajectory_l1->mean_px) : Json(nullptr)}};
+}
+
+// The frames that a model was to have: summary.json says so; of another program's model all that
+// have a true pose.
+std::vector<FrameIndex> FramesOfModel(const fs::path& folder, const Sequence& truth) {
+  std::vector<FrameIndex> frames;
+  const fs::path summary = folder / "summary.json";
+  if (fs::exists(summary)) {
+    const Json json = ReadJsonFile(summary);
+    if (json.contains("frame_range")) {
+      const FrameRange range = FrameRange::Parse(json["frame_range"].get<std::string>());
+      for (std::uint32_t i = range.first; i < range.end.value_or(range.first); i += range.stride) {
+        frames.push_back(FrameIndex{i});
+      }
+      return frames;
+    }
+  }
+  for (const auto& [frame, pose] : truth.TrueCamFromWorld()) frames.push_back(frame);
+  return frames;
+}
+
+Json EvaluateModelFolder(const fs::path& folder, const Sequence& sequence, TrackTruth* truth) {
+  ModelTruth model_truth;
+  model_truth.cam_from_world = sequence.TrueCamFromWorld();
+  if (model_truth.cam_from_world.empty()) {
+    ThrowError("{} has no true poses: give a clip in TUM RGB-D, EuRoC or KITTI layout",
+               sequence.Name());
+  }
+  if (truth != nullptr) {
+    model_truth.point = [truth](FrameIndex frame,
+                                const Eigen::Vector2d& xy) -> std::optional<Eigen::Vector3d> {
+      const auto anchor = truth->Pick(frame, xy);
+      if (!anchor) return std::nullopt;
+      return anchor->x_in_world;
+    };
+  }
+  const ModelEvaluation figures =
+      EvaluateModel(ReadReconstruction(folder), FramesOfModel(folder, sequence), model_truth);
+  return {{"registered", figures.registered},
+          {"frames", figures.frames},
+          {"failed", TooFewRegistered(figures.registered, figures.frames)},
+          {"ate_m", OrNull(figures.ate_m)},
+          {"rpe_rot_deg", OrNull(figures.rpe_rot_deg)},
+          {"rpe_trans_m", OrNull(figures.rpe_trans_m)},
+          {"point_error_median_m", OrNull(figures.point_error_median_m)},
+          {"points_with_truth", figures.points_with_truth},
+          {"auc_5", OrNull(figures.auc_5)},
+          {"auc_10", OrNull(figures.auc_10)},
+          {"auc_20", OrNull(figures.auc_20)},
+          {"scale", OrNull(figures.scale)}};
+}
+
+}  // namespace
+
+Json RunEvaluateJob(const EvaluateJobOptions& options) {
+  if (!fs::exists(options.subject)) {
+    ThrowError("there is no .tracks file or model folder {}", options.subject);
+  }
+  const auto sequence = OpenSequence(options.truth, options.layout);
+  const auto truth = OpenTrackTruth(*sequence, options.truth);
+  Json figures = fs::is_directory(options.subject)
+                     ? EvaluateModelFolder(options.subject, *sequence, truth.get())
+                     : EvaluateTrackFile(options.subject, *sequence, truth.get(), options.edge_px);
+  if (!options.json.empty()) WriteJsonFile(options.json, figures);
+  return figures;
+}
+
+}  // namespace cohort

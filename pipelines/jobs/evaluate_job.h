@@ -1,0 +1,45 @@
+#pragma once
+
+#include <nlohmann/json_fwd.hpp>
+#include <string>
+
+#include "datasets/open_sequence.h"
+
+namespace cohort {
+
+// The work of `cohort evaluate`.
+struct EvaluateJobOptions {
+  std::string subject;
+  std::string truth;
+  Layout layout = Layout::kAuto;
+  double edge_px = 0.0;
+  std::string json;
+
+  template <typename Self, typename Visitor>
+  static void Visit(Self& o, Visitor& v) {
+    v.Text("subject", o.subject, "The .tracks file or the model folder to measure.", Tier::kCommon);
+    v.Text("truth",
+           o.truth,
+           "The clip with true poses and, for the errors of tracks and points, true depth.",
+           Tier::kCommon);
+    v.Choice("layout",
+             o.layout,
+             kLayoutNames,
+             "How to read the truth; only needed where its layout is not recognised.",
+             Tier::kCommon);
+    v.Number("edge_px",
+             o.edge_px,
+             0.0,
+             100.0,
+             "Count tracks that begin nearer to a jump of depth than this [px] as without "
+             "truth; 0: count all. Near a jump, a hair decides which surface is the true "
+             "one.",
+             Tier::kCommon);
+    v.Text("json", o.json, "Write the figures to this file, too.", Tier::kCommon);
+  }
+};
+
+// Tracks or a model against the truth: the figures, which are written to `json` too.
+nlohmann::ordered_json RunEvaluateJob(const EvaluateJobOptions& options);
+
+}  // namespace cohort

@@ -1,0 +1,33 @@
+#include "pipelines/jobs/reconstruct_job.h"
+
+#include <spdlog/spdlog.h>
+
+#include <filesystem>
+#include <nlohmann/json.hpp>
+
+#include "pipelines/console/progress_bar.h"
+#include "pipelines/json/json_file.h"
+#include "pipelines/json/option_list.h"
+
+namespace cohort {
+
+ReconstructionSummary RunReconstructJob(const ReconstructJobOptions& options) {
+  const TrackFile file = ReadTrackFile(options.tracks);
+  if (!file.complete) {
+    spdlog::warn(
+        "{}: tracking was interrupted; it holds {} frames", options.tracks, file.frames.size());
+  }
+  spdlog::info("{} reconstructs {} frames, {} tracks ...",
+               NameOf(kBackendNames, options.reconstruct.backend),
+               file.frames.size(),
+               file.tracks.features().size());
+  const ReconstructResult result = ReconstructIntoFolder(
+      file, options.reconstruct, options.out, ProgressBars(), ToJson(options).dump());
+  for (const std::string& warning : result.warnings) spdlog::warn("{}", warning);
+  if (!options.json.empty()) {
+    WriteJsonFile(options.json, ReadJsonFile(std::filesystem::path(options.out) / "summary.json"));
+  }
+  return result.summary;
+}
+
+}  // namespace cohort

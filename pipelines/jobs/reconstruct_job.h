@@ -1,0 +1,28 @@
+#pragma once
+
+#include <string>
+
+#include "pipelines/sfm/reconstruct.h"
+
+namespace cohort {
+
+// The work of `cohort reconstruct`.
+struct ReconstructJobOptions {
+  std::string tracks;
+  std::string out;
+  std::string json;
+  ReconstructOptions reconstruct;
+
+  template <typename Self, typename Visitor>
+  static void Visit(Self& o, Visitor& v) {
+    v.Text("tracks", o.tracks, "The .tracks file to reconstruct.", Tier::kCommon);
+    v.Text("out", o.out, "The model folder to write.", Tier::kCommon);
+    v.Text("json", o.json, "Write the figures of the run to this file, too.", Tier::kCommon);
+    ReconstructOptions::Visit(o.reconstruct, v);
+  }
+};
+
+// .tracks -> model folder. A clip that does not reconstruct is a result, which says why.
+ReconstructionSummary RunReconstructJob(const ReconstructJobOptions& options);
+
+}  // namespace cohort

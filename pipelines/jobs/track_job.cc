@@ -1,0 +1,167 @@
+#include "pipelines/jobs/track_job.h"
+
+#include <spdlog/spdlog.h>
+
+#include <chrono>
+#include <nlohmann/json.hpp>
+#include <opencv2/core/utility.hpp>
+
+#include "pipelines/console/interrupt.h"
+#include "pipelines/console/progress_bar.h"
+#include "pipelines/console/version.h"
+#include "pipelines/json/json_file.h"
+#include "pipelines/json/option_list.h"
+#include "pipelines/sfm/track_sequence.h"
+
+namespace cohort {
+namespace {
+
+namespace fs = std::filesystem;
+using Clock = std::chrono::steady_clock;
+
+double MsSince(Clock::time_point start) {
+  return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
+}
+
+void Count(const TrackFile& file, TrackFigures& figures) {
+  figures.frames = file.frames.size();
+  figures.tracks = file.tracks.features().size();
+  figures.observations = file.tracks.observations().size();
+  figures.predicted = file.tracks.CountPredicted();
+  figures.mean_observed_length = file.tracks.MeanObservedLength();
+}
+
+TrackFile DescribeJob(const TrackJobOptions& options,
+                      const Sequence& sequence,
+                      const SequenceTracker& tracker) {
+  TrackFile header = tracker.Header();
+  DescribeInput(options.input, sequence, header);
+  header.meta["program"] = fmt::format("cohort {}", kVersion);
+  header.meta["frames"] = options.input.frames;
+  header.meta["mask"] = AbsolutePath(options.mask);
+  return header;
+}
+
+// What an interrupted run of the same job has left.
+struct EarlierRun {
+  bool complete = false;
+  bool second_pass_ended = false;  // or not asked for
+  std::optional<FrameIndex> last_frame;
+};
+
+EarlierRun FindEarlierRun(const fs::path& out, const TrackFile& header) {
+  const auto unfinished = FindUnfinishedTracks(out);
+  if (!unfinished && !fs::exists(out)) return {};
+  const fs::path path = unfinished.value_or(out);
+  TrackFile earlier = ReadTrackFile(path);
+  EarlierRun run;
+  run.complete = !unfinished;
+  const std::string asked = header.meta.at("second_pass");
+  std::string& second_pass = earlier.meta["second_pass"];
+  run.second_pass_ended = second_pass != kSecondPassAsked;
+  if (second_pass != kSecondPassOff && asked != kSecondPassOff) second_pass = asked;
+  if (earlier.source != header.source || earlier.meta != header.meta) {
+    ThrowError(
+        "cannot resume {}: it was made of another input or with other options; without "
+        "--resume it is made anew",
+        path.string());
+  }
+  if (!earlier.frames.empty()) run.last_frame = earlier.frames.back().index;
+  return run;
+}
+
+nlohmann::ordered_json FiguresToJson(const TrackFigures& figures, const TrackJobOptions& options) {
+  return {{"frames", figures.frames},
+          {"tracks", figures.tracks},
+          {"observations", figures.observations},
+          {"predicted", figures.predicted},
+          {"mean_track_length", figures.mean_observed_length},
+          {"ms_per_frame",
+           {{"decode", figures.PerFrame(figures.decode_ms)},
+            {"detect", figures.PerFrame(figures.detect_ms)},
+            {"track", figures.PerFrame(figures.track_ms)},
+            {"write", figures.PerFrame(figures.write_ms)},
+            {"second_pass", figures.PerFrame(figures.second_pass_ms)}}},
+          {"options", ToJson(options)}};
+}
+
+// Frame by frame into `writer`, which has the frames up to `last_written`.
+void TrackFrames(SequenceTracker& tracker,
+                 const Sequence& sequence,
+                 const std::optional<FrameIndex>& last_written,
+                 TrackWriter& writer,
+                 TrackFigures& figures) {
+  const InterruptGuard interrupt;
+  ProgressBar progress("track", sequence.FrameCount());
+  while (tracker.HasNext() && !interrupt.Requested()) {
+    const TrackedFrame frame = tracker.TrackNext();
+    ++figures.frames;
+    // A resumed run tracks the finished frames once more, for the tracker's memory: the file
+    // becomes the same as without the interruption.
+    const Clock::time_point start = Clock::now();
+    if (!last_written || frame.info.index > *last_written) {
+      writer.AppendFrame(frame.info, frame.result.observations, frame.result.ends);
+    }
+    figures.write_ms += MsSince(start);
+    progress.Advance();
+  }
+  if (tracker.HasNext()) {
+    ThrowError(
+        "interrupted after {} frames, which are kept: the same command with --resume goes on",
+        figures.frames);
+  }
+}
+
+// The second pass over the tracks in `out`, whose place its tracks take.
+TrackFile RunSecondPass(const TrackJobOptions& options, Sequence& sequence, const cv::Mat& mask) {
+  SecondPass second = WithSecondPass(
+      ReadTrackFile(options.out), sequence, mask, options.second_pass, ProgressBars());
+  if (second.none_because.empty()) {
+    spdlog::info("second pass: {}", second.figures.Brief());
+  } else {
+    spdlog::warn("no second pass: {}", second.none_because);
+  }
+  WriteTrackFile(options.out, second.file);
+  return std::move(second.file);
+}
+
+}  // namespace
+
+std::optional<TrackFigures> RunTrackJob(const TrackJobOptions& options) {
+  cv::setNumThreads(options.threads == 0 ? -1 : options.threads);
+  const auto sequence = OpenInput(options.input);
+  const cv::Mat mask = ReadMask(options.mask);
+  SequenceTracker tracker(*sequence,
+                          {.tracker = options.tracker,
+                           .second_pass = options.second_pass,
+                           .mask = mask,
+                           .source = options.input.input});
+  const TrackFile header = DescribeJob(options, *sequence, tracker);
+  const EarlierRun earlier = options.resume ? FindEarlierRun(options.out, header) : EarlierRun{};
+  if (earlier.complete && earlier.second_pass_ended) {
+    spdlog::info("{} is complete already", options.out);
+    return std::nullopt;
+  }
+  TrackFigures figures;
+  if (!earlier.complete) {
+    TrackWriter writer = earlier.last_frame ? TrackWriter::Resume(options.out)
+                                            : TrackWriter::Create(options.out, header);
+    TrackFrames(tracker, *sequence, earlier.last_frame, writer, figures);
+    writer.Finish();
+    if (!sequence->Warning().empty()) spdlog::warn("{}", sequence->Warning());
+  }
+  figures.decode_ms = tracker.decode_ms();
+  figures.detect_ms = tracker.detect_ms();
+  figures.track_ms = tracker.track_ms();
+  if (header.meta.at("second_pass") == kSecondPassAsked) {
+    const Clock::time_point start = Clock::now();
+    Count(RunSecondPass(options, *sequence, mask), figures);
+    figures.second_pass_ms = MsSince(start);
+  } else {
+    Count(ReadTrackFile(options.out), figures);
+  }
+  if (!options.json.empty()) WriteJsonFile(options.json, FiguresToJson(figures, options));
+  return figures;
+}
+
+}  // namespace cohort

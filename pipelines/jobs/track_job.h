@@ -1,0 +1,72 @@
+#pragma once
+
+#include <optional>
+#include <string>
+
+#include "frontend/track/tracker_options.h"
+#include "pipelines/sfm/input.h"
+#include "pipelines/sfm/second_pass.h"
+
+namespace cohort {
+
+// The work of `cohort track`.
+struct TrackJobOptions {
+  InputOptions input;
+  std::string out;
+  std::string mask;
+  bool resume = false;
+  unsigned seed = 0;
+  int threads = 0;
+  std::string json;
+  TrackerOptions tracker;
+  SecondPassOptions second_pass;
+
+  template <typename Self, typename Visitor>
+  static void Visit(Self& o, Visitor& v) {
+    InputOptions::Visit(o.input, v);
+    v.Text("out", o.out, "The .tracks file to write.", Tier::kCommon);
+    v.Text("mask",
+           o.mask,
+           "A picture of the frames' size, black where no feature may be, such as the "
+           "bonnet of a car.",
+           Tier::kCommon);
+    v.Flag("resume",
+           o.resume,
+           "Go on where an interrupted run with the same options ended, instead of "
+           "beginning anew.",
+           Tier::kCommon);
+    v.Number("seed", o.seed, 0U, 4294967295U, "of random draws; kept in the file's options");
+    v.Number("threads",
+             o.threads,
+             0,
+             1024,
+             "How many threads may work; 0: one a core. More are faster, and the tracks stay"
+             " the same.",
+             Tier::kCommon);
+    v.Text("json", o.json, "Write the figures of the run to this file, too.", Tier::kCommon);
+    TrackerOptions::Visit(o.tracker, v);
+    v.Group("second_pass", o.second_pass, "the second pass", Tier::kExpert);
+  }
+};
+
+struct TrackFigures {
+  std::size_t frames = 0;
+  std::size_t tracks = 0;
+  std::size_t observations = 0;
+  std::size_t predicted = 0;
+  double mean_observed_length = 0.0;
+  double decode_ms = 0.0;  // of all frames, as the following
+  double detect_ms = 0.0;
+  double track_ms = 0.0;
+  double write_ms = 0.0;
+  double second_pass_ms = 0.0;
+
+  double PerFrame(double ms) const { return frames == 0 ? 0.0 : ms / static_cast<double>(frames); }
+};
+
+// INPUT -> .tracks, frame by frame: a kill loses nothing but the frame it is at. Then the second
+// pass, whose tracks take the place of the first's, if a reconstruction with Ceres succeeds. None
+// where an earlier run, gone on with, was complete already.
+std::optional<TrackFigures> RunTrackJob(const TrackJobOptions& options);
+
+}  // namespace cohort

@@ -1,0 +1,15 @@
+#pragma once
+
+#include <cstddef>
+#include <functional>
+#include <optional>
+#include <string_view>
+
+namespace cohort {
+
+// Called after every frame with how far a job is. `stage`: "track", "learn", "measure", "write
+// frames"; `total` is none where nobody knows it. What it throws ends the job.
+using StageProgress =
+    std::function<void(std::string_view stage, std::size_t done, std::optional<std::size_t> total)>;
+
+}  // namespace cohort

@@ -1,0 +1,179 @@
+#include "pipelines/sfm/reconstruct.h"
+
+#include <cerrno>
+#include <cstdlib>
+#include <cstring>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <utility>
+
+#include "backend/colmap/model_io.h"
+#include "frontend/core/output.h"
+#include "pipelines/json/json_file.h"
+#include "pipelines/json/option_list.h"
+#include "pipelines/sfm/summary_json.h"
+#include "pipelines/sfm/video_frames.h"
+
+namespace cohort {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::ordered_json;
+
+// Gone at the end, with all that is in it.
+class TemporaryFolder {
+ public:
+  TemporaryFolder() {
+    std::string name = (fs::temp_directory_path() / "cohort-XXXXXX").string();
+    if (mkdtemp(name.data()) == nullptr) {
+      ThrowError("cannot make a folder {}: {}", name, std::strerror(errno));
+    }
+    path_ = name;
+  }
+  TemporaryFolder(const TemporaryFolder&) = delete;
+  TemporaryFolder& operator=(const TemporaryFolder&) = delete;
+  ~TemporaryFolder() {
+    std::error_code ignored;
+    fs::remove_all(path_, ignored);
+  }
+  const fs::path& path() const { return path_; }
+
+ private:
+  fs::path path_;
+};
+
+ReconstructResult ReconstructByCeres(const TrackFile& file, const MapperOptions& options) {
+  MapperResult model = ReconstructWithCeres(file, options);
+  return {std::move(model.reconstruction),
+          std::move(model.summary),
+          std::move(model.warnings),
+          CeresFindings{std::move(model.without_point),
+                        std::move(model.other_components),
+                        model.noise,
+                        model.better_camera,
+                        std::move(model.camera_covariances),
+                        std::move(model.point_covariances)}};
+}
+
+ReconstructResult ReconstructByColmap(TrackFile file,
+                                      const ReconstructOptions& options,
+                                      const fs::path& work_dir,
+                                      const StageProgress& progress) {
+  if (file.image_root.empty() && options.write_frames) {
+    fs::create_directories(work_dir);
+    WriteVideoFrames(file, work_dir / "images", progress);
+    file.image_root = (work_dir / "images").string();
+  }
+  ColmapResult model = ReconstructWithColmap(file, options.colmap, work_dir);
+  return {std::move(model.reconstruction), std::move(model.summary), {}, std::nullopt};
+}
+
+// Upper triangle, row by row.
+template <typename Matrix>
+std::string CovarianceRow(std::uint32_t id, const Matrix& covariance) {
+  std::string row = fmt::format("{}", id);
+  for (int i = 0; i < covariance.rows(); ++i) {
+    for (int j = i; j < covariance.cols(); ++j) row += fmt::format(",{:.6g}", covariance(i, j));
+  }
+  return row + "\n";
+}
+
+std::string CovarianceHeader(const std::string& id, const std::vector<std::string>& names) {
+  std::string header = id;
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    for (std::size_t j = i; j < names.size(); ++j) header += "," + names[i] + "_" + names[j];
+  }
+  return header + "\n";
+}
+
+void WriteCovariances(const CeresFindings& findings, const fs::path& folder) {
+  std::string cameras = CovarianceHeader("frame", {"wx", "wy", "wz", "cx", "cy", "cz"});
+  for (const auto& [frame, covariance] : findings.camera_covariances) {
+    cameras += CovarianceRow(ToInt(frame), covariance);
+  }
+  std::string points = CovarianceHeader("track_id", {"x", "y", "z"});
+  for (const auto& [feature, covariance] : findings.point_covariances) {
+    points += CovarianceRow(ToInt(feature), covariance);
+  }
+  WriteBytes(folder / "camera_covariances.csv", cameras);
+  WriteBytes(folder / "point_covariances.csv", points);
+}
+
+void WriteFindings(const CeresFindings& findings, const TrackFile& file, const fs::path& folder) {
+  std::string without_point = "track_id,observations\n";
+  for (const FeatureId feature : findings.without_point) {
+    without_point += fmt::format("{},{}\n", ToInt(feature), file.tracks.Track(feature).size());
+  }
+  WriteBytes(folder / "tracks_without_point.csv", without_point);
+  if (!findings.camera_covariances.empty()) WriteCovariances(findings, folder);
+}
+
+Json CameraToJson(const Camera& c) {
+  return {{"fx", c.fx},
+          {"fy", c.fy},
+          {"cx", c.cx},
+          {"cy", c.cy},
+          {"k1", c.k1},
+          {"k2", c.k2},
+          {"p1", c.p1},
+          {"p2", c.p2}};
+}
+
+Json FindingsToJson(const CeresFindings& findings, const Reconstruction& reconstruction) {
+  Json json{{"tracks_without_point", findings.without_point.size()}};
+  if (!reconstruction.cam_from_world.empty()) {
+    json["noise"] = findings.noise;
+    json["camera"] = CameraToJson(reconstruction.camera);
+  }
+  if (findings.better_camera) json["better_camera"] = CameraToJson(*findings.better_camera);
+  for (const OtherComponent& part : findings.other_components) {
+    json["other_parts"].push_back({{"first_frame", ToInt(part.first)},
+                                   {"last_frame", ToInt(part.last)},
+                                   {"registered", part.registered},
+                                   {"points", part.points}});
+  }
+  return json;
+}
+
+}  // namespace
+
+ReconstructResult Reconstruct(const TrackFile& file,
+                              const ReconstructOptions& options,
+                              const fs::path& colmap_folder,
+                              const StageProgress& progress) {
+  switch (options.backend) {
+    case BackendKind::kCeres:
+      return ReconstructByCeres(file, options.ceres);
+    case BackendKind::kColmap:
+      if (!colmap_folder.empty()) {
+        return ReconstructByColmap(file, options, colmap_folder, progress);
+      }
+      const TemporaryFolder temporary;
+      return ReconstructByColmap(file, options, temporary.path() / "colmap", progress);
+  }
+  ThrowUsageError("unknown backend");
+}
+
+ReconstructResult ReconstructIntoFolder(const TrackFile& file,
+                                        const ReconstructOptions& options,
+                                        const fs::path& folder,
+                                        const StageProgress& progress,
+                                        const std::string& summary_options) {
+  OutputFolder out(folder, ModelFolderNames());
+  ReconstructResult result = Reconstruct(file, options, out.partial() / "colmap", progress);
+  if (!result.reconstruction.cam_from_world.empty()) {
+    WriteReconstructionFiles(out.partial(), result.reconstruction);
+  }
+  Json summary{{"backend", NameOf(kBackendNames, options.backend)}};
+  summary.update(SummaryToJson(result.summary, file.frames));
+  summary["options"] = summary_options.empty() ? ToJson(options) : Json::parse(summary_options);
+  if (result.ceres) {
+    WriteFindings(*result.ceres, file, out.partial());
+    summary.update(FindingsToJson(*result.ceres, result.reconstruction));
+  }
+  WriteJsonFile(out.partial() / "summary.json", summary);
+  out.Commit();
+  return result;
+}
+
+}  // namespace cohort

@@ -1,0 +1,82 @@
+#pragma once
+
+#include <filesystem>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "backend/colmap/colmap_mapper.h"
+#include "backend/scene/mapper.h"
+#include "pipelines/sfm/progress.h"
+
+namespace cohort {
+
+enum class BackendKind { kCeres, kColmap };
+inline constexpr ChoiceNames<BackendKind, 2> kBackendNames{
+    {{"ceres", BackendKind::kCeres}, {"colmap", BackendKind::kColmap}}};
+
+struct ReconstructOptions {
+  BackendKind backend = BackendKind::kCeres;
+  bool write_frames = true;
+  MapperOptions ceres;
+  ColmapOptions colmap;
+
+  template <typename Self, typename Visitor>
+  static void Visit(Self& o, Visitor& v) {
+    v.Choice("backend",
+             o.backend,
+             kBackendNames,
+             "What reconstructs: ceres is built in and weighs every position by how sure the"
+             " tracker is of it; colmap runs the program COLMAP.",
+             Tier::kCommon);
+    v.Flag("write_frames",
+           o.write_frames,
+           "Of a video, write the frames as pictures beside COLMAP's database, for "
+           "COLMAP's own tools.",
+           Tier::kCommon);
+    v.Group("ceres", o.ceres, "backend ceres");
+    v.Group("colmap", o.colmap, "backend colmap");
+  }
+};
+
+// What Ceres alone says beside the model; as in MapperResult.
+struct CeresFindings {
+  std::vector<FeatureId> without_point;
+  std::vector<OtherComponent> other_components;
+  double noise = 0.0;
+  std::optional<Camera> better_camera;
+  std::map<FrameIndex, Eigen::Matrix<double, 6, 6>> camera_covariances;
+  std::map<FeatureId, Eigen::Matrix3d> point_covariances;
+};
+
+struct ReconstructResult {
+  Reconstruction reconstruction;      // empty: there is none, and the summary says why
+  ReconstructionSummary summary;      // summary.Failed(): fewer than 80 % of the frames registered
+  std::vector<std::string> warnings;  // lines for whoever runs it
+  std::optional<CeresFindings> ceres;
+};
+
+// Tracks -> cameras and points, by either backend. A clip that does not reconstruct is a result.
+//
+//   const ReconstructResult result = Reconstruct(TrackSequence(*clip), {});
+//   std::cout << result.summary.Brief() << "\n";
+//   WriteReconstruction("model", result.reconstruction);    // COLMAP's files; model_io.h
+//
+// COLMAP works in `colmap_folder`, which keeps its database, log and models; without one, in a
+// temporary folder. It needs the program `colmap`: throws Error where there is none.
+ReconstructResult Reconstruct(const TrackFile& file,
+                              const ReconstructOptions& options = {},
+                              const std::filesystem::path& colmap_folder = {},
+                              const StageProgress& progress = {});
+
+// The same into a model folder: the model's files and summary.json (docs/files.md), and of Ceres
+// tracks_without_point.csv and the covariances. Whole or not at all. `summary_options`: JSON that
+// summary.json is to have as its options; empty: `options`.
+ReconstructResult ReconstructIntoFolder(const TrackFile& file,
+                                        const ReconstructOptions& options,
+                                        const std::filesystem::path& folder,
+                                        const StageProgress& progress = {},
+                                        const std::string& summary_options = {});
+
+}  // namespace cohort

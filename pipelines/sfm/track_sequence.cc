@@ -1,0 +1,96 @@
+#include "pipelines/sfm/track_sequence.h"
+
+#include <chrono>
+#include <nlohmann/json.hpp>
+#include <utility>
+#include <vector>
+
+#include "pipelines/json/option_list.h"
+#include "pipelines/sfm/input.h"
+
+namespace cohort {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+double MsSince(Clock::time_point start) {
+  return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
+}
+
+}  // namespace
+
+bool WantsSecondPass(SecondPassMode mode, const TrackerOptions& tracker) {
+  switch (mode) {
+    case SecondPassMode::kAuto:
+      return tracker.tracker == TrackerKind::kSubspace &&
+             tracker.subspace.constraint == Constraint::kStrong && tracker.measurement.enabled &&
+             !tracker.measurement.fuse;
+    case SecondPassMode::kOn:
+      return true;
+    case SecondPassMode::kOff:
+      return false;
+  }
+  return false;
+}
+
+SequenceTracker::SequenceTracker(Sequence& sequence, const TrackSequenceOptions& options)
+    : sequence_(sequence), tracker_(MakeTracker(options.tracker, options.mask)) {
+  if (!HasNext()) {
+    const std::string name = options.source.empty() ? sequence.Name() : options.source.string();
+    ThrowError("{}: no frame to track. {}", name, sequence.Warning());
+  }
+  header_.source = AbsolutePath(options.source);
+  header_.image_root = AbsolutePath(sequence.ImageRoot());
+  header_.width_px = next_->gray.cols;
+  header_.height_px = next_->gray.rows;
+  header_.camera = options.camera ? options.camera : sequence.KnownCamera();
+  const bool second_pass = WantsSecondPass(options.second_pass.mode, options.tracker);
+  header_.meta = {{"tracker", std::string(NameOf(kTrackerNames, options.tracker.tracker))},
+                  {"second_pass", second_pass ? kSecondPassAsked : kSecondPassOff},
+                  {"options", ToJson(options.tracker).dump()}};
+  if (second_pass) header_.meta["second_pass_options"] = ToJson(options.second_pass).dump();
+}
+
+bool SequenceTracker::HasNext() {
+  if (!next_ && !ended_) {
+    const Clock::time_point start = Clock::now();
+    next_ = sequence_.Next();
+    ended_ = !next_.has_value();
+    decode_ms_ += MsSince(start);
+  }
+  return !ended_;
+}
+
+TrackedFrame SequenceTracker::TrackNext() {
+  Check(HasNext(), "there is a frame to track");
+  const Clock::time_point start = Clock::now();
+  TrackedFrame frame{{next_->index, next_->name, next_->timestamp_ns}, tracker_->Track(*next_)};
+  detect_ms_ += frame.result.detect_ms;
+  track_ms_ += MsSince(start) - frame.result.detect_ms;
+  next_.reset();
+  return frame;
+}
+
+TrackFile TrackSequence(Sequence& sequence,
+                        const TrackSequenceOptions& options,
+                        const StageProgress& progress) {
+  SequenceTracker tracker(sequence, options);
+  TrackFile file = tracker.Header();
+  std::vector<Observation> observations;
+  std::vector<TrackEnd> ends;
+  if (progress) progress("track", 0, sequence.FrameCount());
+  while (tracker.HasNext()) {
+    TrackedFrame frame = tracker.TrackNext();
+    file.frames.push_back(std::move(frame.info));
+    observations.insert(
+        observations.end(), frame.result.observations.begin(), frame.result.observations.end());
+    ends.insert(ends.end(), frame.result.ends.begin(), frame.result.ends.end());
+    if (progress) progress("track", file.frames.size(), sequence.FrameCount());
+  }
+  file.tracks = TrackSet::Build(std::move(observations), std::move(ends));
+  if (file.meta.at("second_pass") != kSecondPassAsked) return file;
+  return WithSecondPass(std::move(file), sequence, options.mask, options.second_pass, progress)
+      .file;
+}
+
+}  // namespace cohort

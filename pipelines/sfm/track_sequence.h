@@ -1,0 +1,84 @@
+#pragma once
+
+#include <filesystem>
+#include <memory>
+#include <opencv2/core/mat.hpp>
+#include <optional>
+
+#include "datasets/readers/sequence.h"
+#include "frontend/track/tracker.h"
+#include "frontend/tracks/track_store.h"
+#include "pipelines/sfm/progress.h"
+#include "pipelines/sfm/second_pass.h"
+
+namespace cohort {
+
+struct TrackSequenceOptions {
+  TrackerOptions tracker = {};
+  SecondPassOptions second_pass = {};
+  std::optional<Camera> camera = {};  // none: as the sequence says, else unknown
+  cv::Mat mask = {};  // empty, or CV_8UC1 of the frames' size, 0 where no feature may be
+  // What the sequence was opened from. COLMAP asks for a video's frames, which are read again there.
+  std::filesystem::path source = {};
+};
+
+// Clip -> tracks: the whole job of `cohort track` in memory. With a second pass (WantsSecondPass),
+// its tracks take the place of the first's if a reconstruction by Ceres succeeds;
+// meta["second_pass"] says what came of it. Throws Error on a clip without frames.
+//
+//   const auto clip = OpenSequence("night.mp4");
+//   const TrackFile file = TrackSequence(*clip, {.source = "night.mp4"});
+//   WriteTrackFile("night.tracks", file);
+TrackFile TrackSequence(Sequence& sequence,
+                        const TrackSequenceOptions& options = {},
+                        const StageProgress& progress = {});
+
+// One frame's tracks.
+struct TrackedFrame {
+  FrameInfo info;
+  FrameResult result;
+};
+
+// The first pass frame by frame, for those who want each frame's tracks at once, or on disk before
+// the next frame is read: a kill then loses nothing but the frame it is at.
+//
+//   SequenceTracker tracker(*clip, {.source = "night.mp4"});
+//   auto writer = TrackWriter::Create("night.tracks", tracker.Header());
+//   while (tracker.HasNext()) {
+//     const TrackedFrame frame = tracker.TrackNext();
+//     writer.AppendFrame(frame.info, frame.result.observations, frame.result.ends);
+//   }
+//   writer.Finish();
+//
+// Without a Sequence, where frames come from elsewhere: MakeTracker (frontend/track/tracker.h).
+class SequenceTracker {
+ public:
+  // Reads the first frame; throws Error without one. `sequence` must outlive this.
+  SequenceTracker(Sequence& sequence, const TrackSequenceOptions& options);
+
+  // All of the file but frames and tracks. meta: the tracker's name, its options as JSON, and
+  // whether a second pass is to come.
+  const TrackFile& Header() const { return header_; }
+  bool HasNext();  // reads the next frame, if that has not been done
+  TrackedFrame TrackNext();
+
+  // Time so far, all frames together.
+  double decode_ms() const { return decode_ms_; }
+  double detect_ms() const { return detect_ms_; }
+  double track_ms() const { return track_ms_; }  // without detection
+
+ private:
+  Sequence& sequence_;
+  std::optional<Frame> next_;  // none: not read yet, or the end
+  bool ended_ = false;
+  TrackFile header_;
+  std::unique_ptr<Tracker> tracker_;
+  double decode_ms_ = 0.0;
+  double detect_ms_ = 0.0;
+  double track_ms_ = 0.0;
+};
+
+// Is there to be a second pass? Mode auto: for the tracker subspace, strong and measured.
+bool WantsSecondPass(SecondPassMode mode, const TrackerOptions& tracker);
+
+}  // namespace cohort
