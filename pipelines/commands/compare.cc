@@ -5,8 +5,9 @@
 #include "pipelines/console/version.h"
 #include "pipelines/experiment/file_lock.h"
 #include "pipelines/experiment/paper_tables.h"
-#include "pipelines/report/headline.h"
+#include "pipelines/report/headline_output.h"
 #include "pipelines/report/report.h"
+#include "pipelines/report/results_tables.h"
 
 namespace cohort {
 namespace {
@@ -28,22 +29,20 @@ void PrintNotes(const char* what, const std::vector<CellNote>& notes) {
 
 void RunCompare(const ExperimentOptions& options) {
   const ExperimentResults results = RunExperiment(options);
+  const auto headline = MakeHeadline(results);
   const std::filesystem::path out = options.out;
   const FileLock lock(out / "cells" / "results.lock");  // shards may end together
   WriteResultsCsv(out / "results.csv", results);
   WriteResultsJson(out / "results.json",
                    results,
-                   {{"program", fmt::format("cohort {}", kVersion)}, {"options", ToJson(options)}});
+                   {{"program", fmt::format("cohort {}", kVersion)}, {"options", ToJson(options)}},
+                   headline ? HeadlineToJson(*headline) : nlohmann::ordered_json(nullptr));
   if (options.protocol == Protocol::kPaper) {
     fmt::print("{}", PaperTables(results));
   } else {
     WriteReport(out / "report.html", results, options);
-    fmt::print("{}", ResultsTable(results));
-    if (const auto headline = MakeHeadline(results)) {
-      fmt::print("\n{}", HeadlineTable(*headline));
-      const std::string others = OthersTable(*headline);
-      if (!others.empty()) fmt::print("\n{}", others);
-    }
+    fmt::print("{}", ResultsTables(results));
+    if (headline) fmt::print("\n{}", HeadlineTables(*headline));
   }
   PrintNotes("FAILED", results.failures);
   PrintNotes("not available", results.not_available);

@@ -51,25 +51,10 @@ struct ExperimentResults {
 
 // results.csv: header sequence,level,tracker,backend,seed,metric,value,unit. Whole or not at all.
 void WriteResultsCsv(const std::filesystem::path& path, const ExperimentResults& results);
-// The same with the failures' reasons and the conditions of the experiment.
+// The same with the failures' reasons, the conditions of the experiment and who won (null: nobody).
 void WriteResultsJson(const std::filesystem::path& path,
                       const ExperimentResults& results,
-                      const nlohmann::ordered_json& conditions);
-
-// A line for every sequence, level, tracker and backend in their order of appearance, marked FAILED
-// where a cell did. Errors are medians over the seeds that did not fail:
-//   registered        frames with a pose, of all
-//   ATE               rmse of camera centres after the Sim(3) alignment with the truth
-//   to undegraded     the same against the reconstruction of the undegraded frames (undegraded.h)
-//   halves            clips without true cameras: how far the camera paths of two halves of the
-//                     tracks disagree, share of the path's extent (evaluation/halves.h); halves
-//                     that failed, together or by themselves, are infinitely apart in the median
-//   in both           frames that both halves registered, of all
-//   rotation          rmse of the relative rotation of neighbouring frames
-//   point error       median distance to the true surface point, after that alignment
-//   reprojection      mean over the model's observations: no error, but what the model admits to
-//   length            mean number of frames in which the image confirmed a track
-//   track error, 90 % median and 90th percentile of the confirmed positions' distance to the truth
-std::string ResultsTable(const ExperimentResults& results);
+                      const nlohmann::ordered_json& conditions,
+                      const nlohmann::ordered_json& headline);
 
 }  // namespace cohort

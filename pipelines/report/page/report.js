@@ -119,16 +119,24 @@ const ABOUT_BACKENDS = {
 
 // ---- opening ----
 
+// Rows and runs of the headline by level and backend; the first standing rival has a table of its own.
+const FIRST_RIVAL = data.headline ? data.headline.main_rival : null;
+const headlineRow = (level, backend, metric, rival) => data.headline.rows.find((row) =>
+  row.level === level && row.backend === backend && row.metric === metric && row.rival === rival);
+const cohortRuns = data.headline ? data.headline.runs.filter((runs) => runs.tracker === cohort) : [];
+const rivalRuns = (own) => data.headline.runs.filter((runs) =>
+  runs.level === own.level && runs.backend === own.backend && runs.tracker !== cohort);
+const roleOf = (name) => data.headline.rivals.find((rival) => rival.name === name).role;
+
 // Of how many clips, where it is not all: failures have no error to compare.
-const someClips = (ratio, row) => (ratio.clips < row.clips ? `${ratio.clips} of ${row.clips} clips` : null);
-const ratioSpan = (row, name) => {
-  const ratio = row[name];
-  if (!ratio) return '\u2013';
-  const spread = ratio.least !== ratio.largest ? `${digits(ratio.least)} to ${digits(ratio.largest)}` : null;
-  const won = name === 'camera_ceiling' ? '' : ratio.value > 1 ? 'win' : 'lose';  // no rival
+const someClips = (row, own) => (row.clips < own.clips ? `${row.clips} of ${own.clips} clips` : null);
+const ratioSpan = (row, own) => {
+  if (!row) return '\u2013';
+  const spread = row.least !== row.largest ? `${digits(row.least)} to ${digits(row.largest)}` : null;
+  const won = roleOf(row.rival) === 'bound' ? '' : row.ratio > 1 ? 'win' : 'lose';
   return el('span', {},
-    el('span', {class: won}, `${digits(ratio.value)}\u00d7`),
-    [spread, someClips(ratio, row)].filter((text) => text).map((text) => el('small', {}, text)));
+    el('span', {class: won}, `${digits(row.ratio)}\u00d7`),
+    [spread, someClips(row, own)].filter((text) => text).map((text) => el('small', {}, text)));
 };
 
 page.append(
@@ -144,70 +152,65 @@ const compared = (value, whose) => {
   if (Number(times) === 1) return `the same as ${whose}`;
   return `${times}\u00d7 ${value > 1 ? 'smaller' : 'larger'} than ${whose}`;
 };
-const beside = (ratio, whose) => (ratio ? el('div', {class: 'soft'}, compared(ratio.value, whose)) : null);
-
 const openingCards = () => {
-  if (!data.headline) return null;
   const cards = el('div', {class: 'cards'});
-  for (const row of data.headline.rows) {
-    const ratio = row.camera_klt || row.points_klt;
-    if (!ratio) continue;
-    const anchored = row.camera_klt ? row.camera_anchored : row.points_anchored;
-    const refined = row.camera_klt ? row.camera_refined : row.points_refined;
-    const what = row.camera_klt ? 'camera error' : 'point error';
-    const wins = ratio.value > 1;
+  for (const own of cohortRuns) {
+    const {level, backend} = own;
+    const metric = ['ate', 'point_error_median'].find((name) => headlineRow(level, backend, name, FIRST_RIVAL));
+    if (!metric) continue;
+    const row = headlineRow(level, backend, metric, FIRST_RIVAL);
+    const wins = row.ratio > 1;
+    const others = data.headline.rivals
+      .filter((rival) => rival.role === 'contender' && rival.name !== FIRST_RIVAL)
+      .map((rival) => headlineRow(level, backend, metric, rival.name)).filter((found) => found);
     cards.append(el('div', {class: 'card'},
-      el('div', {class: 'soft'}, `${row.level}, ${row.backend}`),
-      el('b', {class: wins ? 'win' : 'lose'}, `${digits(wins ? ratio.value : 1 / ratio.value)}\u00d7`),
-      `${wins ? 'smaller' : 'larger'} ${what} than the best KLT${someClips(ratio, row) ? `, in ${someClips(ratio, row)}` : ''}`,
-      beside(anchored, 'anchored KLT\u2019s'),
-      beside(refined, 'KLT\u2019s with cohort\u2019s second pass')));
+      el('div', {class: 'soft'}, `${level}, ${backend}`),
+      el('b', {class: wins ? 'win' : 'lose'}, `${digits(wins ? row.ratio : 1 / row.ratio)}\u00d7`),
+      `${wins ? 'smaller' : 'larger'} ${METRICS[metric].name} than the best ${FIRST_RIVAL}${someClips(row, own) ? `, in ${someClips(row, own)}` : ''}`,
+      others.map((other) => el('div', {class: 'soft'}, compared(other.ratio, `the best ${other.rival}`)))));
   }
   return cards.children.length ? cards : null;
 };
 
-// ---- headline table ----
+// ---- headline tables ----
+
+const HEADLINE_METRICS = ['ate', 'point_error_median', 'mean_track_length'];
+// Lines: of each the cohort's runs and a rival's.
+const headlineTable = (id, names, lines) => {
+  const metrics = HEADLINE_METRICS.filter((metric) => lines.some(([own, runs]) => headlineRow(own.level, own.backend, metric, runs.tracker)));
+  return el('div', {class: 'scroll'}, el('table', {id},
+    el('thead', {}, el('tr', {},
+      names.map((title) => el('th', {class: 'name'}, title)), el('th', {}, 'clips'),
+      metrics.map((metric) => el('th', {}, METRICS[metric].name)),
+      ['frames registered: cohort / rival', 'clips failed: cohort / rival'].map((title) => el('th', {}, title)))),
+    el('tbody', {}, lines.map(([own, runs]) => el('tr', {},
+      [own.level, own.backend, runs.tracker].slice(0, names.length).map((text) => el('td', {class: 'name'}, text)),
+      el('td', {}, String(own.clips)),
+      metrics.map((metric) => el('td', {}, ratioSpan(headlineRow(own.level, own.backend, metric, runs.tracker), own))),
+      el('td', {}, `${percent(own.registered)} / ${percent(runs.registered)}`),
+      el('td', {}, `${own.failed} / ${runs.failed}`))))));
+};
 
 if (data.headline) {
-  const rows = data.headline.rows;
-  const columns = [
-    ['camera error: best KLT / cohort', (row) => ratioSpan(row, 'camera_klt'), 'camera_klt'],
-    ['best anchored KLT / cohort', (row) => ratioSpan(row, 'camera_anchored'), 'camera_anchored'],
-    ['best KLT with cohort\u2019s second pass / cohort', (row) => ratioSpan(row, 'camera_refined'), 'camera_refined'],
-    ['cohort / ceiling', (row) => ratioSpan(row, 'camera_ceiling'), 'camera_ceiling'],
-    ['point error: best KLT / cohort', (row) => ratioSpan(row, 'points_klt'), 'points_klt'],
-    ['best anchored KLT / cohort', (row) => ratioSpan(row, 'points_anchored'), 'points_anchored'],
-    ['best KLT with cohort\u2019s second pass / cohort', (row) => ratioSpan(row, 'points_refined'), 'points_refined'],
-    ['track length: cohort / best KLT', (row) => ratioSpan(row, 'length_klt'), 'length_klt'],
-    ['frames registered: cohort / KLT', (row) => `${percent(row.registered)} / ${percent(row.registered_klt)}`, 'registered'],
-    ['failed: cohort, KLT, anchored', (row) => `${row.failed} / ${row.failed_klt} / ${row.failed_anchored}`, 'failed'],
-  ].filter(([, , name]) => rows.some((row) => row[name] !== null));
+  const lines = cohortRuns.flatMap((own) => rivalRuns(own).map((runs) => [own, runs]));
+  const first = lines.filter(([, runs]) => runs.tracker === FIRST_RIVAL);
+  const others = lines.filter(([, runs]) => runs.tracker !== FIRST_RIVAL);
+  const hasBound = data.headline.rivals.some((rival) => rival.role === 'bound');
   section('Who won, and by how much',
     openingCards(),
-    el('p', {}, 'In the table, above 1\u00d7 cohort is better by that factor (the ceiling is no rival: there 1\u00d7 is the goal). Each is the geometric mean over the clips in which both have a reconstruction, of the median over seeds, a failed seed being an infinite error; small print: the least and the largest of a single seed, and of how many clips if not of all. ',
-      'KLT stands for the best of its settings in each clip, chosen after the fact, in its favour. ',
-      'A run fails if fewer than 80 % of its frames get a camera. A clip in which at least half of the seeds fail has no error to compare: it is counted on the right. ',
-      'The ceiling is what true tracks reach with the least noise that patches of 21 x 21 px allow, each measured by itself; wider patches, other features and a second pass can go beyond.'),
-    el('div', {class: 'scroll'}, el('table', {id: 'headline'},
-      el('thead', {}, el('tr', {}, el('th', {class: 'name'}, 'darkness'), el('th', {class: 'name'}, 'reconstruction'), el('th', {}, 'clips'),
-        columns.map(([title]) => el('th', {}, title)))),
-      el('tbody', {}, rows.map((row) => el('tr', {},
-        el('td', {class: 'name'}, row.level), el('td', {class: 'name'}, row.backend), el('td', {}, String(row.clips)),
-        columns.map(([, cell]) => el('td', {}, cell(row)))))))));
+    el('p', {}, `How many times better cohort is than ${FIRST_RIVAL}: how many times smaller its errors are, and longer its tracks. Each is the geometric mean over the clips in which both have a reconstruction, of the median over seeds, a failed seed being an infinite error; small print: the least and the largest of a single seed, and of how many clips if not of all. `,
+      `${FIRST_RIVAL} stands for the best of its settings in each clip, chosen after the fact, in its favour. `,
+      'A run fails if fewer than 80 % of its frames get a camera. A clip in which at least half of the seeds fail has no error to compare: it is counted on the right.'),
+    first.length ? headlineTable('headline', ['darkness', 'reconstruction'], first) : null);
 
-  if (data.headline.others.length) {
-    section('Other trackers',
-      el('p', {}, 'Each beside cohort, as above: above 1\u00d7 cohort is better by that factor.'),
-      el('div', {class: 'scroll'}, el('table', {id: 'others'},
-        el('thead', {}, el('tr', {},
-          ['darkness', 'reconstruction', 'tracker'].map((title) => el('th', {class: 'name'}, title)),
-          ['camera error: it / cohort', 'point error: it / cohort', 'track length: cohort / it', 'frames registered', 'clips failed'].map((title) => el('th', {}, title)))),
-        el('tbody', {}, data.headline.others.map((row) => el('tr', {},
-          [row.level, row.backend, row.name].map((text) => el('td', {class: 'name'}, text)),
-          ['camera', 'points', 'length'].map((name) => el('td', {}, ratioSpan(row, name))),
-          el('td', {}, percent(row.registered)), el('td', {}, `${row.failed} of ${row.clips}`)))))));
+  if (others.length) {
+    section('The other rivals',
+      el('p', {}, 'The same beside each of the others: above 1\u00d7 cohort is better by that factor. ',
+        hasBound ? 'The ceiling is no rival, and its figures are the other way round: how many times worse cohort is; 1\u00d7 is the goal. It is what true tracks reach with the least noise that patches of 21 x 21 px allow, each measured by itself; wider patches, other features and a second pass can go beyond.' : ''),
+      headlineTable('others', ['darkness', 'reconstruction', 'rival'], others));
   }
 
+  const contenders = data.headline.rivals.filter((rival) => rival.role === 'contender').map((rival) => rival.name).join(' or ');
   const losses = data.headline.losses;
   const text = (loss) => {
     const metric = METRICS[loss.metric];
@@ -219,8 +222,8 @@ if (data.headline) {
   const items = (part) => el('ul', {}, part.map((loss) => el('li', {}, text(loss))));
   section('Where cohort does not win',
     losses.length === 0
-      ? el('p', {}, `In none of ${data.headline.contests} comparisons (clip, darkness, reconstruction; camera error and point error) was any KLT, anchored, refined or neither, better.`)
-      : el('p', {}, `In ${losses.length} of ${data.headline.contests} comparisons (clip, darkness, reconstruction; camera error and point error) some KLT, anchored, refined or neither, was better. The widest first:`),
+      ? el('p', {}, `In none of ${data.headline.contests} comparisons (clip, darkness, reconstruction; camera error and point error) was ${contenders} better.`)
+      : el('p', {}, `In ${losses.length} of ${data.headline.contests} comparisons (clip, darkness, reconstruction; camera error and point error) ${contenders} was better. The widest first:`),
     items(sorted.slice(0, 8)),
     sorted.length > 8 ? el('details', {}, el('summary', {}, `${sorted.length - 8} more`), items(sorted.slice(8))) : null);
 }

@@ -32,5 +32,17 @@ TEST(AlignedTable, AlignsColumnsUnderARule) {
   EXPECT_EQ(AlignedTable({}), "");
 }
 
+TEST(AlignedTable, GoesOnBelowWhereItIsTooWide) {
+  EXPECT_EQ(
+      AlignedTable({{"tracker", "error", "length", "seconds"}, {"klt", "1", "23", "4"}}, 1, 22),
+      "tracker  error  length\n"
+      "----------------------\n"
+      "klt          1      23\n"
+      "\n"
+      "tracker  seconds\n"
+      "----------------\n"
+      "klt            4\n");
+}
+
 }  // namespace
 }  // namespace cohort

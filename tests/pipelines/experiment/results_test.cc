@@ -8,6 +8,7 @@
 
 #include "frontend/core/output.h"
 #include "pipelines/experiment/cell_rows.h"
+#include "tests/support/failing_results.h"
 #include "tests/support/temp_dir.h"
 
 namespace cohort {
@@ -16,64 +17,6 @@ namespace {
 using testing::AllOf;
 using testing::HasSubstr;
 using testing::Not;
-
-// klt fails with one of two seeds, subspace with none, descent with both.
-ExperimentResults SomeResults() {
-  ExperimentResults results;
-  const auto add = [&](const char* tracker, unsigned seed, double registered, double ate_m) {
-    const bool failed = registered < 80;
-    const auto row = [&](const char* backend, const char* metric, double value, const char* unit) {
-      results.rows.push_back({"room", "hard", tracker, backend, seed, metric, value, unit});
-    };
-    row("", "mean_track_length", 10.0 * seed, "frames");
-    row("ceres", "failed", failed, "");
-    row("ceres", "registered", registered, "frames");
-    row("ceres", "frames", 100, "frames");
-    if (failed) {
-      results.failures.push_back({"room", "hard", tracker, "ceres", seed, "no start"});
-    } else {
-      row("ceres", "ate", ate_m, "m");
-    }
-  };
-  add("klt", 1, 100, 0.010);
-  add("klt", 2, 15, 0.0001);
-  add("descent", 1, 2, 0.0001);
-  add("descent", 2, 4, 0.0001);
-  add("subspace", 1, 100, 0.002);
-  add("subspace", 2, 98, 0.003);
-  return results;
-}
-
-TEST(ResultsTable, ShowsMediansOverSeedsAndNeverTheErrorOfAFailure) {
-  EXPECT_EQ(ResultsTable(SomeResults()),
-            "sequence  level  tracker   backend             registered  ATE [mm]  length\n"
-            "---------------------------------------------------------------------------\n"
-            "room      hard   klt       ceres    FAILED 1 of 2, 58/100     10.00    15.0\n"
-            "room      hard   descent   ceres     FAILED 2 of 2, 3/100         -    15.0\n"
-            "room      hard   subspace  ceres                   99/100      2.50    15.0\n");
-}
-
-TEST(ResultsTable, HalvesThatFailedAreInfinitelyApart) {
-  ExperimentResults results = SomeResults();
-  const auto add = [&](const char* tracker, unsigned seed, std::optional<double> apart) {
-    const auto row = [&](const char* metric, double value) {
-      results.rows.push_back({"room", "hard", tracker, "ceres", seed, metric, value, ""});
-    };
-    row("halves_failed", !apart);
-    if (apart) row("halves_disagreement", *apart);
-  };
-  add("klt", 1, 0.01);
-  add("klt", 2, std::nullopt);
-  add("subspace", 1, 0.01);
-  add("subspace", 2, 0.04);
-  EXPECT_EQ(
-      ResultsTable(results),
-      "sequence  level  tracker   backend             registered  ATE [mm]  halves [%]  length\n"
-      "---------------------------------------------------------------------------------------\n"
-      "room      hard   klt       ceres    FAILED 1 of 2, 58/100     10.00      failed    15.0\n"
-      "room      hard   descent   ceres     FAILED 2 of 2, 3/100         -           -    15.0\n"
-      "room      hard   subspace  ceres                   99/100      2.50        2.50    15.0\n");
-}
 
 TEST(HalvesRows, AHalfThatFailsIsARecordedFailureAndNoFigure) {
   using Json = nlohmann::ordered_json;
@@ -134,12 +77,16 @@ TEST(ResultsCsv, IsTidy) {
 
 TEST(ResultsJson, HoldsRowsFailuresAndConditions) {
   const test::TempDir dir;
-  WriteResultsJson(dir / "results.json", SomeResults(), {{"program", "cohort"}});
+  WriteResultsJson(dir / "results.json",
+                   test::FailingResults(),
+                   {{"program", "cohort"}},
+                   {{"cohort", "subspace"}});
   const auto json = nlohmann::json::parse(ReadBytes(dir / "results.json"));
   EXPECT_EQ(json["conditions"]["program"], "cohort");
+  EXPECT_EQ(json["headline"]["cohort"], "subspace");
   EXPECT_EQ(json["failures"].size(), 3u);
   EXPECT_EQ(json["failures"][0]["reason"], "no start");
-  EXPECT_EQ(json["rows"].size(), SomeResults().rows.size());
+  EXPECT_EQ(json["rows"].size(), test::FailingResults().rows.size());
   EXPECT_EQ(json["rows"][1]["metric"], "failed");
 }
 

@@ -4,9 +4,15 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <nlohmann/json.hpp>
+#include <sstream>
+
+#include "pipelines/report/headline_output.h"
+
 namespace cohort {
 namespace {
 
+using testing::AllOf;
 using testing::HasSubstr;
 
 class HeadlineOf : public testing::Test {
@@ -36,6 +42,18 @@ class HeadlineOf : public testing::Test {
   ExperimentResults results_;
 };
 
+// Of the camera error through ceres at level medium; the test fails where there is none.
+HeadlineRatio CameraRatio(const Headline& headline, const std::string& rival) {
+  const HeadlineRatio* const ratio = headline.Ratio("medium", "ceres", "ate", rival);
+  EXPECT_NE(ratio, nullptr) << rival;
+  return ratio == nullptr ? HeadlineRatio{} : *ratio;
+}
+HeadlineRuns RunsBy(const Headline& headline, const std::string& tracker) {
+  const HeadlineRuns* const runs = headline.Runs("medium", "ceres", tracker);
+  EXPECT_NE(runs, nullptr) << tracker;
+  return runs == nullptr ? HeadlineRuns{} : *runs;
+}
+
 TEST_F(HeadlineOf, TheBestKltOfEachClipIsTheRival) {
   for (const unsigned seed : {1U, 2U, 3U}) {
     Add("a", "klt21", seed, 4.0);
@@ -48,13 +66,10 @@ TEST_F(HeadlineOf, TheBestKltOfEachClipIsTheRival) {
   const auto headline = MakeHeadline(results_);
   ASSERT_TRUE(headline);
   EXPECT_EQ(headline->cohort, "subspace");
-  ASSERT_EQ(headline->rows.size(), 1u);
-  const HeadlineRow& row = headline->rows[0];
-  ASSERT_TRUE(row.camera_klt);
-  EXPECT_NEAR(row.camera_klt->value, 4.0, 1e-12);  // the geometric mean of 2 and 8
-  EXPECT_EQ(row.camera_klt->clips, 2u);
-  EXPECT_FALSE(row.camera_anchored);
-  EXPECT_EQ(*row.registered, 1.0);
+  ASSERT_EQ(headline->rows.size(), 1u);  // no points, no length, no other rival
+  EXPECT_NEAR(CameraRatio(*headline, "KLT").value, 4.0, 1e-12);  // geometric mean of 2 and 8
+  EXPECT_EQ(CameraRatio(*headline, "KLT").clips, 2u);
+  EXPECT_EQ(RunsBy(*headline, "subspace").registered, 1.0);
   EXPECT_TRUE(headline->losses.empty());
   EXPECT_EQ(headline->contests, 2u);
 }
@@ -66,10 +81,10 @@ TEST_F(HeadlineOf, SeedsAreMediansWithTheirRange) {
     Add("a", "subspace", seed, 1.0);
   }
   const auto headline = MakeHeadline(results_);
-  ASSERT_TRUE(headline && headline->rows[0].camera_klt);
-  EXPECT_NEAR(headline->rows[0].camera_klt->value, 2.0, 1e-12);
-  EXPECT_NEAR(headline->rows[0].camera_klt->least, 1.0, 1e-12);
-  EXPECT_NEAR(headline->rows[0].camera_klt->largest, 9.0, 1e-12);
+  ASSERT_TRUE(headline);
+  EXPECT_NEAR(CameraRatio(*headline, "KLT").value, 2.0, 1e-12);
+  EXPECT_NEAR(CameraRatio(*headline, "KLT").least, 1.0, 1e-12);
+  EXPECT_NEAR(CameraRatio(*headline, "KLT").largest, 9.0, 1e-12);
 }
 
 TEST_F(HeadlineOf, AFailureIsCountedAndNeverASmallError) {
@@ -82,14 +97,13 @@ TEST_F(HeadlineOf, AFailureIsCountedAndNeverASmallError) {
   }
   const auto headline = MakeHeadline(results_);
   ASSERT_TRUE(headline);
-  const HeadlineRow& row = headline->rows[0];
-  EXPECT_EQ(row.clips, 2u);
-  EXPECT_EQ(row.failed_klt, 1u);
-  EXPECT_EQ(row.failed, 0u);
-  EXPECT_EQ(row.camera_klt->clips, 1u);
-  EXPECT_NEAR(row.camera_klt->value, 3.0, 1e-12);
-  EXPECT_THAT(HeadlineTable(*headline), HasSubstr("3.00 of 1"));
-  EXPECT_LT(*row.registered_klt, 0.75);
+  EXPECT_EQ(RunsBy(*headline, "subspace").clips, 2u);
+  EXPECT_EQ(RunsBy(*headline, "subspace").failed, 0u);
+  EXPECT_EQ(RunsBy(*headline, "KLT").failed, 1u);
+  EXPECT_LT(RunsBy(*headline, "KLT").registered, 0.75);
+  EXPECT_EQ(CameraRatio(*headline, "KLT").clips, 1u);
+  EXPECT_NEAR(CameraRatio(*headline, "KLT").value, 3.0, 1e-12);
+  EXPECT_THAT(HeadlineTables(*headline), AllOf(HasSubstr("3.00 of 1"), HasSubstr("0/1 of 2")));
 }
 
 TEST_F(HeadlineOf, AFailedSeedIsAnInfiniteErrorInTheMedian) {
@@ -104,10 +118,9 @@ TEST_F(HeadlineOf, AFailedSeedIsAnInfiniteErrorInTheMedian) {
   }
   const auto headline = MakeHeadline(results_);
   ASSERT_TRUE(headline);
-  const HeadlineRow& row = headline->rows[0];
-  EXPECT_EQ(row.failed, 1u);
-  EXPECT_EQ(row.camera_klt->clips, 1u);
-  EXPECT_NEAR(row.camera_klt->value, 2.0, 1e-12);  // 4 over 2
+  EXPECT_EQ(RunsBy(*headline, "subspace").failed, 1u);
+  EXPECT_EQ(CameraRatio(*headline, "KLT").clips, 1u);
+  EXPECT_NEAR(CameraRatio(*headline, "KLT").value, 2.0, 1e-12);  // 4 over 2
   ASSERT_EQ(headline->losses.size(), 1u);
   EXPECT_EQ(headline->losses[0].sequence, "b");
 }
@@ -125,7 +138,7 @@ TEST_F(HeadlineOf, WhereTheCohortDoesNotWinIsListed) {
   EXPECT_EQ(headline->losses[0].cohort, 2.0);
   EXPECT_EQ(headline->losses[1].sequence, "b");
   EXPECT_FALSE(headline->losses[1].cohort);
-  EXPECT_EQ(headline->rows[0].failed, 1u);
+  EXPECT_EQ(RunsBy(*headline, "subspace").failed, 1u);
 }
 
 TEST_F(HeadlineOf, TheCeilingAndOtherTrackersAreNoRivals) {
@@ -136,9 +149,9 @@ TEST_F(HeadlineOf, TheCeilingAndOtherTrackersAreNoRivals) {
   const auto headline = MakeHeadline(results_);
   ASSERT_TRUE(headline);
   EXPECT_TRUE(headline->losses.empty());
-  EXPECT_NEAR(headline->rows[0].camera_klt->value, 2.0, 1e-12);
-  EXPECT_NEAR(headline->rows[0].camera_ceiling->value, 2.0, 1e-12);
-  EXPECT_THAT(HeadlineTable(*headline), HasSubstr("0/0/0"));
+  EXPECT_NEAR(CameraRatio(*headline, "KLT").value, 2.0, 1e-12);
+  EXPECT_NEAR(CameraRatio(*headline, "ceiling").value, 2.0, 1e-12);  // how many times worse
+  EXPECT_NEAR(CameraRatio(*headline, "klt-of-mine").value, 0.25, 1e-12);
 }
 
 TEST_F(HeadlineOf, KltWithASecondPassIsARivalOfItsOwn) {
@@ -148,8 +161,8 @@ TEST_F(HeadlineOf, KltWithASecondPassIsARivalOfItsOwn) {
   Add("a", "subspace", 1, 2.0);
   const auto headline = MakeHeadline(results_);
   ASSERT_TRUE(headline);
-  EXPECT_NEAR(headline->rows[0].camera_klt->value, 2.0, 1e-12);
-  EXPECT_NEAR(headline->rows[0].camera_refined->value, 0.5, 1e-12);
+  EXPECT_NEAR(CameraRatio(*headline, "KLT").value, 2.0, 1e-12);
+  EXPECT_NEAR(CameraRatio(*headline, "KLT refined").value, 0.5, 1e-12);
   ASSERT_EQ(headline->losses.size(), 1u);
   EXPECT_EQ(headline->losses[0].rival, "klt31-refined");
 }
@@ -163,13 +176,53 @@ TEST_F(HeadlineOf, OtherTrackersStandBesideTheCohort) {
   Add("b", "subspace", 1, 2.0);
   const auto headline = MakeHeadline(results_);
   ASSERT_TRUE(headline);
-  ASSERT_EQ(headline->rows[0].others.size(), 1u);
-  const OtherTracker& descent = headline->rows[0].others[0];
-  EXPECT_EQ(descent.name, "descent");
-  EXPECT_NEAR(descent.camera->value, 3.0, 1e-12);
-  EXPECT_EQ(descent.failed, 1u);
-  EXPECT_NEAR(*descent.registered, 0.55, 1e-12);
-  EXPECT_THAT(OthersTable(*headline), HasSubstr("3.00 of 1"));
+  EXPECT_NEAR(CameraRatio(*headline, "descent").value, 3.0, 1e-12);
+  EXPECT_EQ(RunsBy(*headline, "descent").failed, 1u);
+  EXPECT_NEAR(RunsBy(*headline, "descent").registered, 0.55, 1e-12);
+  EXPECT_TRUE(headline->losses.empty());
+  EXPECT_THAT(HeadlineTables(*headline), HasSubstr("3.00 of 1"));
+}
+
+TEST_F(HeadlineOf, JsonHasEveryRow) {
+  Add("a", "klt", 1, 4.0);
+  Add("a", "descent", 1, 6.0);
+  Add("a", "subspace", 1, 2.0);
+  const auto headline = MakeHeadline(results_);
+  ASSERT_TRUE(headline);
+  const auto json = HeadlineToJson(*headline);
+  EXPECT_EQ(json["cohort"], "subspace");
+  EXPECT_EQ(json["rivals"][0], nlohmann::ordered_json({{"name", "KLT"}, {"role", "contender"}}));
+  ASSERT_EQ(json["rows"].size(), 2u);
+  EXPECT_EQ(json["rows"][1]["rival"], "descent");
+  EXPECT_EQ(json["rows"][1]["metric"], "ate");
+  EXPECT_NEAR(json["rows"][1]["ratio"].get<double>(), 3.0, 1e-12);
+  EXPECT_EQ(json["runs"].size(), 3u);
+}
+
+TEST_F(HeadlineOf, TablesAreNeverWiderThanThePage) {
+  for (const char* sequence : {"a", "b"}) {
+    for (const char* tracker : {"klt", "klt31-refined", "anchored-klt", "subspace-paper"}) {
+      for (const unsigned seed : {1U, 2U, 3U}) {
+        Add(sequence, tracker, seed, 1234.5 * seed, "triangulation");
+        for (const char* metric : {"point_error_median", "mean_track_length"}) {
+          results_.rows.push_back(
+              {sequence, "medium", tracker, "triangulation", seed, metric, 99.94 * seed, ""});
+        }
+      }
+    }
+    for (const unsigned seed : {1U, 2U, 3U}) {
+      Add(sequence, "subspace", seed, 3.0 - 0.1 * seed, "triangulation");
+    }
+  }
+  const auto headline = MakeHeadline(results_);
+  ASSERT_TRUE(headline);
+  std::istringstream lines(HeadlineTables(*headline));
+  int levels = 0;
+  for (std::string line; std::getline(lines, line);) {
+    EXPECT_LE(line.size(), 120u) << line;
+    levels += line.starts_with("medium");
+  }
+  EXPECT_EQ(levels, 4);
 }
 
 TEST_F(HeadlineOf, ThereIsNoneWithoutARivalOrTruth) {

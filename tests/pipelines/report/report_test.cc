@@ -66,6 +66,7 @@ addEventListener('load', () => setTimeout(() => {
     views: [...document.querySelectorAll('.view canvas')].map(coloursOf),
     pictures: [...document.images].map((image) => image.naturalWidth),
     headline: [...document.querySelectorAll('#headline tbody tr')].map(text),
+    others: [...document.querySelectorAll('#others tbody tr')].map(text),
     cells: [...document.querySelectorAll('#cells tbody tr')].map((row) => ({
       names: [...row.querySelectorAll('td.name')].map(text),
       values: Object.fromEntries([...row.querySelectorAll('td[data-metric]')].map(
@@ -173,6 +174,7 @@ TEST_F(Report, OpensOfflineAndDrawsEverythingWithoutComplaint) {
   EXPECT_THAT(probe["complaints"].get<std::vector<std::string>>(), IsEmpty());
   EXPECT_THAT(probe["fetched"].get<std::vector<std::string>>(), IsEmpty());
   for (const char* heading : {"Who won, and by how much",
+                              "The other rivals",
                               "Where cohort does not win",
                               "Error against darkness",
                               "The tracks over the darkest frame",
@@ -189,6 +191,8 @@ TEST_F(Report, OpensOfflineAndDrawsEverythingWithoutComplaint) {
   ASSERT_EQ(probe["pictures"].size(), 5u);
   for (const int width : probe["pictures"]) EXPECT_EQ(width, 320);
   EXPECT_EQ(probe["headline"].size(), 4u);  // levels x backends
+  const auto others = nlohmann::json::parse(ReadBytes(Path("out/results.json")))["headline"];
+  EXPECT_EQ(probe["others"].size(), others["runs"].size() - 2u * 4u);  // but cohort and KLT
 }
 
 TEST_F(Report, ShowsWhatResultsCsvHas) {

@@ -1,0 +1,58 @@
+#pragma once
+
+#include <map>
+#include <optional>
+#include <string>
+#include <tuple>
+#include <vector>
+
+#include "pipelines/experiment/results.h"
+
+namespace cohort {
+
+// Metrics that the headline compares, as results.csv names them.
+inline constexpr const char* kCameraErrorMetric = "ate";
+inline constexpr const char* kPointErrorMetric = "point_error_median";
+inline constexpr const char* kTrackLengthMetric = "mean_track_length";
+
+// One tracker's reconstruction of one clip at one level, over all seeds.
+struct ResultCell {
+  std::string sequence;
+  std::string level;
+  std::string tracker;
+  std::string backend;
+};
+
+// Results by cell and metric, with names in their order of appearance.
+class ResultIndex {
+ public:
+  explicit ResultIndex(const ExperimentResults& results);
+
+  const std::vector<std::string>& sequences() const { return sequences_; }
+  const std::vector<std::string>& levels() const { return levels_; }
+  const std::vector<std::string>& trackers() const { return trackers_; }
+  const std::vector<std::string>& backends() const { return backends_; }
+
+  // By seed. The length of tracks is the tracker's, whatever the cell's backend.
+  const std::map<unsigned, double>& Values(const ResultCell& cell, const std::string& metric) const;
+
+  bool Ran(const ResultCell& cell) const;
+  // So many seeds failed, by themselves or because tracking did, that the median error is infinite.
+  bool Failed(const ResultCell& cell) const;
+  // Over seeds; none if the cell failed or has no such figure. The error of a seed that failed is
+  // infinite; else it would be those who fail where it is hard that have the small medians.
+  std::optional<double> Median(const ResultCell& cell, const std::string& metric) const;
+  // Of the frames of all seeds; a failed one counts with what it registered.
+  std::optional<double> RegisteredShare(const ResultCell& cell) const;
+
+ private:
+  using Key = std::tuple<std::string, std::string, std::string, std::string, std::string>;
+
+  std::map<Key, std::map<unsigned, double>> values_;
+  std::vector<std::string> sequences_;
+  std::vector<std::string> levels_;
+  std::vector<std::string> trackers_;
+  std::vector<std::string> backends_;
+};
+
+}  // namespace cohort
