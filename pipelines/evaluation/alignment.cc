@@ -64,9 +64,8 @@ Alignment FitAlignment(std::span<const Eigen::Vector3d> source,
   const Eigen::JacobiSVD<Eigen::Matrix3d> svd(covariance,
                                               Eigen::ComputeFullU | Eigen::ComputeFullV);
   const Eigen::Vector3d& d = svd.singularValues();
-  if (!(d[0] > kTolerance * source_spread * target_spread)) {
-    return {.status = AlignmentStatus::kOnePlace};
-  }
+  const double most = source_spread * target_spread;  // that d[0] can be
+  if (most == 0.0 || !(d[0] > kTolerance * most)) return {.status = AlignmentStatus::kOnePlace};
   Alignment alignment;
   alignment.status =
       d[1] > kTolerance * d[0] ? AlignmentStatus::kUnique : AlignmentStatus::kFreeAboutALine;

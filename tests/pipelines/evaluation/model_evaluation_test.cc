@@ -126,12 +126,13 @@ TEST(EvaluateModel, OnAStraightPathOnlyThePointsHaveNoFigure) {
   double index_along = 0.0;
   const double middle = (kFrames - 1) / 2.0;
   for (std::uint32_t i = 0; i < kFrames; ++i) {
+    const FrameIndex frame = scene.frames[i];
     const double error = noise_m * (i % 3 == 0 ? 1.0 : -0.5);
-    Rigid3 world_from_cam = scene.truth.cam_from_world[FrameIndex{i}].Inverse();
+    Rigid3 world_from_cam = scene.truth.cam_from_world[frame].Inverse();
     world_from_cam.translation = {0.0, 0.0, 0.5 * i};
-    scene.truth.cam_from_world[FrameIndex{i}] = world_from_cam.Inverse();
+    scene.truth.cam_from_world[frame] = world_from_cam.Inverse();
     world_from_cam.translation.z() += error;
-    scene.reconstruction.cam_from_world[FrameIndex{i}] = world_from_cam.Inverse();
+    scene.reconstruction.cam_from_world[frame] = world_from_cam.Inverse();
     const double along = 0.5 * i + error;
     along_sum += along / kFrames;
     along_squares += along * along / kFrames;
