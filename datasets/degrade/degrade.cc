@@ -256,6 +256,102 @@ OccludedFrame DrawOccluder(const cv::Mat& gray,
   return result;
 }
 
+namespace {
+
+// Degrades the frames of a sequence into a folder, by as many threads as call Work: the sequence is
+// read by one at a time.
+class SequenceDegrader {
+ public:
+  SequenceDegrader(Sequence& sequence,
+                   const DegradeOptions& options,
+                   const Progress& progress,
+                   TumWriter& writer)
+      : sequence_(sequence), options_(options), progress_(progress), writer_(writer) {}
+
+  // Until the sequence ends or another thread fails.
+  void Work() {
+    try {
+      while (auto job = NextJob()) {
+        Degrade(*job);
+        writer_.Write(job->place, job->record);
+        const std::lock_guard lock(mutex_);
+        if (progress_) progress_(++done_, sequence_.FrameCount().value_or(0));
+      }
+    } catch (...) {
+      const std::lock_guard lock(mutex_);
+      at_end_ = true;
+      throw;
+    }
+  }
+
+  // The frames of the source that were degraded.
+  const std::vector<FrameIndex>& frames() const { return frames_; }
+
+ private:
+  struct Job {
+    Frame frame;
+    std::size_t place = 0;  // of the frame in the new clip
+    TumWriter::Record record;
+  };
+
+  std::optional<Job> NextJob() {
+    const std::lock_guard lock(mutex_);
+    if (at_end_) return std::nullopt;
+    auto frame = sequence_.Next();
+    at_end_ = !frame;
+    if (!frame) return std::nullopt;
+    Job job{std::move(*frame), frames_.size(), {}};
+    frames_.push_back(job.frame.index);
+    job.record.timestamp_ns = job.frame.timestamp_ns;
+    job.record.depth_m = sequence_.TrueDepth(job.frame.index);
+    job.record.occluder = sequence_.OccluderMask(job.frame.index);
+    const std::map<FrameIndex, Rigid3>& poses = sequence_.TrueCamFromWorld();
+    if (const auto pose = poses.find(job.frame.index); pose != poses.end()) {
+      job.record.cam_from_world = pose->second;
+    }
+    return job;
+  }
+
+  void Degrade(Job& job) const {
+    TumWriter::Record& record = job.record;
+    const std::uint32_t index = ToInt(job.frame.index);
+    cv::Mat motion;
+    if (options_.recipe == DegradeRecipe::kSensor) {
+      motion = TrueMotion(sequence_, job.frame.index, record.depth_m.value_or(cv::Mat()));
+    }
+    cv::Mat gray = job.frame.gray;
+    if (options_.occluder_px_per_frame > 0.0) {
+      OccludedFrame occluded = DrawOccluder(gray, options_, index);
+      gray = occluded.gray;
+      record.occluder = record.occluder ? *record.occluder | occluded.mask : occluded.mask;
+      if (!motion.empty()) {
+        motion.setTo(cv::Scalar(options_.occluder_px_per_frame, 0.0), occluded.mask);
+      }
+    }
+    record.picture = DegradeFrame(gray, options_, index, motion);
+  }
+
+  Sequence& sequence_;
+  const DegradeOptions& options_;
+  const Progress& progress_;
+  TumWriter& writer_;
+  std::mutex mutex_;  // of what follows, and of reading the sequence
+  std::vector<FrameIndex> frames_;
+  bool at_end_ = false;
+  std::size_t done_ = 0;
+};
+
+// What a clip of these frames of a rendered scene shows.
+SceneFile PartOfScene(SceneFile scene, const std::vector<FrameIndex>& frames) {
+  scene.first_frame += static_cast<int>(ToInt(frames[0])) * scene.frame_step;
+  if (frames.size() > 1) {
+    scene.frame_step *= static_cast<int>(ToInt(frames[1]) - ToInt(frames[0]));
+  }
+  return scene;
+}
+
+}  // namespace
+
 void DegradeSequence(Sequence& sequence,
                      const fs::path& source,
                      const DegradeOptions& options,
@@ -269,69 +365,11 @@ void DegradeSequence(Sequence& sequence,
   }
   TumWriter writer(out);
   if (const auto camera = sequence.KnownCamera()) writer.WriteCamera(*camera);
-  const std::map<FrameIndex, Rigid3>& poses = sequence.TrueCamFromWorld();
-
-  std::mutex mutex;  // of what follows, and of the sequence
-  std::vector<FrameIndex> read;
-  bool at_end = false;
-  std::size_t done = 0;
-  const auto work = [&] {
-    for (;;) {
-      std::optional<Frame> frame;
-      TumWriter::Record record;
-      std::size_t place = 0;
-      {
-        const std::lock_guard lock(mutex);
-        if (at_end) return;
-        frame = sequence.Next();
-        at_end = !frame;
-        if (!frame) return;
-        place = read.size();
-        read.push_back(frame->index);
-        record.depth_m = sequence.TrueDepth(frame->index);
-        record.occluder = sequence.OccluderMask(frame->index);
-      }
-      record.timestamp_ns = frame->timestamp_ns;
-      if (const auto pose = poses.find(frame->index); pose != poses.end()) {
-        record.cam_from_world = pose->second;
-      }
-      const std::uint32_t index = ToInt(frame->index);
-      cv::Mat motion;
-      if (options.recipe == DegradeRecipe::kSensor) {
-        motion = TrueMotion(sequence, frame->index, record.depth_m.value_or(cv::Mat()));
-      }
-      cv::Mat gray = frame->gray;
-      if (options.occluder_px_per_frame > 0.0) {
-        OccludedFrame occluded = DrawOccluder(gray, options, index);
-        gray = occluded.gray;
-        record.occluder = record.occluder ? *record.occluder | occluded.mask : occluded.mask;
-        if (!motion.empty()) {
-          motion.setTo(cv::Scalar(options.occluder_px_per_frame, 0.0), occluded.mask);
-        }
-      }
-      record.picture = DegradeFrame(gray, options, index, motion);
-      writer.Write(place, record);
-      const std::lock_guard lock(mutex);
-      if (progress) progress(++done, sequence.FrameCount().value_or(0));
-    }
-  };
-  ParallelFor(ThreadCount(threads), threads, [&](std::size_t) {
-    try {
-      work();
-    } catch (...) {
-      const std::lock_guard lock(mutex);
-      at_end = true;
-      throw;
-    }
-  });
-
-  if (auto scene = fs::is_directory(source) ? ReadSceneFile(source) : std::nullopt;
-      scene && !read.empty()) {
-    const auto source_step =
-        read.size() > 1 ? static_cast<int>(ToInt(read[1]) - ToInt(read[0])) : 1;
-    scene->first_frame += static_cast<int>(ToInt(read[0])) * scene->frame_step;
-    scene->frame_step *= source_step;
-    writer.WriteFile("scene.json", scene->Text());
+  SequenceDegrader degrader(sequence, options, progress, writer);
+  ParallelFor(ThreadCount(threads), threads, [&](std::size_t) { degrader.Work(); });
+  const auto scene = fs::is_directory(source) ? ReadSceneFile(source) : std::nullopt;
+  if (scene && !degrader.frames().empty()) {
+    writer.WriteFile("scene.json", PartOfScene(*scene, degrader.frames()).Text());
   }
   writer.Finish();
 }

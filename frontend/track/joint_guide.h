@@ -25,7 +25,7 @@ inline constexpr ChoiceNames<Constraint, 2> kConstraintNames{
     {{"strong", Constraint::kStrong}, {"weak", Constraint::kWeak}}};
 
 // m of eq. (7) relative to the picture's contrast: that with which the guide's worst level of
-// darkness is nearest to that level's own best (docs/paper.md).
+// darkness is nearest to that level's own best (docs/results/paper.md).
 inline double CalibratedWeight(PenaltyKind penalty, Constraint constraint) {
   const bool strong = constraint == Constraint::kStrong;
   switch (penalty) {

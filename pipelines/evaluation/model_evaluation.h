@@ -5,6 +5,7 @@
 #include <span>
 
 #include "backend/scene/reconstruction.h"
+#include "pipelines/evaluation/alignment.h"
 #include "pipelines/evaluation/point_error.h"
 
 namespace cohort {
@@ -17,9 +18,11 @@ struct ModelTruth {
 };
 
 // What `evaluate` says of a model. A figure that cannot be computed is absent, never 0: all but the
-// counts with fewer than 3 registered frames that have truth; those that need the alignment when
-// the cameras do not fix it (static, or on one line).
+// counts with fewer than 3 registered frames that have truth; scale, ATE and rpe_trans_m where all
+// cameras are in one place; the points' error also where they are on a line, as the alignment may
+// then turn about it (which changes none of the other figures).
 struct ModelEvaluation {
+  AlignmentStatus alignment = AlignmentStatus::kTooFewPoints;
   std::size_t registered = 0;   // of `frames`
   std::size_t frames = 0;       // that the clip has
   std::optional<double> scale;  // true length of one unit of the model [m]

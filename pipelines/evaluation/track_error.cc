@@ -42,19 +42,21 @@ std::optional<AnchoredTrack> AnchorTrack(const TrackSet& tracks,
                        .path = std::move(*path)};
 }
 
-ErrorSummary SummarizeErrors(std::vector<double> errors_px) {
-  return {.count = errors_px.size(),
-          .median_px = InterpolatedMedian(errors_px),
-          .p90_px = InterpolatedQuantile(errors_px, 0.9),
-          .mean_px = std::accumulate(errors_px.begin(), errors_px.end(), 0.0) /
-                     static_cast<double>(errors_px.size())};
+// None without errors.
+std::optional<ErrorSummary> SummarizeErrors(const std::vector<double>& errors_px) {
+  if (errors_px.empty()) return std::nullopt;
+  return ErrorSummary{.count = errors_px.size(),
+                      .median_px = InterpolatedMedian(errors_px),
+                      .p90_px = InterpolatedQuantile(errors_px, 0.9),
+                      .mean_px = std::accumulate(errors_px.begin(), errors_px.end(), 0.0) /
+                                 static_cast<double>(errors_px.size())};
 }
 
 std::map<int, ErrorSummary> SummarizeByFramesHidden(const ErrorsByFramesHidden& errors_px) {
   std::map<int, ErrorSummary> summaries;
   for (const int frames : kHiddenFrames) {
     const auto found = errors_px.find(frames);
-    if (found != errors_px.end()) summaries[frames] = SummarizeErrors(found->second);
+    if (found != errors_px.end()) summaries[frames] = *SummarizeErrors(found->second);
   }
   return summaries;
 }
@@ -116,6 +118,59 @@ CalibrationFigure Calibration(const std::vector<Eigen::Vector2d>& normalised) {
 std::optional<double> Ratio(std::size_t part, std::size_t whole) {
   if (whole == 0) return std::nullopt;
   return static_cast<double>(part) / static_cast<double>(whole);
+}
+
+// The errors of all positions, by what the tracker called them and how long the point was hidden.
+struct PositionErrors {
+  std::vector<double> observed_px;
+  std::vector<double> hidden_but_observed_px;
+  ErrorsByFramesHidden predicted_px;
+  ErrorsByFramesHidden hidden_px;
+  std::vector<Eigen::Vector2d> normalised;  // AddNormalised
+  std::size_t predicted = 0;
+  std::size_t hidden = 0;
+  std::size_t predicted_and_hidden = 0;
+
+  void AddTrack(const AnchoredTrack& track);
+
+ private:
+  void AddPosition(ObservationState state, double error_px, int hidden_frames);
+};
+
+void PositionErrors::AddTrack(const AnchoredTrack& track) {
+  int hidden_frames = 0;
+  std::vector<std::pair<Eigen::Vector2d, PixelCovariance>> errors;
+  if (const auto& covariance = track.observations.front().covariance) {
+    errors.emplace_back(Eigen::Vector2d::Zero(), *covariance);
+  }
+  auto observation = track.observations.begin() + 1;
+  for (const FrameIndex frame : track.frames.subspan(1)) {
+    if (observation == track.observations.end()) break;
+    const auto sighting = track.path(frame);
+    if (sighting) hidden_frames = sighting->visible ? 0 : hidden_frames + 1;
+    if (observation->frame != frame) continue;
+    const Observation& o = *observation;
+    ++observation;
+    if (!sighting) continue;
+    const Eigen::Vector2d error = o.xy - sighting->xy;
+    if (o.state == ObservationState::kObserved && o.covariance) {
+      errors.emplace_back(error, *o.covariance);
+    }
+    AddPosition(o.state, error.norm(), hidden_frames);
+  }
+  AddNormalised(errors, normalised);
+}
+
+void PositionErrors::AddPosition(ObservationState state, double error_px, int hidden_frames) {
+  const bool is_predicted = state == ObservationState::kPredicted;
+  if (is_predicted) ++predicted;
+  if (hidden_frames > 0) {
+    ++hidden;
+    if (is_predicted) ++predicted_and_hidden;
+    if (!is_predicted) hidden_but_observed_px.push_back(error_px);
+    hidden_px[hidden_frames].push_back(error_px);
+  }
+  (is_predicted ? predicted_px[hidden_frames] : observed_px).push_back(error_px);
 }
 
 }  // namespace
@@ -183,60 +238,26 @@ TrackEvaluation EvaluateTracks(const TrackSet& tracks,
                                const TrackTruthOracle& truth,
                                const ReinitializationOptions& options) {
   TrackEvaluation evaluation;
-  std::vector<double> observed_px;
-  std::vector<Eigen::Vector2d> normalised;
-  std::vector<double> hidden_but_observed_px;
-  ErrorsByFramesHidden predicted_px;
-  ErrorsByFramesHidden hidden_px;
-  std::size_t predicted = 0, hidden = 0, predicted_and_hidden = 0;
+  PositionErrors errors;
   for (const FeatureId feature : tracks.features()) {
     ++evaluation.tracks;
-    const auto track = AnchorTrack(tracks, feature, truth);
-    if (!track) {
+    if (const auto track = AnchorTrack(tracks, feature, truth)) {
+      errors.AddTrack(*track);
+    } else {
       ++evaluation.tracks_without_truth;
-      continue;
     }
-    int hidden_frames = 0;
-    std::vector<std::pair<Eigen::Vector2d, PixelCovariance>> errors;
-    if (const auto& covariance = track->observations.front().covariance) {
-      errors.emplace_back(Eigen::Vector2d::Zero(), *covariance);
-    }
-    auto observation = track->observations.begin() + 1;
-    for (const FrameIndex frame : track->frames.subspan(1)) {
-      if (observation == track->observations.end()) break;
-      const auto sighting = track->path(frame);
-      if (sighting) hidden_frames = sighting->visible ? 0 : hidden_frames + 1;
-      if (observation->frame != frame) continue;
-      const Observation& o = *observation;
-      const bool is_predicted = o.state == ObservationState::kPredicted;
-      ++observation;
-      if (!sighting) continue;
-      const Eigen::Vector2d error = o.xy - sighting->xy;
-      if (!is_predicted && o.covariance) errors.emplace_back(error, *o.covariance);
-      if (is_predicted) ++predicted;
-      if (hidden_frames > 0) {
-        ++hidden;
-        if (is_predicted) ++predicted_and_hidden;
-        if (!is_predicted) hidden_but_observed_px.push_back(error.norm());
-        hidden_px[hidden_frames].push_back(error.norm());
-      }
-      (is_predicted ? predicted_px[hidden_frames] : observed_px).push_back(error.norm());
-    }
-    AddNormalised(errors, normalised);
   }
-  if (!normalised.empty()) evaluation.calibration = Calibration(normalised);
-  evaluation.outlier_share =
-      Ratio(static_cast<std::size_t>(std::count_if(
-                observed_px.begin(), observed_px.end(), [](double e) { return e > kOutlierPx; })),
-            observed_px.size());
-  if (!observed_px.empty()) evaluation.observed = SummarizeErrors(std::move(observed_px));
-  evaluation.predicted = SummarizeByFramesHidden(predicted_px);
-  evaluation.hidden = SummarizeByFramesHidden(hidden_px);
-  if (!hidden_but_observed_px.empty()) {
-    evaluation.hidden_but_observed = SummarizeErrors(std::move(hidden_but_observed_px));
-  }
-  evaluation.predicted_precision = Ratio(predicted_and_hidden, predicted);
-  evaluation.predicted_recall = Ratio(predicted_and_hidden, hidden);
+  if (!errors.normalised.empty()) evaluation.calibration = Calibration(errors.normalised);
+  const auto outliers = std::count_if(errors.observed_px.begin(),
+                                      errors.observed_px.end(),
+                                      [](double error_px) { return error_px > kOutlierPx; });
+  evaluation.outlier_share = Ratio(static_cast<std::size_t>(outliers), errors.observed_px.size());
+  evaluation.observed = SummarizeErrors(errors.observed_px);
+  evaluation.predicted = SummarizeByFramesHidden(errors.predicted_px);
+  evaluation.hidden = SummarizeByFramesHidden(errors.hidden_px);
+  evaluation.hidden_but_observed = SummarizeErrors(errors.hidden_but_observed_px);
+  evaluation.predicted_precision = Ratio(errors.predicted_and_hidden, errors.predicted);
+  evaluation.predicted_recall = Ratio(errors.predicted_and_hidden, errors.hidden);
   evaluation.reinitializations = MeasureReinitializations(tracks, truth, options);
   evaluation.trajectory_l1 = MeasureTrajectoryL1(tracks, truth);
   return evaluation;

@@ -130,18 +130,20 @@ Json EvaluateModelFolder(const fs::path& folder, const Sequence& sequence, Track
   }
   const ModelEvaluation figures =
       EvaluateModel(ReadReconstruction(folder), FramesOfModel(folder, sequence), model_truth);
-  return {{"registered", figures.registered},
-          {"frames", figures.frames},
-          {"failed", TooFewRegistered(figures.registered, figures.frames)},
-          {"ate_m", OrNull(figures.ate_m)},
-          {"rpe_rot_deg", OrNull(figures.rpe_rot_deg)},
-          {"rpe_trans_m", OrNull(figures.rpe_trans_m)},
-          {"point_error_median_m", OrNull(figures.point_error_median_m)},
-          {"points_with_truth", figures.points_with_truth},
-          {"auc_5", OrNull(figures.auc_5)},
-          {"auc_10", OrNull(figures.auc_10)},
-          {"auc_20", OrNull(figures.auc_20)},
-          {"scale", OrNull(figures.scale)}};
+  Json json{{"registered", figures.registered},
+            {"frames", figures.frames},
+            {"failed", TooFewRegistered(figures.registered, figures.frames)},
+            {"ate_m", OrNull(figures.ate_m)},
+            {"rpe_rot_deg", OrNull(figures.rpe_rot_deg)},
+            {"rpe_trans_m", OrNull(figures.rpe_trans_m)},
+            {"point_error_median_m", OrNull(figures.point_error_median_m)},
+            {"points_with_truth", figures.points_with_truth},
+            {"auc_5", OrNull(figures.auc_5)},
+            {"auc_10", OrNull(figures.auc_10)},
+            {"auc_20", OrNull(figures.auc_20)},
+            {"scale", OrNull(figures.scale)}};
+  if (!figures.ate_m) json["why_no_ate"] = Reason(figures.alignment);
+  return json;
 }
 
 }  // namespace

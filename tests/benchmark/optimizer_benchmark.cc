@@ -242,33 +242,45 @@ double TimeRatio(const Results& r) {
   return MedianOf(r.pairs, ms(0)) / MedianOf(r.pairs, ms(1));
 }
 
-std::string SameStartRow(const std::string& name, const Results& r) {
-  std::string row = fmt::format("| {} |", name);
-  const auto both = [&](const char* format, const auto& value) {
-    row += fmt::format(" {} / {} |",
-                       fmt::format(fmt::runtime(format), value(0)),
-                       fmt::format(fmt::runtime(format), value(1)));
+// A figure of both optimisers in a frame: its medians, as a cell.
+template <typename Value>
+std::string MedianCell(const Results& r, int decimals, const Value& value) {
+  const auto median = [&](std::size_t o) {
+    return MedianOf(r.pairs, [&](const Pair& p) { return value(p, o); });
   };
-  const auto median = [&](const auto& value) {
-    return [&](std::size_t o) {
-      return MedianOf(r.pairs, [&](const Pair& p) { return value(p, o); });
-    };
-  };
-  both("{:.3f}", median([](const Pair& p, std::size_t o) { return p[o].energy / p[o].start; }));
-  row += fmt::format(" {:.3f} |",
-                     MedianOf(r.pairs, [](const Pair& p) { return p[0].truth / p[0].start; }));
-  both("{:.2f}", median([](const Pair& p, std::size_t o) { return 100.0 * AboveBetter(p, o); }));
-  both("{:.0f}", [&](std::size_t o) {
+  return fmt::format(" {:.{}f} / {:.{}f} |", median(0), decimals, median(1), decimals);
+}
+
+// What is reached from the same start.
+std::string EnergyRow(const std::string& name, const Results& r) {
+  const double truth = MedianOf(r.pairs, [](const Pair& p) { return p[0].truth / p[0].start; });
+  const auto lower = [&](std::size_t o) {
     return 100.0 * ShareOf(r.pairs, [&](const Pair& p) { return IsLower(p, o); });
-  });
-  both("{:.0f}", median([](const Pair& p, std::size_t o) { return double(p[o].evaluations); }));
-  both("{:.0f}", median([](const Pair& p, std::size_t o) { return double(p[o].steps); }));
-  both("{:.1f}", median([](const Pair& p, std::size_t o) { return p[o].ms; }));
-  row += fmt::format(" {:.1f} |", TimeRatio(r));
-  both("{:.2f}", [&](std::size_t o) {
+  };
+  const auto error_px = [&](std::size_t o) {
     return MedianOf(r.errors_px, [&](const std::array<double, 2>& e) { return e[o]; });
-  });
-  return row + "\n";
+  };
+  return fmt::format(
+      "| {} |{} {:.3f} |{} {:.0f} / {:.0f} | {:.2f} / {:.2f} |\n",
+      name,
+      MedianCell(r, 3, [](const Pair& p, std::size_t o) { return p[o].energy / p[o].start; }),
+      truth,
+      MedianCell(r, 2, [](const Pair& p, std::size_t o) { return 100.0 * AboveBetter(p, o); }),
+      lower(0),
+      lower(1),
+      error_px(0),
+      error_px(1));
+}
+
+// What it costs.
+std::string CostRow(const std::string& name, const Results& r) {
+  return fmt::format(
+      "| {} |{}{}{} {:.1f} |\n",
+      name,
+      MedianCell(r, 0, [](const Pair& p, std::size_t o) { return double(p[o].evaluations); }),
+      MedianCell(r, 0, [](const Pair& p, std::size_t o) { return double(p[o].steps); }),
+      MedianCell(r, 1, [](const Pair& p, std::size_t o) { return p[o].ms; }),
+      TimeRatio(r));
 }
 
 using LevelResults = std::map<std::string, std::vector<Results>>;  // by level, by case
@@ -308,49 +320,53 @@ void RunAll(Benchmark& b) {
 std::string SameStartTables(const Benchmark& b, const LevelResults& results) {
   std::string text;
   for (const std::string& level : b.levels) {
-    text += fmt::format(
-        "{}:\n\n| penalty | energy / start | at the truth | above the better [%] | lower in [% of "
-        "frames] | evaluations | steps | time [ms] | ratio of times | error [px] |\n"
-        "|---|---|---|---|---|---|---|---|---|---|\n",
-        level);
+    std::string energies;
+    std::string costs;
     for (std::size_t c = 0; c < kCases.size(); ++c) {
-      text += SameStartRow(kCases[c].Name(), results.at(level)[c]);
+      energies += EnergyRow(kCases[c].Name(), results.at(level)[c]);
+      costs += CostRow(kCases[c].Name(), results.at(level)[c]);
     }
-    text += "\n";
+    text += fmt::format(
+        "{}:\n\n| penalty | energy / start | at the truth | above the better [%] | lower in [%] | "
+        "error [px] |\n|---|---|---|---|---|---|\n{}\n"
+        "| penalty | evaluations | steps | time [ms] | ratio of times "
+        "|\n|---|---|---|---|---|\n{}\n",
+        level,
+        energies,
+        costs);
   }
   return text;
 }
 
-std::string RunCells(const std::vector<Run>& runs) {
+// L1 error, that of the worst clip, spread, how many froze and drifted.
+std::array<std::string, 5> RunCells(const std::vector<Run>& runs) {
   double worst_px = 0.0;
   for (const Run& run : runs) worst_px = std::max(worst_px, run.l1_px);
   const auto count = [&](const auto& holds) {
-    return std::count_if(runs.begin(), runs.end(), holds);
+    return fmt::format("{}", std::count_if(runs.begin(), runs.end(), holds));
   };
-  return fmt::format(" {:.1f} | {:.1f} | {:.2f} | {} | {} |",
-                     MedianOf(runs, [](const Run& r) { return r.l1_px; }),
-                     worst_px,
-                     MedianOf(runs, [](const Run& r) { return r.spread; }),
-                     count([](const Run& r) { return r.Frozen(); }),
-                     count([](const Run& r) { return r.Drifted(); }));
+  return {fmt::format("{:.1f}", MedianOf(runs, [](const Run& r) { return r.l1_px; })),
+          fmt::format("{:.1f}", worst_px),
+          fmt::format("{:.2f}", MedianOf(runs, [](const Run& r) { return r.spread; })),
+          count([](const Run& r) { return r.Frozen(); }),
+          count([](const Run& r) { return r.Drifted(); })};
 }
 
 std::string RunTable(const Benchmark& b, const LevelResults& results) {
   std::string text =
-      "| level | penalty | optimiser | L1 error [px] | worst clip | spread / true | frozen | "
-      "drifted "
-      "|\n|---|---|---|---|---|---|---|---|\n";
+      "| level | penalty | L1 error [px] | worst clip | spread / true | frozen | drifted |\n"
+      "|---|---|---|---|---|---|---|\n";
   for (const std::string& level : b.levels) {
     text +=
-        fmt::format("| {} | none | every feature alone |{}\n", level, RunCells(b.alone.at(level)));
+        fmt::format("| {} | none | {} |\n", level, fmt::join(RunCells(b.alone.at(level)), " | "));
     for (std::size_t c = 0; c < kCases.size(); ++c) {
-      for (std::size_t o = 0; o < 2; ++o) {
-        text += fmt::format("| {} | {} | `{}` |{}\n",
-                            level,
-                            kCases[c].Name(),
-                            NameOf(kOptimizerNames, kOptimizers[o]),
-                            RunCells(results.at(level)[c].runs[o]));
+      const auto first = RunCells(results.at(level)[c].runs[0]);
+      const auto second = RunCells(results.at(level)[c].runs[1]);
+      text += fmt::format("| {} | {} |", level, kCases[c].Name());
+      for (std::size_t i = 0; i < first.size(); ++i) {
+        text += fmt::format(" {} / {} |", first[i], second[i]);
       }
+      text += "\n";
     }
   }
   return text;
@@ -400,18 +416,20 @@ std::string InShort(const Benchmark& b, const LevelResults& results) {
     all.insert(all.end(), pairs.begin(), pairs.end());
   }
   std::string text = fmt::format(
-      "| level | lower energy with `algorithm-1` | with `joint-newton` | both below the truth's | "
-      "L1 error of "
-      "a run, `algorithm-1` / `joint-newton` (median) |\n|---|---|---|---|---|\n{}\n",
+      "| level | lower with `algorithm-1` | with `joint-newton` | both below the truth's | L1 "
+      "error |\n"
+      "|---|---|---|---|---|\n{}\n",
       levels);
   const auto evaluations = [&](std::size_t o) {
     return MedianOf(all, [o](const Pair& p) { return static_cast<double>(p[o].evaluations); });
   };
   text += fmt::format(
-      "Shares of frames [%]; in the others the energies differ by less than {:.1f} %. "
-      "`joint-newton` evaluates the "
-      "energy {:.0f} times a frame, `algorithm-1`\n{:.0f} times (medians); by penalty and level it "
-      "is {:.1f} to {:.1f} times as fast.\n\n",
+      "Shares of frames in which the energy is lower [%]; in the others the energies differ by "
+      "less "
+      "than {:.1f} %.\nL1 error of a run: `algorithm-1` / `joint-newton`, median. `joint-newton` "
+      "evaluates the energy {:.0f} times a frame,\n`algorithm-1` {:.0f} times (medians); by "
+      "penalty "
+      "and level it is {:.1f} to {:.1f} times as fast.\n\n",
       100.0 * kSameEnergy,
       evaluations(1),
       evaluations(0),
@@ -423,7 +441,7 @@ std::string InShort(const Benchmark& b, const LevelResults& results) {
                     runs,
                     NameOf(kOptimizerNames, kOptimizers[o]),
                     failed[o],
-                    failures[o].empty() ? "" : fmt::format(" ({})", fmt::join(failures[o], "; ")));
+                    failures[o].empty() ? "" : fmt::format(" ({})", fmt::join(failures[o], ";\n")));
   }
   return text;
 }
@@ -450,33 +468,43 @@ std::string Page(const Benchmark& b) {
   return fmt::format(
       R"(# Two optimisers for one energy
 
-The total energy (eq. 3 of the paper) is minimised by the paper's Algorithm 1 (`--subspace.optimizer algorithm-1`) or by Newton steps
-that move all features together (`joint-newton`, the default; `frontend/track/optimizer.h` says how). This page is written by
+The total energy (eq. 3 of the paper) is minimised by the paper's Algorithm 1 (`--subspace.optimizer algorithm-1`) or
+by Newton steps that move all features together (`joint-newton`, the default; `frontend/track/optimizer.h` says how).
+This page is written by
 
 ```console
-$ optimizer_benchmark WORK/clips/{{{}}} --page docs/optimizers.md
+$ optimizer_benchmark --page docs/results/optimizers.md \
+    WORK/clips/{{{}}}
 ```
 
 which is built in `build/tests/benchmark`; the clips are those of [paper.md](paper.md).
 
 ## What is measured
 
-The first {} frames of {} clips ({}), degraded to the levels clean, medium and hard (seed {}), with the points of the paper's protocol:
-{} x {} px templates of frame 0, L = {}, centred, epsilon {}, four pyramid levels, {} to {} steps a level, the guide alone (no measurement). m of eq. (7) is that of
-the sensitivity curves ({}), and ten times that: a penalty far too strong, to see what gives way first.
+The first {} frames of {} clips ({}),
+degraded to the levels clean, medium and hard (seed {}), with the points of the paper's protocol: {} x {} px
+templates of frame 0, L = {}, centred, epsilon {}, four pyramid levels, {} to {} steps a level, the guide alone
+(no measurement). m of eq. (7) is that of the sensitivity curves
+({}),
+and ten times that: a penalty far too strong, to see what gives way first.
 
-**The same frames, histories and starts.** Each optimiser leads one run over each clip: its positions become the history. In every frame of either
-run both start from the last positions plus the whole-frame shift and go through all levels of the pyramid. Cells are `algorithm-1` / `joint-newton`, medians over frames:
+**The same frames, histories and starts.** Each optimiser leads one run over each clip: its positions become the
+history. In every frame of either run both start from the last positions plus the whole-frame shift and go through all
+levels of the pyramid. Cells are `algorithm-1` / `joint-newton`, medians over frames:
 
-- *energy / start*: total energy at full resolution at the end, over that at the start; *at the truth*: the same at the true positions,
-- *above the better*: how far an energy lies above the lower one of the two; *lower in*: frames in which it is lower by more than {:.1f} %,
-- *evaluations* of the energy along lines, and *steps* (gradients), over all levels; *time* of one thread's processor, both in turn in one process,
+- *energy / start*: total energy at full resolution at the end, over that at the start; *at the truth*: the same at the
+  true positions,
+- *above the better*: how far an energy lies above the lower one of the two; *lower in*: frames in which it is lower by
+  more than {:.1f} %,
+- *evaluations* of the energy along lines, and *steps* (gradients), over all levels; *time* of one thread's processor,
+  both in turn in one process,
 - *error*: median distance of the features from the truth after that frame; it holds what the history brought along.
 
-**Whole runs.** Each optimiser for itself over {} frames. *L1 error*: mean over features of the sum over the frames of |dx| + |dy|, median over clips.
-*Spread / true*: how differently the features moved in the last {} frames (median distance of their displacements from the mean one), over the true one;
-noise adds to it. *Frozen*: runs in which it is below {}: every feature repeats the last frame plus the whole-frame shift.
-*Drifted*: others that end with a median error above {:.0f} px.
+**Whole runs.** Each optimiser for itself over {} frames; cells as above, of penalty `none` every feature alone. *L1
+error*: mean over features of the sum over the frames of |dx| + |dy|, median over clips. *Spread / true*: how
+differently the features moved in the last {} frames (median distance of their displacements from the mean one), over
+the true one; noise adds to it. *Frozen*: runs in which it is below {}: every feature repeats the last frame plus the
+whole-frame shift. *Drifted*: others that end with a median error above {:.0f} px.
 
 {})",
       fmt::join(names, ","),
@@ -490,7 +518,7 @@ noise adds to it. *Frozen*: runs in which it is below {}: every feature repeats 
       options.epsilon,
       options.min_iterations,
       options.max_iterations,
-      fmt::join(weights, "; "),
+      fmt::join(weights, ";\n"),
       100.0 * kSameEnergy,
       kFrames,
       kFreezeFrames,

@@ -1,5 +1,5 @@
-// Makes docs/paper.md and its pictures: renders eight clips, compares all trackers on them as the
-// paper did, and draws where features have gone.   paper_page --work DIR [--docs docs] [--jobs N]
+// Makes docs/results/paper.md and its picture: renders eight clips, compares all trackers on them as the
+// paper did, and draws where features have gone.   paper_page --work DIR [--docs docs/results] [--jobs N]
 // The curves of the page are penalty_weight_benchmark's; what is finished in DIR is not done again.
 #include <fmt/format.h>
 
@@ -41,6 +41,7 @@ constexpr Clip kClips[] = {{SceneName::kRoom, Motion::kLateral},
                            {SceneName::kBodies, Motion::kLateral},
                            {SceneName::kCloth, Motion::kLateral}};
 constexpr int kFrames = 91;
+constexpr const char* kLevels[] = {"medium", "hard"};
 
 bool IsRigid(const Clip& clip) {
   return clip.scene != SceneName::kBodies && clip.scene != SceneName::kCloth;
@@ -73,7 +74,7 @@ constexpr TrajectoryModelKind kTrajectoryModels[] = {
 
 struct PageOptions {
   fs::path work;
-  fs::path docs = "docs";
+  fs::path docs = "docs/results";
   std::vector<std::string> seeds{"1", "2", "3"};
   int jobs = 1;
   bool no_deepflow = false;
@@ -114,7 +115,7 @@ PageResults Compare(const PageOptions& options, const std::vector<std::string>& 
   experiment.protocol = Protocol::kPaper;
   experiment.inputs = clips;
   experiment.out = (options.work / "compare").string();
-  experiment.levels = {"medium", "hard"};
+  experiment.levels = {std::begin(kLevels), std::end(kLevels)};
   experiment.seeds = options.seeds;
   experiment.jobs = options.jobs;
   experiment.resume = true;
@@ -149,7 +150,7 @@ PageResults Compare(const PageOptions& options, const std::vector<std::string>& 
 }
 
 // What perspective and further dimensions gain over the paper's affine subspace of three.
-std::string TrajectoryModelTable(const ExperimentResults& results) {
+std::string TrajectoryModelTable(const ExperimentResults& results, const char* metric) {
   struct Group {
     const char* text;
     std::function<bool(const Clip&)> has;
@@ -159,10 +160,12 @@ std::string TrajectoryModelTable(const ExperimentResults& results) {
       {"six rigid", IsRigid},
       {"of these two ahead", [](const Clip& c) { return c.motion == Motion::kForward; }},
       {"two not rigid", [](const Clip& c) { return !IsRigid(c); }}};
-  std::string text =
-      "| clips | cameras, dimensions | L1 error, medium | affine 3 / this | hard | affine 3 / this "
-      "| frames between re-initialisations, medium | this / affine 3 | hard | this / affine 3 |\n"
-      "|---|---|---|---|---|---|---|---|---|---|\n";
+  const bool high_is_good = metric == kFramesBetweenMetric;
+  const char* const gain = high_is_good ? "this / affine 3" : "affine 3 / this";
+  std::string text = fmt::format(
+      "| clips | cameras, dimensions | medium | {} | hard | {} |\n|---|---|---|---|---|---|\n",
+      gain,
+      gain);
   for (const Group& group : groups) {
     std::vector<std::string> sequences;
     for (const Clip& clip : kClips) {
@@ -170,19 +173,15 @@ std::string TrajectoryModelTable(const ExperimentResults& results) {
     }
     for (const TrajectoryModelKind& model : kTrajectoryModels) {
       text += fmt::format("| {} | {} |", group.text, model.text);
-      for (const bool high_is_good : {false, true}) {
-        const char* const metric = high_is_good ? kFramesBetweenMetric : kL1ErrorMetric;
-        for (const char* level : {"medium", "hard"}) {
-          const auto affine =
-              AverageOf(results, level, metric, kTrajectoryModels[0].name, sequences);
-          const auto own = AverageOf(results, level, metric, model.name, sequences);
-          if (!affine || !own) {
-            text += " FAILED | - |";
-            continue;
-          }
-          const double ratio = high_is_good ? *own / *affine : *affine / *own;
-          text += fmt::format(" {:.1f} | {:.2f} |", *own, ratio);
+      for (const char* level : kLevels) {
+        const auto affine = AverageOf(results, level, metric, kTrajectoryModels[0].name, sequences);
+        const auto own = AverageOf(results, level, metric, model.name, sequences);
+        if (!affine || !own) {
+          text += " FAILED | - |";
+          continue;
         }
+        text +=
+            fmt::format(" {:.1f} | {:.2f} |", *own, high_is_good ? *own / *affine : *affine / *own);
       }
       text += "\n";
     }
@@ -190,7 +189,7 @@ std::string TrajectoryModelTable(const ExperimentResults& results) {
   return text;
 }
 
-std::string RatioTable(const ExperimentResults& results) {
+std::string RatioTable(const ExperimentResults& results, const std::string& level) {
   struct Figure {
     const char* text;
     const char* metric;
@@ -215,32 +214,35 @@ std::string RatioTable(const ExperimentResults& results) {
       {"the same, ours / dense flow (DIS)", kLife, "dis", "3.0 (LDOF)", true}};
   std::string text = "| figure | the paper |";
   std::string rule = "|---|---|";
-  for (const char* level : {"medium", "hard"}) {
-    for (const std::string& ours : kOurs) {
-      text += fmt::format(" `{}`, {} |", ours, level);
-      rule += "---|";
-    }
+  for (const std::string& ours : kOurs) {
+    text += fmt::format(" `{}` |", ours);
+    rule += "---|";
   }
   text += "\n" + rule + "\n";
   for (const Figure& figure : figures) {
     text += fmt::format("| {} | {} |", figure.text, figure.in_paper);
-    for (const char* level : {"medium", "hard"}) {
-      for (const std::string& ours : kOurs) {
-        const auto ratio = figure.high_is_good
-                               ? RatioOfAverages(results, level, figure.metric, ours, figure.other)
-                               : RatioOfAverages(results, level, figure.metric, figure.other, ours);
-        text += ratio ? fmt::format(" {:.2f} |", *ratio) : " - |";
-      }
+    for (const std::string& ours : kOurs) {
+      const auto ratio = figure.high_is_good
+                             ? RatioOfAverages(results, level, figure.metric, ours, figure.other)
+                             : RatioOfAverages(results, level, figure.metric, figure.other, ours);
+      text += ratio ? fmt::format(" {:.2f} |", *ratio) : " - |";
     }
     text += "\n";
   }
   text += "| sequences of 8 with a smaller L1 error than every baseline | 6 |";
-  for (const char* level : {"medium", "hard"}) {
-    for (const std::string& ours : kOurs) {
-      text += fmt::format(" {} |", SequencesWon(results, level, ours, kBaselines));
-    }
+  for (const std::string& ours : kOurs) {
+    text += fmt::format(" {} |", SequencesWon(results, level, ours, kBaselines));
   }
   return text + "\n";
+}
+
+std::string RatioTables(const ExperimentResults& results) {
+  std::string text;
+  for (const char* level : kLevels) {
+    text += fmt::format(
+        "{}Level {}:\n\n{}", text.empty() ? "" : "\n", level, RatioTable(results, level));
+  }
+  return text;
 }
 
 // A dark frame, twice as bright; where the features are (green) and where they ought to be (red).
@@ -313,51 +315,58 @@ std::string Page(const PageResults& all, const PageOptions& options) {
   return fmt::format(
       R"(# The paper's experiments, repeated
 
-Poling, Lerman, Szlam: Better Feature Tracking Through Subspace Constraints, CVPR 2014, section 4. This page and its pictures
-are written by
+Poling, Lerman, Szlam: Better Feature Tracking Through Subspace Constraints, CVPR 2014, section 4. This page and its
+pictures are written by
 
 ```console
-$ paper_page --work WORK --docs docs
-$ penalty_weight_benchmark WORK/clips/room WORK/clips/corridor WORK/clips/street --work WORK/weights --svg docs/penalty_weight.svg
+$ paper_page --work WORK --docs docs/results
+$ penalty_weight_benchmark WORK/clips/room WORK/clips/corridor WORK/clips/street --work WORK/weights \
+    --svg docs/results/penalty_weight.svg
 ```
 
-which are built in `build/tests/benchmark`; the first also renders the clips. The comparison alone is
-`cohort compare CLIP... --protocol paper --levels medium,hard --seeds 1,2,3 --trackers klt7,klt21,subspace --out DIR`.
+which are built in `build/tests/benchmark`; the first also renders the clips. The comparison alone is `cohort compare
+CLIP... --protocol paper --levels medium,hard --seeds 1,2,3 --trackers klt7,klt21,subspace --out DIR`.
 
 ![The same dark frame, KLT left, the joint tracker right](paper_tracks.jpg)
 
-*Room, level hard, shown twice as bright, after 30 frames. Red: where the points are. Green: where KLT 21x21 (left) and the joint
-tracker (right) have them, and how far off.*
+*Room, level hard, shown twice as bright, after 30 frames. Red: where the points are. Green: where KLT 21x21 (left) and
+the joint tracker (right) have them, and how far off.*
 
 ## What is measured
 
-Eight rendered clips of {} frames, 640 x 480, with exact truth: six rigid (room, street, facade: camera to the side; corridor,
-shelves: ahead; tabletop: around), one of several rigid bodies (bodies), one deforming (cloth). They are darkened, noised, blurred
-and noised again, as the paper did; its amounts are not printed. Here medium: 30 % of the light, noise .04 before and .02 after a
-blur of 2 px; hard: 20 %, .06 and .03 (of the full range). Seeds are of the noise: {}.
+Eight rendered clips of {} frames, 640 x 480, with exact truth: six rigid (room, street, facade: camera to the
+side; corridor, shelves: ahead; tabletop: around), one of several rigid bodies (bodies), one deforming (cloth). They
+are darkened, noised, blurred and noised again, as the paper did; its amounts are not printed. Here medium: 30 % of the
+light, noise .04 before and .02 after a blur of 2 px; hard: 20 %, .06 and .03 (of the full range). Seeds are of the
+noise: {}.
 
-- **Points.** As in the paper they are chosen in the clip before it is degraded, so that there are strong and weak ones: up to 100
-  corners of the common detector in frame 0, and what is missing to 100 in frames 30 and 60. Used are those that show a surface,
-  have no jump of depth within 10 px (a near edge crossing a far one is no point of the scene), and stay visible and 16 px off
-  the border for 30 more frames: {} to {} from frame 0 on. They are followed until they are hidden or near the border for the first time. All trackers
-  get the same points, at their true positions.
-- **Mean L1 trajectory error after 30 frames.** The points of frame 0: sum over 30 frames of |dx| + |dy|, mean over features.
-- **Mean frames between re-initialisations.** A feature more than 10 px off is started again at its true position; feature-frames
-  within 10 px over the number of re-initialisations. ">": there was none, so at least that many.
-- **Lost features are failures, not omissions.** What a tracker gives up stays where it was last (first figure) or counts as
-  re-initialised (second). The trackers' own checks by which features end (tracking back) are off: neither figure rewards
-  giving up.
+- **Points.** As in the paper they are chosen in the clip before it is degraded, so that there are strong and weak
+  ones: up to 100 corners of the common detector in frame 0, and what is missing to 100 in frames 30 and 60. Used are
+  those that show a surface, have no jump of depth within 10 px (a near edge crossing a far one is no point of the
+  scene), and stay visible and 16 px off the border for 30 more frames: {} to {} from frame 0 on. They are
+  followed until they are hidden or near the border for the first time. All trackers get the same points, at their true
+  positions.
+- **Mean L1 trajectory error after 30 frames.** The points of frame 0: sum over 30 frames of |dx| + |dy|, mean over
+  features.
+- **Mean frames between re-initialisations.** A feature more than 10 px off is started again at its true position;
+  feature-frames within 10 px over the number of re-initialisations. ">": there was none, so at least that many.
+- **Lost features are failures, not omissions.** What a tracker gives up stays where it was last (first figure) or
+  counts as re-initialised (second). The trackers' own checks by which features end (tracking back) are off: neither
+  figure rewards giving up.
 - A cell is the median over the seeds and (lowest-highest); the average is that of the medians.
 
-`klt7`, `klt21`, `klt31`: OpenCV's pyramidal Lucas-Kanade at three windows. `anchored-klt21`, `anchored-klt31`: the same from frame
-to frame as a guide, then once more against the feature's first frame; kept if it ends within 3 px of the guide and tracks back
-to 1 px, else the guide stands. So what ours gain over them is not the measuring against the first frame. `rlof`: its robust local optical flow. `dis`{}:
-tracks chained from dense flow, in the place of the paper's LDOF. `descent-paper`,
-`subspace-paper`: the paper's first-order tracker and its joint tracker (empirical dimension, centred, weak, L = 10, Algorithm 1), templates 7 x 7, without
-measurement; m, which it does not print, is relative to the contrast and chosen as below. `descent`: the same first-order tracker
-with templates 11 x 11. `subspace`: what `cohort track` does: a guide with the penalty, strong, then a measurement of its own for
-every feature. `subspace-fused`: the same with `--measurement.fuse`, so that what is written is the most probable position given all
-features: the fair counterpart of the paper's, whose positions are those of the penalised energy.
+`klt7`, `klt21`, `klt31`: OpenCV's pyramidal Lucas-Kanade at three windows. `anchored-klt21`, `anchored-klt31`: the
+same from frame to frame as a guide, then once more against the feature's first frame; kept if it ends within 3 px of
+the guide and tracks back to 1 px, else the guide stands. So what ours gain over them is not the measuring against the
+first frame. `rlof`: its robust local optical flow.
+`dis`{}:
+tracks chained from dense flow, in the place of the paper's LDOF. `descent-paper`, `subspace-paper`: the paper's
+first-order tracker and its joint tracker (empirical dimension, centred, weak, L = 10, Algorithm 1), templates 7 x 7,
+without measurement; m, which it does not print, is relative to the contrast and chosen as below. `descent`: the same
+first-order tracker with templates 11 x 11. `subspace`: what `cohort track` does: a guide with the penalty, strong,
+then a measurement of its own for every feature. `subspace-fused`: the same with `--measurement.fuse`, so that what is
+written is the most probable position given all features: the fair counterpart of the paper's, whose positions are
+those of the penalised energy.
 
 ## In short
 
@@ -371,34 +380,38 @@ Ratios of the averages over the eight clips.
 
 ## Beyond affine
 
-The paper's subspace is that of an affine camera and one rigid body: three dimensions when centred. Perspective, motion ahead and
-further bodies need more. The trajectory model (`frontend/README.md`) has two answers: projective cameras
-(`--measurement.perspective`), and coordinates that start at two and are added whenever the residuals hold a direction that noise
-would not; `--measurement.max-rank` is the most, 3 or 8. `subspace-fused` with each, seeds {}, averages over the
-clips:
+The paper's subspace is that of an affine camera and one rigid body: three dimensions when centred. Perspective, motion
+ahead and further bodies need more. The trajectory model (`frontend/README.md`) has two answers: projective cameras
+(`--measurement.perspective`), and coordinates that start at two and are added whenever the residuals hold a direction
+that noise would not; `--measurement.max-rank` is the most, 3 or 8. `subspace-fused` with each, seeds {},
+averages over the clips. L1 error, then frames between re-initialisations:
 
 {}
-The last, projective with at most 8, is the default, as what is reconstructed is mostly rigid. There perspective with three
-dimensions does at medium what affine cameras need further ones for, and more; at hard it is best to have both. Several bodies and
-what deforms need the further dimensions; there affine cameras with at most 8 are better, most at hard.
+{}
+The last, projective with at most 8, is the default, as what is reconstructed is mostly rigid. There perspective with
+three dimensions does at medium what affine cameras need further ones for, and more; at hard it is best to have both.
+Several bodies and what deforms need the further dimensions; there affine cameras with at most 8 are better, most at
+hard.
 
 {}
 ## How much depends on the weight of the penalty
 
 ![L1 error against m, for three penalties, weak and strong](penalty_weight.svg)
 
-m of eq. (7) against the error of the guide alone (no measurement), on room, corridor and street, at three levels of darkness.
-One m serves all of them: above each picture, where its worst level loses least against that level's own best m.
+m of eq. (7) against the error of the guide alone (no measurement), on room, corridor and street, at three levels of
+darkness. One m serves all of them: above each picture, where its worst level loses least against that level's own best
+m.
 )",
       kFrames,
       fmt::join(options.seeds, ", "),
       fewest,
       most,
       options.no_deepflow ? "" : ", `deepflow` (at medium, one seed: it takes seconds a frame)",
-      RatioTable(results),
+      RatioTables(results),
       PaperTables(results),
       fmt::join(options.seeds, ", "),
-      TrajectoryModelTable(all.trajectory_models),
+      TrajectoryModelTable(all.trajectory_models, kL1ErrorMetric),
+      TrajectoryModelTable(all.trajectory_models, kFramesBetweenMetric),
       all.occluder_section);
 }
 
@@ -410,7 +423,7 @@ void MakePage(const PageOptions& options) {
   OutputFile page(options.docs / "paper.md");
   WriteBytes(page.partial(), Page(results, options));
   page.Commit();
-  fmt::print("{}\n{}", RatioTable(results.trackers), PaperTables(results.trackers));
+  fmt::print("{}\n{}", RatioTables(results.trackers), PaperTables(results.trackers));
 }
 
 }  // namespace

@@ -153,10 +153,9 @@ void Race(const std::vector<Frame>& film, const Setting& setting, Results& resul
 
 std::string SpeedTable(const std::vector<Results>& all) {
   std::string text =
-      "| F, L | features alive, ours / `klt` | median [ms] | frames per second | target | mean "
-      "frames per second "
-      "| "
-      "`klt` [ms] | `klt` / ours | `klt` without its check [ms] | the same / ours |\n"
+      "| F, L | alive | median [ms] | fps | target | mean fps | `klt` [ms] | `klt` / ours | "
+      "unchecked "
+      "[ms] | unchecked / ours |\n"
       "|---|---|---|---|---|---|---|---|---|---|\n";
   for (std::size_t s = 0; s < all.size(); ++s) {
     const Times& ours = all[s].racers[kOurs];
@@ -212,21 +211,26 @@ std::string Page(const std::vector<std::string>& clips,
   return fmt::format(
       R"(# Frames per second
 
-Tracker `subspace` beside `klt` (OpenCV's pyramidal Lucas-Kanade, 21 x 21 px, four levels), 640 x 480 px, one thread. This page is written by
+Tracker `subspace` beside `klt` (OpenCV's pyramidal Lucas-Kanade, 21 x 21 px, four levels), 640 x 480 px, one thread.
+This page is written by
 
 ```console
-$ speed_benchmark WORK/clips/{{{}}} --page docs/speed.md
+$ speed_benchmark --page docs/results/speed.md \
+    WORK/clips/{{{}}}
 ```
 
-which is built in `build/tests/benchmark`; the clips are those of [paper.md](paper.md), degraded to the level {}. The trackers take turns
-frame by frame in one process, so that their ratio holds where the milliseconds do not. Times are processor time of a frame, from the decoded picture to
-the features' positions (pyramid included; decoding and the search for corners, which is common to all, excluded): medians over the frames
-of all clips from frame {} on. The mean holds in addition what births cost. F features are asked for; those that end are replaced as `cohort track` does.
-`klt` tracks every feature back as a check; the last columns are without.
+which is built in `build/tests/benchmark`; the clips are those of [paper.md](paper.md), degraded to the level {}.
+The trackers take turns frame by frame in one process, so that their ratio holds where the milliseconds do not. Times
+are processor time of a frame, from the decoded picture to the features' positions (pyramid included; decoding and the
+search for corners, which is common to all, excluded): medians over the frames of all clips from frame {} on. The
+mean holds in addition what births cost. F features are asked for; those that end are replaced as `cohort track` does.
+Alive are so many with ours / with `klt`; fps are frames per second. `klt` tracks every feature back as a check; the
+last columns are without.
 
 {}
-Where it goes [ms], medians: the pyramid and the whole-frame shift by themselves; the guide (minimum of the total energy over four levels, with the blurred
-pictures for the measurement) from a run without measurement; the rest is the measurement and the trajectory model.
+Where it goes [ms], medians: the pyramid and the whole-frame shift by themselves; the guide (minimum of the total
+energy over four levels, with the blurred pictures for the measurement) from a run without measurement; the rest is the
+measurement and the trajectory model.
 
 {})",
       fmt::join(names, ","),

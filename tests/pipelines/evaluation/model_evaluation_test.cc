@@ -115,6 +115,42 @@ TEST(EvaluateModel, FramesWithoutTruthAreLeftOut) {
   EXPECT_NEAR(*e.auc_5, 1.0, 1e-9);
 }
 
+// As a rail or a motorway: the model may turn about the path, so the points have no error, but every
+// figure of the cameras stands.
+TEST(EvaluateModel, OnAStraightPathOnlyThePointsHaveNoFigure) {
+  Scene scene = MakeScene();
+  const double noise_m = 0.01;
+  double along_squares = 0.0;
+  double along_sum = 0.0;
+  double index_squares = 0.0;
+  double index_along = 0.0;
+  const double middle = (kFrames - 1) / 2.0;
+  for (std::uint32_t i = 0; i < kFrames; ++i) {
+    const FrameIndex frame = scene.frames[i];
+    const double error = noise_m * (i % 3 == 0 ? 1.0 : -0.5);
+    Rigid3 world_from_cam = scene.truth.cam_from_world[frame].Inverse();
+    world_from_cam.translation = {0.0, 0.0, 0.5 * i};
+    scene.truth.cam_from_world[frame] = world_from_cam.Inverse();
+    world_from_cam.translation.z() += error;
+    scene.reconstruction.cam_from_world[frame] = world_from_cam.Inverse();
+    const double along = 0.5 * i + error;
+    along_sum += along / kFrames;
+    along_squares += along * along / kFrames;
+    index_along += 0.5 * (i - middle) * along / kFrames;
+    index_squares += 0.25 * (i - middle) * (i - middle) / kFrames;
+  }
+  const auto e = EvaluateModel(scene.reconstruction, scene.frames, scene.truth);
+  EXPECT_EQ(e.alignment, AlignmentStatus::kFreeAboutALine);
+  // Regression of the true place on the estimated one (alignment_test).
+  const double variance = along_squares - along_sum * along_sum;
+  EXPECT_NEAR(*e.scale, index_along / variance, 1e-9);
+  EXPECT_NEAR(*e.ate_m, std::sqrt(index_squares - index_along * index_along / variance), 1e-9);
+  EXPECT_GT(*e.ate_m, 0.5 * noise_m);
+  EXPECT_TRUE(e.rpe_trans_m && e.rpe_rot_deg && e.auc_5);
+  EXPECT_FALSE(e.point_error_median_m);
+  EXPECT_EQ(e.points_with_truth, 0u);
+}
+
 TEST(EvaluateModel, AFigureThatCannotBeComputedIsAbsent) {
   Scene scene = MakeScene();
   while (scene.reconstruction.cam_from_world.size() > 2) {
@@ -132,6 +168,7 @@ TEST(EvaluateModel, AFigureThatCannotBeComputedIsAbsent) {
     scene.reconstruction.cam_from_world[frame] = pose;
   }
   e = EvaluateModel(scene.reconstruction, scene.frames, scene.truth);
+  EXPECT_EQ(e.alignment, AlignmentStatus::kOnePlace);
   EXPECT_FALSE(e.ate_m || e.rpe_trans_m || e.point_error_median_m || e.scale);
   EXPECT_LT(*e.rpe_rot_deg, 1e-10);
   EXPECT_NEAR(*e.auc_5, 1.0, 1e-9);
