@@ -1,0 +1,191 @@
+// What the documents show is true: their commands run, and print the tables that stand there.
+
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <filesystem>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/videoio.hpp>
+#include <optional>
+#include <regex>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include "frontend/core/output.h"
+#include "tests/support/program.h"
+#include "tests/support/source_dir.h"
+#include "tests/support/temp_dir.h"
+
+namespace cohort {
+namespace {
+
+namespace fs = std::filesystem;
+
+// A fenced block: ```sh is run, a ```text right after it is what it prints; lines of ```console that
+// begin with $ are commands for developers.
+struct Block {
+  std::string kind;
+  std::string text;
+  std::size_t fence_begin = 0;  // in the document
+  std::size_t text_begin = 0;
+  std::size_t end = 0;  // behind the closing fence
+};
+
+std::vector<Block> BlocksOf(const std::string& document) {
+  std::vector<Block> blocks;
+  constexpr std::string_view kFence = "\n```";
+  for (std::size_t at = document.find(kFence); at != std::string::npos;
+       at = document.find(kFence, at)) {
+    const std::size_t begin = document.find('\n', at + 1) + 1;
+    const std::size_t close = document.find(kFence, begin - 1) + 1;
+    const std::size_t kind = at + kFence.size();
+    blocks.push_back({document.substr(kind, begin - 1 - kind),
+                      document.substr(begin, close - begin),
+                      at + 1,
+                      begin,
+                      close + 4});
+    at = close + 3;
+  }
+  return blocks;
+}
+
+// All of the repository's documents, relative to its root.
+std::vector<std::string> Documents() {
+  std::vector<std::string> documents;
+  for (const auto& folder :
+       {"", "docs", "docs/results", "frontend", "backend", "datasets", "pipelines"}) {
+    for (const auto& entry : fs::directory_iterator(test::SourceDir() / folder)) {
+      if (entry.path().extension() != ".md") continue;
+      documents.push_back(entry.path().lexically_relative(test::SourceDir()).string());
+    }
+  }
+  std::sort(documents.begin(), documents.end());
+  return documents;
+}
+
+// The video that the documents take as the reader's own: a rendered clip.
+void WriteClip(const std::string& shell, const fs::path& dir) {
+  const test::ProgramEnd end =
+      test::RunShell(shell + "cohort synth video --motion lateral --frames 30 --quiet");
+  ASSERT_EQ(end.exit_code, 0) << end.err;
+  const fs::path images = dir / "video/rgb";
+  const fs::path video = dir / "clip.mp4";
+  cv::VideoWriter writer;
+  for (int i = 0; i < 30; ++i) {
+    const cv::Mat frame = cv::imread((images / fmt::format("{:06}.png", i)).string());
+    ASSERT_FALSE(frame.empty());
+    if (i == 0) {
+      writer.open(video.string(), cv::VideoWriter::fourcc('m', 'p', '4', 'v'), 30.0, frame.size());
+    }
+    writer.write(frame);
+  }
+}
+
+std::optional<double> AsNumber(const std::string& word) {
+  char* end = nullptr;
+  const double value = std::strtod(word.c_str(), &end);
+  if (end != word.c_str() + word.size()) return std::nullopt;
+  return value;
+}
+
+// Words equal, numbers alike: they may differ by a third from machine to machine and from one small
+// change of the code to the next; beyond that the document is out of date.
+void ExpectAlike(const std::string& shown, const std::string& printed) {
+  std::istringstream in_shown(shown);
+  std::istringstream in_printed(printed);
+  std::string a;
+  std::string b;
+  while (in_shown >> a) {
+    ASSERT_TRUE(in_printed >> b) << "the document shows more: " << a;
+    const auto x = AsNumber(a);
+    const auto y = AsNumber(b);
+    if (x && y) {
+      EXPECT_LE(std::abs(*x - *y), 0.02 + std::max(std::abs(*x), std::abs(*y)) / 3.0)
+          << a << " " << b;
+    } else if (a.find_first_not_of('-') != std::string::npos) {
+      EXPECT_EQ(a, b);
+    }
+  }
+  EXPECT_FALSE(in_printed >> b) << "the document shows less: " << b;
+}
+
+// Commands for developers: those of CTest and CMake are run, of the others there is such a program.
+void ExpectRuns(const std::string& line) {
+  std::istringstream words(line);
+  std::string program;
+  words >> program;
+  const std::string in_source = fmt::format("cd {} && ", test::SourceDir().string());
+  if (program == "ctest" || program == "cmake") {
+    const test::TempDir dir;
+    // The tests that it names, by their list; the configuration that it makes, in another folder.
+    const std::string command =
+        program == "ctest"
+            ? std::regex_replace(
+                  line, std::regex("--test-dir \\S+"), "--test-dir " COHORT_BUILD_DIR) +
+                  " -N"
+            : std::regex_replace(line, std::regex("&&.*"), "") + " -B " + dir.path().string();
+    const test::ProgramEnd end = test::RunShell(in_source + command);
+    EXPECT_EQ(end.exit_code, 0) << line << "\n" << end.err;
+    EXPECT_EQ(end.out.find("Total Tests: 0"), std::string::npos) << line;
+    return;
+  }
+  if (program == "bash") words >> program;
+  const std::string name = fs::path(program).filename().string();
+  const bool known = fs::exists(test::SourceDir() / program) ||
+                     fs::exists(test::SourceDir() / "tests/benchmark" / name) ||
+                     fs::exists(test::SourceDir() / "tests/benchmark" / (name + ".cc"));
+  EXPECT_TRUE(known) << line << ": no such program";
+}
+
+class Document : public testing::TestWithParam<std::string> {};
+
+TEST_P(Document, HasCommandsThatRunAndPrintWhatItShows) {
+  const fs::path file = test::SourceDir() / GetParam();
+  std::string document = ReadBytes(file);
+  const test::TempDir dir;
+  const std::string shell = fmt::format("cd {} && PATH={}:$PATH && set -e\n",
+                                        dir.path().string(),
+                                        fs::path(COHORT_PROGRAM).parent_path().string());
+  std::string printed;
+  std::size_t end_of_command = 0;
+  for (const Block& block : BlocksOf(document)) {
+    if (block.kind == "text" && block.fence_begin == end_of_command) {
+      // COHORT_UPDATE_DOCUMENTS=1 writes the table instead of checking it.
+      if (std::getenv("COHORT_UPDATE_DOCUMENTS") != nullptr) {
+        document.replace(block.text_begin, block.text.size(), printed);
+        WriteBytes(file, document);
+        return;
+      }
+      ExpectAlike(block.text, printed);
+    }
+    if (block.kind == "console") {
+      std::istringstream lines(block.text);
+      for (std::string line; std::getline(lines, line);) {
+        line = line.substr(0, line.find(" #"));
+        if (line.starts_with("$ ")) ExpectRuns(line.substr(2));
+      }
+    }
+    if (block.kind != "sh") continue;
+    if (block.text.find("clip.mp4") != std::string::npos && !fs::exists(dir / "clip.mp4")) {
+      WriteClip(shell, dir.path());
+    }
+    const test::ProgramEnd end = test::RunShell(shell + block.text);
+    EXPECT_EQ(end.exit_code, 0) << block.text << end.err;
+    printed = end.out;
+    end_of_command = block.end + 1;
+  }
+}
+
+// README.md -> README_md
+std::string NameOfDocument(const testing::TestParamInfo<std::string>& info) {
+  return std::regex_replace(info.param, std::regex("[^A-Za-z]"), "_");
+}
+
+INSTANTIATE_TEST_SUITE_P(Of, Document, testing::ValuesIn(Documents()), NameOfDocument);
+
+}  // namespace
+}  // namespace cohort
