@@ -8,6 +8,7 @@
 
 #include "backend/colmap/model_io.h"
 #include "backend/colmap/program.h"
+#include "backend/scene/initial_pair.h"
 #include "frontend/core/output.h"
 #include "frontend/core/statistics.h"
 
@@ -174,7 +175,7 @@ std::string FailureIn(const fs::path& log, std::size_t offset, const ProgramEnd&
 
 // Takes out what the adjustment left behind a camera or further off than the mapper's own bound,
 // and points that fewer than two views are left of.
-void Finish(const TrackFile& file, Reconstruction& reconstruction) {
+void RemoveOutliers(const TrackFile& file, Reconstruction& reconstruction) {
   reconstruction.camera.known = file.camera && file.camera->known;
   for (auto& [feature, point] : reconstruction.points) {
     std::erase_if(point.views, [&, in_world = point.in_world](const PointView& view) {
@@ -191,8 +192,114 @@ Reconstruction ToReconstruction(const ColmapModel& model,
                                 const TrackFile& file,
                                 const ColmapOptions& options) {
   Reconstruction reconstruction = FromColmapModel(model, file, options.database.include_predicted);
-  Finish(file, reconstruction);
+  RemoveOutliers(file, reconstruction);
   return reconstruction;
+}
+
+// Where COLMAP is to start: pairs that begin in different frames, the best first.
+std::vector<InitialPair> PairsToTry(const InitialPairSearch& search, int max_attempts) {
+  std::vector<InitialPair> pairs;
+  for (const InitialPair& pair : search.ranked) {
+    const bool same_start = std::any_of(
+        pairs.begin(), pairs.end(), [&](const auto& tried) { return tried.frame1 == pair.frame1; });
+    if (same_start || pairs.size() >= static_cast<std::size_t>(max_attempts)) continue;
+    pairs.push_back(pair);
+  }
+  return pairs;
+}
+
+// Writes the database with the pairs to start from among its pairs. False: no two frames have a
+// geometry.
+bool WriteDatabase(const TrackFile& file,
+                   const ColmapOptions& options,
+                   const std::vector<InitialPair>& starts,
+                   const fs::path& path) {
+  std::vector<std::pair<FrameIndex, FrameIndex>> extra_pairs;
+  for (const InitialPair& pair : starts) extra_pairs.emplace_back(pair.frame1, pair.frame2);
+  const ColmapDatabase database = BuildColmapDatabase(file, options.database, extra_pairs);
+  WriteColmapDatabase(path, database);
+  return std::any_of(database.pairs.begin(), database.pairs.end(), [](auto& pair) {
+    return pair.second.geometry.has_value();
+  });
+}
+
+// Runs of the mapper and what came of them.
+struct MapperRuns {
+  std::optional<ColmapModel> best;  // of most images; none: none registered any
+  std::string failure;              // of the last run that registered too few
+  double seconds = 0.0;
+};
+
+// One run from each start, and a last one from where COLMAP chooses, until enough frames register.
+MapperRuns RunMapper(ColmapProgram& program,
+                     const TrackFile& file,
+                     const ColmapOptions& options,
+                     const Workspace& workspace,
+                     const std::vector<InitialPair>& starts) {
+  MapperRuns runs;
+  for (std::size_t i = 0; i <= starts.size(); ++i) {
+    const fs::path sparse = workspace.MakeFolder(fmt::format("sparse{}", i));
+    const std::size_t log_bytes = fs::exists(workspace.log) ? fs::file_size(workspace.log) : 0;
+    Arguments arguments =
+        MapperArguments(file, options, workspace, i < starts.size() ? &starts[i] : nullptr);
+    arguments.push_back(Required("output_path", sparse));
+    const Stopwatch mapper;
+    const ProgramEnd end = program.Run("mapper", arguments, workspace.log);
+    runs.seconds += mapper.Seconds();
+    auto model = ReadLargestColmapModel(sparse);
+    if (model && (!runs.best || model->model.images.size() > runs.best->images.size())) {
+      runs.best = std::move(model->model);
+    }
+    if (runs.best && !TooFewRegistered(runs.best->images.size(), file.frames.size())) break;
+    runs.failure = FailureIn(workspace.log, log_bytes, end);
+  }
+  return runs;
+}
+
+// COLMAP's bundle_adjuster from this reconstruction to the optimum. As it is where it fails.
+Reconstruction RunAdjuster(ColmapProgram& program,
+                           const TrackFile& file,
+                           const ColmapOptions& options,
+                           const Workspace& workspace,
+                           Reconstruction reconstruction) {
+  const fs::path input = workspace.MakeFolder("sparse_single");
+  const fs::path adjusted = workspace.MakeFolder("sparse_adjusted");
+  WriteColmapModel(input, ToColmapModel(reconstruction), ColmapModelFormat::kBinary);
+  Arguments arguments = AdjusterArguments(file, options);
+  arguments.push_back(Required("input_path", input));
+  arguments.push_back(Required("output_path", adjusted));
+  program.Run("bundle_adjuster", arguments, workspace.log);
+  if (!fs::exists(adjusted / "points3D.bin")) return reconstruction;
+  const Reconstruction moved = FromColmapModel(ReadColmapModel(adjusted));
+  reconstruction.camera = moved.camera;
+  reconstruction.cam_from_world = moved.cam_from_world;
+  for (auto& [feature, point] : reconstruction.points) {
+    point.in_world = moved.points.at(feature).in_world;
+  }
+  RemoveOutliers(file, reconstruction);
+  return reconstruction;
+}
+
+std::string DescribeEnd(const ColmapProgram& program,
+                        std::size_t registered,
+                        std::size_t frames,
+                        const std::string& failure,
+                        const std::string& start,
+                        const fs::path& log) {
+  if (registered == 0) {
+    return fmt::format("COLMAP {} registered no frame: {}; see {} of the run",
+                       program.version(),
+                       failure,
+                       log.filename().string());
+  }
+  if (TooFewRegistered(registered, frames)) {
+    return fmt::format("COLMAP {} registered only {} of {} frames (fewer than 80 %); {}",
+                       program.version(),
+                       registered,
+                       frames,
+                       start);
+  }
+  return fmt::format("COLMAP {} done; {}", program.version(), start);
 }
 
 }  // namespace
@@ -205,106 +312,44 @@ ColmapResult ReconstructWithColmap(const TrackFile& tracked,
   const Stopwatch total;
   ColmapProgram program(options.program);
   const Workspace workspace(work_dir, file);
-  const std::size_t frames = file.frames.size();
 
   ColmapResult result;
   result.log = workspace.log;
   result.reconstruction.camera = file.camera.value_or(Camera::Guess(file.width_px, file.height_px));
-  const auto finish = [&](std::string termination) {
-    const double seconds = total.Seconds();
-    result.summary = Summarize(result.reconstruction, frames);
-    result.summary.seconds = seconds;
+  const auto end = [&](std::string termination) {
+    result.summary = Summarize(result.reconstruction, file.frames.size());
+    result.summary.seconds = total.Seconds();
     result.summary.termination = std::move(termination);
     return result;
   };
 
-  const InitialPairSearch search =
-      FindInitialPairs(file.tracks, result.reconstruction.camera, options.initial_pair);
-  const InitialPairRefusals& refusals = search.refusals;
-  if (search.ranked.empty() && refusals.standstill + refusals.rotation > 0) {
-    return finish(search.reason);  // COLMAP would make up a depth
+  const InitialPairSearch search = FindInitialPairs(file.tracks, result.reconstruction.camera);
+  if (search.ranked.empty() && search.refusals.standstill + search.refusals.rotation > 0) {
+    return end(search.reason);  // COLMAP would make up a depth
   }
-
-  // Attempts that start in different places; the last one is COLMAP's own search for a pair.
-  std::vector<const InitialPair*> attempts;
-  std::vector<std::pair<FrameIndex, FrameIndex>> extra_pairs;
-  for (const InitialPair& pair : search.ranked) {
-    const bool same_start = std::any_of(attempts.begin(), attempts.end(), [&](const auto* tried) {
-      return tried->frame1 == pair.frame1;
-    });
-    if (same_start || attempts.size() >= static_cast<std::size_t>(options.max_attempts)) continue;
-    attempts.push_back(&pair);
-    extra_pairs.emplace_back(pair.frame1, pair.frame2);
+  const std::vector<InitialPair> starts = PairsToTry(search, options.max_attempts);
+  if (!WriteDatabase(file, options, starts, workspace.database)) {
+    return end(fmt::format("no two frames share {} tracks that agree on a geometry: {}",
+                           options.database.two_view.min_inliers,
+                           search.reason));
   }
-  attempts.push_back(nullptr);
-
-  const ColmapDatabase database = BuildColmapDatabase(file, options.database, extra_pairs);
-  WriteColmapDatabase(workspace.database, database);
-  const auto linked = std::count_if(database.pairs.begin(), database.pairs.end(), [](auto& pair) {
-    return pair.second.geometry.has_value();
-  });
-  if (linked == 0) {
-    return finish(fmt::format("no two frames share {} tracks that agree on a geometry: {}",
-                              options.database.two_view.min_inliers,
-                              search.reason));
-  }
-
-  std::string failure;
-  std::optional<ColmapModelFolder> best;
-  for (std::size_t i = 0; i < attempts.size(); ++i) {
-    const fs::path sparse = workspace.MakeFolder(fmt::format("sparse{}", i));
-    const std::size_t log_bytes = fs::exists(workspace.log) ? fs::file_size(workspace.log) : 0;
-    Arguments arguments = MapperArguments(file, options, workspace, attempts[i]);
-    arguments.push_back(Required("output_path", sparse));
-    const Stopwatch mapper;
-    const ProgramEnd end = program.Run("mapper", arguments, workspace.log);
-    result.colmap_seconds += mapper.Seconds();
-    auto model = ReadLargestColmapModel(sparse);
-    if (model && (!best || model->model.images.size() > best->model.images.size())) {
-      best = std::move(model);
-    }
-    if (best && !TooFewRegistered(best->model.images.size(), frames)) break;
-    failure = FailureIn(workspace.log, log_bytes, end);
-  }
-  if (best) result.reconstruction = ToReconstruction(best->model, file, options);
-  if (best && options.final_adjustment) {
-    const fs::path input = workspace.MakeFolder("sparse_single");
-    const fs::path adjusted = workspace.MakeFolder("sparse_adjusted");
-    WriteColmapModel(input, ToColmapModel(result.reconstruction), ColmapModelFormat::kBinary);
-    Arguments arguments = AdjusterArguments(file, options);
-    arguments.push_back(Required("input_path", input));
-    arguments.push_back(Required("output_path", adjusted));
-    const Stopwatch adjuster;
-    program.Run("bundle_adjuster", arguments, workspace.log);
-    result.colmap_seconds += adjuster.Seconds();
-    if (fs::exists(adjusted / "points3D.bin")) {
-      const Reconstruction moved = FromColmapModel(ReadColmapModel(adjusted));
-      result.reconstruction.camera = moved.camera;
-      result.reconstruction.cam_from_world = moved.cam_from_world;
-      for (auto& [feature, point] : result.reconstruction.points) {
-        point.in_world = moved.points.at(feature).in_world;
-      }
-      Finish(file, result.reconstruction);
+  const MapperRuns runs = RunMapper(program, file, options, workspace, starts);
+  result.colmap_seconds = runs.seconds;
+  if (runs.best) {
+    result.reconstruction = ToReconstruction(*runs.best, file, options);
+    if (options.final_adjustment) {
+      const Stopwatch adjuster;
+      result.reconstruction =
+          RunAdjuster(program, file, options, workspace, std::move(result.reconstruction));
+      result.colmap_seconds += adjuster.Seconds();
     }
   }
-
-  const std::size_t registered = result.reconstruction.cam_from_world.size();
-  std::string termination;
-  if (registered == 0) {
-    termination = fmt::format("COLMAP {} registered no frame: {}; see {} of the run",
-                              program.version(),
-                              failure,
-                              workspace.log.filename().string());
-  } else if (TooFewRegistered(registered, frames)) {
-    termination = fmt::format("COLMAP {} registered only {} of {} frames (fewer than 80 %); {}",
-                              program.version(),
-                              registered,
-                              frames,
-                              search.reason);
-  } else {
-    termination = fmt::format("COLMAP {} done; {}", program.version(), search.reason);
-  }
-  return finish(std::move(termination));
+  return end(DescribeEnd(program,
+                         result.reconstruction.cam_from_world.size(),
+                         file.frames.size(),
+                         runs.failure,
+                         search.reason,
+                         workspace.log));
 }
 
 ColmapResult TriangulateWithColmap(const TrackFile& tracked,

@@ -4,8 +4,7 @@
 #include <map>
 #include <string>
 
-#include "backend/colmap/database.h"
-#include "backend/scene/initial_pair.h"
+#include "backend/colmap/tracks_to_database.h"
 #include "backend/scene/reconstruction.h"
 
 namespace cohort {
@@ -18,7 +17,6 @@ struct ColmapOptions {
   bool fewer_adjustments = true;
   bool final_adjustment = true;
   ColmapDatabaseOptions database;
-  InitialPairOptions initial_pair;
 
   template <typename Self, typename Visitor>
   static void Visit(Self& o, Visitor& v) {
@@ -30,7 +28,11 @@ struct ColmapOptions {
              "The seed of COLMAP's random numbers; another seed gives a slightly different "
              "model.",
              Tier::kCommon);
-    v.Number("threads", o.threads, 1, 1024, "of COLMAP; more than 1 does not repeat exactly");
+    v.Number("threads",
+             o.threads,
+             1,
+             1024,
+             "threads of COLMAP; more than one are faster and do not give the same model twice");
     v.Number("max_attempts",
              o.max_attempts,
              1,
@@ -44,7 +46,6 @@ struct ColmapOptions {
            o.final_adjustment,
            "run COLMAP's bundle_adjuster on the mapper's model without double points");
     v.Group("database", o.database, "the database that COLMAP gets", Tier::kExpert);
-    v.Group("initial_pair", o.initial_pair, "choice of the initial pair", Tier::kExpert);
   }
 };
 

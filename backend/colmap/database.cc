@@ -3,12 +3,12 @@
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <cstring>
+#include <functional>
 #include <set>
 #include <span>
 
 #include "frontend/core/output.h"
 #include "frontend/core/sqlite.h"
-#include "frontend/core/statistics.h"
 
 namespace cohort {
 namespace {
@@ -109,45 +109,14 @@ std::optional<Eigen::Matrix3d> ReadMatrix(const SqliteStatement& statement,
                                           const std::filesystem::path& path) {
   if (statement.Blob(column).empty()) return std::nullopt;
   const auto values = FromBytes<double>(statement.Blob(column), 9, path, "two_view_geometries");
-  return Eigen::Matrix3d(Eigen::Map<const RowMajor3>(values.data()));
+  const Eigen::Matrix3d matrix = Eigen::Map<const RowMajor3>(values.data());
+  if (matrix.norm() == 0.0) return std::nullopt;  // unset, in 3.x
+  return matrix;
 }
 
 std::vector<ColmapMatch> SwapColumns(std::vector<ColmapMatch> matches) {
   for (ColmapMatch& match : matches) std::swap(match[0], match[1]);
   return matches;
-}
-
-ColmapPairConfig ConfigOf(TwoViewKind kind) {
-  switch (kind) {
-    case TwoViewKind::kCalibrated:
-      return ColmapPairConfig::kCalibrated;
-    case TwoViewKind::kUncalibrated:
-      return ColmapPairConfig::kUncalibrated;
-    case TwoViewKind::kPlanar:
-      return ColmapPairConfig::kPlanar;
-    case TwoViewKind::kPanoramic:
-      return ColmapPairConfig::kPanoramic;
-    case TwoViewKind::kDegenerate:
-      return ColmapPairConfig::kDegenerate;
-  }
-  return ColmapPairConfig::kUndefined;
-}
-
-// Our pixels x and COLMAP's S x, S the shift of the origin: F -> S^-T F S^-1, H -> S H S^-1.
-ColmapTwoViewGeometry InColmapPixels(const TwoViewGeometry& geometry, bool camera_known) {
-  Eigen::Matrix3d back = Eigen::Matrix3d::Identity();  // S^-1
-  back(0, 2) = back(1, 2) = -kColmapPixelShift;
-  ColmapTwoViewGeometry result;
-  result.config = ConfigOf(geometry.kind);
-  if (geometry.fundamental) {
-    result.fundamental = back.transpose() * *geometry.fundamental * back;
-  }
-  if (geometry.homography) result.homography = back.inverse() * *geometry.homography * back;
-  if (camera_known) {  // of a guessed focal length these say little
-    result.essential = geometry.essential;
-    result.cam2_from_cam1 = geometry.cam2_from_cam1;
-  }
-  return result;
 }
 
 void CheckMatches(const std::vector<ColmapMatch>& matches,
@@ -221,22 +190,118 @@ void WriteRows(SqliteDatabase& db, const ColmapDatabase& database) {
   }
 }
 
+// The columns that are read; those of other versions' schemas, and their order, do not matter.
+constexpr std::pair<const char*, std::array<const char*, 9>> kColumns[] = {
+    {"cameras", {"camera_id", "model", "width", "height", "params", "prior_focal_length"}},
+    {"images", {"image_id", "name", "camera_id"}},
+    {"keypoints", {"image_id", "rows", "cols", "data"}},
+    {"matches", {"pair_id", "rows", "data"}},
+    {"two_view_geometries", {"pair_id", "rows", "data", "config", "F", "E", "H", "qvec", "tvec"}}};
+
 void CheckSchema(SqliteDatabase& db, const std::filesystem::path& path) {
-  for (const char* table : {"cameras", "images", "keypoints", "matches", "two_view_geometries"}) {
+  for (const auto& [table, columns] : kColumns) {
     if (!db.HasTable(table)) {
       ThrowError("{} is no COLMAP database: it has no table {}", path.string(), table);
     }
+    std::set<std::string, std::less<>> found;
+    auto info = db.Prepare("SELECT name FROM pragma_table_info(?)");
+    info.Bind(1, std::string_view(table));
+    while (info.Step()) found.emplace(info.Text(0));
+    for (const char* column : columns) {
+      if (column == nullptr || found.contains(std::string_view(column))) continue;
+      ThrowError(
+          "COLMAP database {} has no {}.{} (schema {}): the schemas of COLMAP 3.8 to 4.x are read",
+          path.string(),
+          table,
+          column,
+          db.UserVersion());
+    }
   }
-  auto columns = db.Prepare("SELECT name FROM pragma_table_info('images')");
-  bool has_prior = false;
-  while (columns.Step()) has_prior = has_prior || columns.Text(0) == "prior_qw";
-  if (!has_prior) {
-    ThrowError(
-        "COLMAP database {} was created by a newer COLMAP (schema {}, no images.prior_qw): only "
-        "the schema of COLMAP 3.8 is read; export the tracks again instead",
-        path.string(),
-        db.UserVersion());
+}
+
+ColmapCamera ReadCamera(SqliteDatabase& db, const std::filesystem::path& path) {
+  auto cameras = db.Prepare("SELECT model, width, height, params, prior_focal_length FROM cameras");
+  if (!cameras.Step()) ThrowError("COLMAP database {} has no camera", path.string());
+  ColmapCamera camera;
+  camera.model = static_cast<ColmapCameraModel>(cameras.Int(0));
+  camera.width_px = static_cast<int>(cameras.Int(1));
+  camera.height_px = static_cast<int>(cameras.Int(2));
+  camera.params = FromBytes<double>(cameras.Blob(3),
+                                    static_cast<std::int64_t>(ColmapParameterCount(camera.model)),
+                                    path,
+                                    "cameras");
+  camera.prior_focal_length = cameras.Int(4) != 0;
+  if (cameras.Step()) {
+    ThrowError("COLMAP database {} has several cameras: only one is read", path.string());
   }
+  return camera;
+}
+
+std::map<ColmapImageId, ColmapImage> ReadImages(SqliteDatabase& db,
+                                                const std::filesystem::path& path) {
+  std::map<ColmapImageId, ColmapImage> result;
+  auto images = db.Prepare(
+      "SELECT image_id, name, rows, cols, data FROM images LEFT JOIN keypoints USING(image_id)");
+  while (images.Step()) {
+    ColmapImage& image = result[static_cast<ColmapImageId>(images.Int(0))];
+    image.name = images.Text(1);
+    const std::int64_t rows = images.Int(2);
+    const std::int64_t cols = images.Int(3);
+    if (rows > 0 && cols < 2) {
+      ThrowError("COLMAP database {}: the keypoints of image {} have {} columns instead of 2, 4, 6",
+                 path.string(),
+                 image.name,
+                 cols);
+    }
+    const auto values = FromBytes<float>(images.Blob(4), rows * cols, path, "keypoints");
+    for (std::int64_t i = 0; i < rows; ++i) {
+      const float* xy = values.data() + i * cols;
+      image.keypoints.emplace_back(xy[0], xy[1]);
+    }
+  }
+  return result;
+}
+
+std::optional<Rigid3> ReadPose(const SqliteStatement& statement,
+                               int qvec,
+                               int tvec,
+                               const std::filesystem::path& path) {
+  if (statement.Blob(qvec).empty() || statement.Blob(tvec).empty()) return std::nullopt;
+  const auto q = FromBytes<double>(statement.Blob(qvec), 4, path, "two_view_geometries");
+  const auto t = FromBytes<double>(statement.Blob(tvec), 3, path, "two_view_geometries");
+  const Rigid3 pose{{q[0], q[1], q[2], q[3]}, {t[0], t[1], t[2]}};
+  // Unset in 3.x: zeros, or the identity.
+  const bool turns = pose.rotation.vec().norm() > 0.0;
+  const bool moves = pose.translation.norm() > 0.0;
+  if (pose.rotation.norm() == 0.0 || (!turns && !moves)) return std::nullopt;
+  return pose;
+}
+
+ColmapTwoViewGeometry ReadGeometry(const SqliteStatement& row, const std::filesystem::path& path) {
+  ColmapTwoViewGeometry g;
+  g.inliers = FromBytes<ColmapMatch>(row.Blob(2), row.Int(1), path, "two_view_geometries");
+  g.config = static_cast<ColmapPairConfig>(row.Int(3));
+  g.fundamental = ReadMatrix(row, 4, path);
+  g.essential = ReadMatrix(row, 5, path);
+  g.homography = ReadMatrix(row, 6, path);
+  g.cam2_from_cam1 = ReadPose(row, 7, 8, path);
+  return g;
+}
+
+std::map<std::pair<ColmapImageId, ColmapImageId>, ColmapPair> ReadPairs(
+    SqliteDatabase& db, const std::filesystem::path& path) {
+  std::map<std::pair<ColmapImageId, ColmapImageId>, ColmapPair> pairs;
+  auto matches = db.Prepare("SELECT pair_id, rows, data FROM matches");
+  while (matches.Step()) {
+    pairs[ColmapImagesOfPair(matches.Int(0))].matches =
+        FromBytes<ColmapMatch>(matches.Blob(2), matches.Int(1), path, "matches");
+  }
+  auto geometries = db.Prepare(
+      "SELECT pair_id, rows, data, config, F, E, H, qvec, tvec FROM two_view_geometries");
+  while (geometries.Step()) {
+    pairs[ColmapImagesOfPair(geometries.Int(0))].geometry = ReadGeometry(geometries, path);
+  }
+  return pairs;
 }
 
 }  // namespace
@@ -297,110 +362,6 @@ void ColmapDatabase::AddPair(ColmapImageId image1, ColmapImageId image2, ColmapP
   }
 }
 
-TrackFile WithoutWeakObservations(const TrackFile& file, double max_relative_sigma) {
-  const auto variance = [](const Observation& o) {
-    return 0.5 * (double{o.covariance->xx} + double{o.covariance->yy});
-  };
-  std::vector<double> of_clip;
-  std::map<FrameIndex, std::vector<double>> of_frame;
-  for (const Observation& o : file.tracks.observations()) {
-    if (o.state != ObservationState::kObserved || !o.covariance) continue;
-    of_clip.push_back(variance(o));
-    of_frame[o.frame].push_back(variance(o));
-  }
-  if (of_clip.empty() || max_relative_sigma == 0.0) return file;
-  const double clip_median = Median(std::move(of_clip));
-  std::map<FrameIndex, double> most;
-  for (auto& [frame, variances] : of_frame) {
-    const double reference = std::max(clip_median, Median(std::move(variances)));
-    most[frame] = max_relative_sigma * max_relative_sigma * reference;
-  }
-  std::vector<Observation> observations(file.tracks.observations().begin(),
-                                        file.tracks.observations().end());
-  for (Observation& o : observations) {
-    if (o.state != ObservationState::kObserved || !o.covariance) continue;
-    if (variance(o) > most.at(o.frame)) o.state = ObservationState::kPredicted;
-  }
-  TrackFile strong = file;
-  strong.tracks = TrackSet::Build(std::move(observations),
-                                  {file.tracks.ends().begin(), file.tracks.ends().end()});
-  return strong;
-}
-
-std::vector<const Observation*> ColmapKeypoints(const TrackSet& tracks,
-                                                FrameIndex frame,
-                                                bool include_predicted) {
-  std::vector<const Observation*> keypoints;
-  for (const Observation* o : tracks.InFrame(frame)) {
-    if (include_predicted || o->state == ObservationState::kObserved) keypoints.push_back(o);
-  }
-  return keypoints;
-}
-
-ColmapDatabase BuildColmapDatabase(
-    const TrackFile& file,
-    const ColmapDatabaseOptions& options,
-    const std::vector<std::pair<FrameIndex, FrameIndex>>& extra_pairs) {
-  ValidateOptions(options);
-  const Camera camera = file.camera.value_or(Camera::Guess(file.width_px, file.height_px));
-  ColmapDatabase database;
-  database.camera = ToColmapCamera(camera);
-
-  std::map<FrameIndex, std::map<FeatureId, std::uint32_t>> keypoint_of_feature;
-  std::set<std::string> names;
-  for (const FrameInfo& frame : file.frames) {
-    if (frame.name.empty()) ThrowError("frame {} has no name", ToInt(frame.index));
-    if (!names.insert(frame.name).second) {
-      ThrowError("two frames are named {}: COLMAP needs a name for each", frame.name);
-    }
-    auto& index = keypoint_of_feature[frame.index];
-    ColmapImage& image = database.images[ColmapImageIdOf(frame.index)];
-    image.name = frame.name;
-    for (const Observation* o :
-         ColmapKeypoints(file.tracks, frame.index, options.include_predicted)) {
-      index[o->feature] = static_cast<std::uint32_t>(image.keypoints.size());
-      image.keypoints.push_back(
-          (o->xy + Eigen::Vector2d::Constant(kColmapPixelShift)).cast<float>());
-    }
-  }
-  for (const FrameIndex frame : file.tracks.frames()) {
-    if (!keypoint_of_feature.contains(frame)) {
-      ThrowError("the tracks have positions in frame {}, which is not in the list of frames",
-                 ToInt(frame));
-    }
-  }
-
-  std::set<std::pair<FrameIndex, FrameIndex>> frame_pairs(extra_pairs.begin(), extra_pairs.end());
-  for (std::size_t stride = 1;
-       stride < file.frames.size() && stride <= static_cast<std::size_t>(options.max_stride);
-       stride *= 2) {
-    const std::size_t step = std::max<std::size_t>(1, stride / 2);
-    for (std::size_t i = 0; i + stride < file.frames.size(); i += step) {
-      frame_pairs.emplace(file.frames[i].index, file.frames[i + stride].index);
-    }
-  }
-  for (const auto& [frame1, frame2] : frame_pairs) {
-    const FramePairMatches shared =
-        MatchFrames(file.tracks, frame1, frame2, options.include_predicted);
-    if (shared.features.size() < static_cast<std::size_t>(options.two_view.min_inliers)) continue;
-    const TwoViewGeometry geometry =
-        EstimateTwoViewGeometry(shared.xy1, shared.xy2, camera, options.two_view);
-    ColmapPair pair;
-    if (geometry.kind != TwoViewKind::kDegenerate) {
-      pair.geometry = InColmapPixels(geometry, camera.known);
-    }
-    const auto& index1 = keypoint_of_feature.at(frame1);
-    const auto& index2 = keypoint_of_feature.at(frame2);
-    for (std::size_t m = 0; m < shared.features.size(); ++m) {
-      const ColmapMatch match{index1.at(shared.features[m]), index2.at(shared.features[m])};
-      pair.matches.push_back(match);
-      if (pair.geometry && geometry.inlier[m]) pair.geometry->inliers.push_back(match);
-    }
-    database.AddPair(ColmapImageIdOf(frame1), ColmapImageIdOf(frame2), std::move(pair));
-  }
-  return database;
-}
-
 void WriteColmapDatabase(const std::filesystem::path& path, const ColmapDatabase& database) {
   OutputFile out(path);
   {
@@ -420,72 +381,15 @@ void WriteColmapDatabase(const std::filesystem::path& path, const ColmapDatabase
   out.Commit();
 }
 
-void WriteColmapDatabase(const std::filesystem::path& path,
-                         const TrackFile& file,
-                         const ColmapDatabaseOptions& options) {
-  ValidateOptions(options);
-  WriteColmapDatabase(
-      path,
-      BuildColmapDatabase(WithoutWeakObservations(file, options.max_relative_sigma), options));
-}
-
 ColmapDatabase ReadColmapDatabase(const std::filesystem::path& path) {
   auto db = SqliteDatabase::Open(path, SqliteDatabase::Mode::kRead);
   CheckSchema(db, path);
   ColmapDatabase database;
-  auto cameras = db.Prepare("SELECT model, width, height, params, prior_focal_length FROM cameras");
-  if (!cameras.Step()) ThrowError("COLMAP database {} has no camera", path.string());
-  database.camera.model = static_cast<ColmapCameraModel>(cameras.Int(0));
-  database.camera.width_px = static_cast<int>(cameras.Int(1));
-  database.camera.height_px = static_cast<int>(cameras.Int(2));
-  database.camera.params =
-      FromBytes<double>(cameras.Blob(3),
-                        static_cast<std::int64_t>(ColmapParameterCount(database.camera.model)),
-                        path,
-                        "cameras");
-  database.camera.prior_focal_length = cameras.Int(4) != 0;
-  if (cameras.Step()) {
-    ThrowError("COLMAP database {} has several cameras: only one is read", path.string());
+  database.camera = ReadCamera(db, path);
+  database.images = ReadImages(db, path);
+  for (auto& [ids, pair] : ReadPairs(db, path)) {
+    database.AddPair(ids.first, ids.second, std::move(pair));
   }
-
-  auto images = db.Prepare(
-      "SELECT image_id, name, rows, cols, data FROM images LEFT JOIN keypoints USING(image_id)");
-  while (images.Step()) {
-    ColmapImage& image = database.images[static_cast<ColmapImageId>(images.Int(0))];
-    image.name = images.Text(1);
-    const std::int64_t rows = images.Int(2);
-    const std::int64_t cols = images.Int(3);
-    const auto values = FromBytes<float>(images.Blob(4), rows * cols, path, "keypoints");
-    for (std::int64_t i = 0; i < rows; ++i) {
-      const float* xy = values.data() + i * cols;
-      image.keypoints.emplace_back(xy[0], xy[1]);
-    }
-  }
-
-  std::map<std::pair<ColmapImageId, ColmapImageId>, ColmapPair> pairs;
-  auto matches = db.Prepare("SELECT pair_id, rows, data FROM matches");
-  while (matches.Step()) {
-    pairs[ColmapImagesOfPair(matches.Int(0))].matches =
-        FromBytes<ColmapMatch>(matches.Blob(2), matches.Int(1), path, "matches");
-  }
-  auto geometries = db.Prepare(
-      "SELECT pair_id, rows, data, config, F, E, H, qvec, tvec FROM two_view_geometries");
-  while (geometries.Step()) {
-    ColmapTwoViewGeometry g;
-    g.inliers =
-        FromBytes<ColmapMatch>(geometries.Blob(2), geometries.Int(1), path, "two_view_geometries");
-    g.config = static_cast<ColmapPairConfig>(geometries.Int(3));
-    g.fundamental = ReadMatrix(geometries, 4, path);
-    g.essential = ReadMatrix(geometries, 5, path);
-    g.homography = ReadMatrix(geometries, 6, path);
-    if (!geometries.Blob(7).empty()) {
-      const auto q = FromBytes<double>(geometries.Blob(7), 4, path, "two_view_geometries");
-      const auto t = FromBytes<double>(geometries.Blob(8), 3, path, "two_view_geometries");
-      g.cam2_from_cam1 = Rigid3{{q[0], q[1], q[2], q[3]}, {t[0], t[1], t[2]}};
-    }
-    pairs[ColmapImagesOfPair(geometries.Int(0))].geometry = std::move(g);
-  }
-  for (auto& [ids, pair] : pairs) database.AddPair(ids.first, ids.second, std::move(pair));
   return database;
 }
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <Eigen/Core>
 #include <array>
 #include <cstdint>
 #include <filesystem>
@@ -10,8 +11,8 @@
 #include <vector>
 
 #include "backend/colmap/camera_model.h"
-#include "backend/scene/two_view_geometry.h"
-#include "frontend/tracks/track_store.h"
+#include "frontend/geometry/rigid3.h"
+#include "frontend/tracks/observation.h"
 
 namespace cohort {
 
@@ -62,7 +63,7 @@ struct ColmapImage {
   std::vector<Eigen::Vector2f> keypoints;
 };
 
-// What a COLMAP 3.8 database holds of a clip; one camera takes all images.
+// What a COLMAP database holds of a clip; one camera takes all images.
 struct ColmapDatabase {
   ColmapCamera camera;
   std::map<ColmapImageId, ColmapImage> images;
@@ -73,64 +74,14 @@ struct ColmapDatabase {
   void AddPair(ColmapImageId image1, ColmapImageId image2, ColmapPair pair);
 };
 
-struct ColmapDatabaseOptions {
-  TwoViewOptions two_view;
-  bool include_predicted = false;
-  double max_relative_sigma = 1.5;
-  int max_stride = 1024;
-
-  template <typename Self, typename Visitor>
-  static void Visit(Self& o, Visitor& v) {
-    v.Group("two_view", o.two_view, "geometry of a pair of frames");
-    v.Flag("include_predicted",
-           o.include_predicted,
-           "Take positions that no image confirmed too, as if they were measured. They "
-           "hold on to the other features alone, so a model of them confirms itself.",
-           Tier::kCommon);
-    v.Number("max_relative_sigma",
-             o.max_relative_sigma,
-             0.0,
-             1e6,
-             "leave out observations whose deviation is more than this times the median of the "
-             "clip, or of their frame where that is larger: "
-             "COLMAP weighs all alike; 0: none");
-    v.Number("max_stride", o.max_stride, 1, 1 << 20, "longest distance of paired frames [frames]");
-  }
-};
-
-// COLMAP weighs all observations alike, so it is better off without those that are known to be
-// weak: with a deviation sqrt(trace(covariance) / 2) of more than `max_relative_sigma` times the
-// median of the clip's, or of their frame's where that is larger (a blurred frame must keep what
-// ties it to the others). They are marked predicted. What has no covariance stays.
-TrackFile WithoutWeakObservations(const TrackFile& file, double max_relative_sigma);
-
-// The keypoints of a frame in the order that the database has them: ascending features, observed
-// ones only unless predicted ones are asked for. Keypoint index -> feature of a mapper's model.
-std::vector<const Observation*> ColmapKeypoints(const TrackSet& tracks,
-                                                FrameIndex frame,
-                                                bool include_predicted);
-
-// Tracks as pairs: frames s apart for s = 1, 2, 4, 8 ..., starting every max(1, s/2) frames, which
-// costs three pairs a frame and gives COLMAP what all pairs would. A pair with fewer common tracks
-// than min_inliers is left out. A match that contradicts its pair's geometry is in `matches`, not
-// among the inliers: COLMAP's global mapper trusts those.
-// `extra_pairs` are added to the grid. Throws Error on a frame without a name, a name that occurs
-// twice, or tracks in unlisted frames.
-ColmapDatabase BuildColmapDatabase(
-    const TrackFile& file,
-    const ColmapDatabaseOptions& options = {},
-    const std::vector<std::pair<FrameIndex, FrameIndex>>& extra_pairs = {});
-
 // A database in the 3.8 schema (user_version 3800), which 4.x opens too. Whole or not at all; an
 // old file and its -wal and -shm are replaced. Throws Error naming the path.
 void WriteColmapDatabase(const std::filesystem::path& path, const ColmapDatabase& database);
-// Of the tracks WithoutWeakObservations.
-void WriteColmapDatabase(const std::filesystem::path& path,
-                         const TrackFile& file,
-                         const ColmapDatabaseOptions& options = {});
 
-// Reads the 3.8 schema, also with what 4.x adds when it opens such a file. Throws Error naming the
-// path on a file that 4.x created, is damaged, or has several cameras.
+// Reads the schemas of COLMAP 3.8 to 4.x: rigs, frames and pose priors of newer ones say nothing of
+// what stands here and are left out; a geometry that COLMAP wrote as "unset" (zero matrices, the
+// identity as a pose) is none. Throws Error naming the path on a file that is damaged or has several
+// cameras.
 ColmapDatabase ReadColmapDatabase(const std::filesystem::path& path);
 
 }  // namespace cohort

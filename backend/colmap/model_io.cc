@@ -10,6 +10,7 @@
 #include <set>
 #include <sstream>
 
+#include "backend/colmap/tracks_to_database.h"
 #include "frontend/core/output.h"
 
 namespace cohort {

@@ -11,6 +11,7 @@
 
 #include "backend/colmap/database.h"
 #include "backend/scene/reconstruction.h"
+#include "frontend/tracks/track_store.h"
 
 namespace cohort {
 

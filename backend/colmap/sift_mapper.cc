@@ -89,18 +89,17 @@ Arguments ExtractorArguments(const TrackFile& clip, const SiftOptions& sift, int
   add({"SiftExtraction.max_num_features"}, sift.max_features);
   add({"SiftExtraction.peak_threshold"}, sift.peak_threshold);
   add({"SiftExtraction.first_octave"}, sift.first_octave);
-  add({"SiftExtraction.domain_size_pooling"}, sift.domain_size_pooling ? 1 : 0);
-  add({"SiftExtraction.estimate_affine_shape"}, sift.affine_shape ? 1 : 0);
   return arguments;
 }
 
-Arguments MatcherArguments(const SiftOptions& sift, const ColmapOptions& options) {
+Arguments MatcherArguments(const ColmapOptions& options) {
+  constexpr int kOverlap = 10;  // next frames to match with, and so many at doubling distances
   Arguments arguments = LogArguments();
   arguments.push_back(Argument({"random_seed"}, options.seed));
   arguments.push_back(Argument({"SiftMatching.use_gpu", "FeatureMatching.use_gpu"}, 0));
   arguments.push_back(
       Argument({"SiftMatching.num_threads", "FeatureMatching.num_threads"}, options.threads));
-  arguments.push_back(Argument({"SequentialMatching.overlap"}, sift.overlap));
+  arguments.push_back(Argument({"SequentialMatching.overlap"}, kOverlap));
   arguments.push_back(Argument({"SequentialMatching.quadratic_overlap"}, 1));
   return arguments;
 }
@@ -160,6 +159,16 @@ Reconstruction ToReconstruction(const ColmapModel& model, const TrackFile& clip)
   return result;
 }
 
+std::string DescribeFailure(const std::string& version,
+                            const std::string& failure,
+                            const fs::path& log) {
+  return fmt::format("COLMAP {} registered no frame by SIFT{}{}; see {}",
+                     version,
+                     failure.empty() ? "" : ": ",
+                     failure,
+                     log.string());
+}
+
 }  // namespace
 
 ColmapResult ReconstructWithSift(const TrackFile& clip,
@@ -190,7 +199,7 @@ ColmapResult ReconstructWithSift(const TrackFile& clip,
   std::string failure =
       run("feature_extractor", ExtractorArguments(clip, sift, options.threads), true);
   if (failure.empty()) {
-    failure = run("sequential_matcher", MatcherArguments(sift, options), false);
+    failure = run("sequential_matcher", MatcherArguments(options), false);
   }
   std::optional<ColmapModelFolder> best;
   if (failure.empty()) {
@@ -217,11 +226,7 @@ ColmapResult ReconstructWithSift(const TrackFile& clip,
   result.colmap_seconds = result.summary.seconds;
   result.summary.termination =
       best ? fmt::format("COLMAP {} with its own SIFT features", program.version())
-           : fmt::format("COLMAP {} registered no frame by SIFT{}{}; see {}",
-                         program.version(),
-                         failure.empty() ? "" : ": ",
-                         failure,
-                         result.log.string());
+           : DescribeFailure(program.version(), failure, result.log);
   return result;
 }
 

@@ -15,24 +15,26 @@ struct SiftOptions {
   int max_features = 4000;
   double peak_threshold = 0.002;
   int first_octave = 0;
-  bool domain_size_pooling = false;
-  bool affine_shape = false;
-  int overlap = 10;
 
   template <typename Self, typename Visitor>
   static void Visit(Self& o, Visitor& v) {
-    v.Number("denoise_sigma_px", o.denoise_sigma_px, 0.0, 20.0, "Gaussian blur of the frames [px]");
+    v.Number("denoise_sigma_px",
+             o.denoise_sigma_px,
+             0.0,
+             20.0,
+             "Gaussian blur of the frames before SIFT looks for features [px]");
     v.Flag("stretch", o.stretch, "stretch each frame's contrast to the full range");
-    v.Number("max_features", o.max_features, 10, 100000, "a frame");
-    v.Number("peak_threshold", o.peak_threshold, 1e-6, 1.0, "least contrast; COLMAP's own: 0.0067");
-    v.Number("first_octave", o.first_octave, -1, 4, "-1: of the frame at twice its size");
-    v.Flag("domain_size_pooling", o.domain_size_pooling, "descriptors pooled over scales");
-    v.Flag("affine_shape", o.affine_shape, "estimate the features' affine shape");
-    v.Number("overlap",
-             o.overlap,
-             1,
-             1000,
-             "match with so many next frames, and so many at doubling distances");
+    v.Number("max_features", o.max_features, 10, 100000, "at most so many features a frame");
+    v.Number("peak_threshold",
+             o.peak_threshold,
+             1e-6,
+             1.0,
+             "least contrast of a feature; COLMAP's own is 0.0067, too much for the dark");
+    v.Number("first_octave",
+             o.first_octave,
+             -1,
+             4,
+             "size of the frame that the search starts with: 0 its own, -1 twice, 1 half of it");
   }
 };
 

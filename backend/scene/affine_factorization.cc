@@ -192,18 +192,15 @@ std::optional<Eigen::Matrix3d> MetricUpgrade(const std::vector<Eigen::Matrix<dou
   return eigen.eigenvectors() * values.cwiseSqrt().asDiagonal();
 }
 
-}  // namespace
+// A fit whose points have mean 0 and unit spread in all directions, so that the metric upgrade is
+// well conditioned and a missing third dimension shows.
+struct WhitenedFit {
+  std::vector<Eigen::Matrix<double, 2, 3>> A;  // of points with unit spread, per frame
+  Eigen::Matrix3d spread_root;                 // L: A = A_fit L, s = L^-1 s_fit
+};
 
-std::optional<AffineFactorization> FactorizeAffine(
-    int frames, int tracks, std::span<const AffineMeasurement> measurements) {
-  if (frames < kMinFrames) return std::nullopt;
-  std::optional<AffineFit> start = StartFromCompleteTracks(frames, tracks, measurements);
-  if (!start) return std::nullopt;
-  Alternation alternation(measurements, std::move(*start));
-  AffineFit fit = alternation.Run();
-
-  // The points' mean to the origin, then their spread to equal in all directions, so that the
-  // upgrade is well conditioned and a missing third dimension shows.
+// Moves the points' mean to the origin. None: the points span no volume.
+std::optional<WhitenedFit> CentreAndWhiten(AffineFit& fit) {
   Eigen::Vector3d mean = Eigen::Vector3d::Zero();
   int points = 0;
   for (const auto& s : fit.S) {
@@ -213,7 +210,7 @@ std::optional<AffineFactorization> FactorizeAffine(
   }
   if (points < kMinCompleteTracks) return std::nullopt;
   mean /= points;
-  for (int f = 0; f < frames; ++f) fit.b[f] += fit.A[f] * mean;
+  for (std::size_t f = 0; f < fit.A.size(); ++f) fit.b[f] += fit.A[f] * mean;
   Eigen::Matrix3d spread = Eigen::Matrix3d::Zero();
   for (auto& s : fit.S) {
     if (!s) continue;
@@ -222,52 +219,83 @@ std::optional<AffineFactorization> FactorizeAffine(
   }
   const Eigen::LLT<Eigen::Matrix3d> cholesky(spread / points);
   if (cholesky.info() != Eigen::Success) return std::nullopt;
-  const Eigen::Matrix3d L_spread = cholesky.matrixL();
-  std::vector<Eigen::Matrix<double, 2, 3>> A;
-  Eigen::Matrix3d motion = Eigen::Matrix3d::Zero();
-  for (const auto& a : fit.A) {
-    A.push_back(a * L_spread);
-    motion += A.back().transpose() * A.back();
-  }
-  const Eigen::Vector3d singular =
-      Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(motion / frames).eigenvalues().cwiseMax(0.0);
-  // The third dimension moves the points by less than the fit's error: nothing to upgrade.
-  const double effect = std::sqrt(singular[0]);
-  if (effect <= 0.5 * alternation.scale() || effect < kMinThirdDimension) return std::nullopt;
+  WhitenedFit whitened;
+  whitened.spread_root = cholesky.matrixL();
+  for (const auto& a : fit.A) whitened.A.push_back(a * whitened.spread_root);
+  return whitened;
+}
 
-  const std::optional<Eigen::Matrix3d> upgrade = MetricUpgrade(A);
+// Whether the third dimension moves the points by more than the fit's error: otherwise there is
+// nothing to upgrade.
+bool HasThirdDimension(const std::vector<Eigen::Matrix<double, 2, 3>>& A, double rms_error) {
+  Eigen::Matrix3d motion = Eigen::Matrix3d::Zero();
+  for (const auto& a : A) motion += a.transpose() * a;
+  const Eigen::Vector3d singular =
+      Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(motion / static_cast<int>(A.size()))
+          .eigenvalues()
+          .cwiseMax(0.0);
+  const double effect = std::sqrt(singular[0]);
+  return !(effect <= 0.5 * rms_error || effect < kMinThirdDimension);
+}
+
+// The upgraded fit as perspective poses (R, (z b, z)), as it is or mirrored in depth. None: it is
+// not finite.
+std::optional<AffineModel> MetricModel(const WhitenedFit& whitened,
+                                       const AffineFit& fit,
+                                       const Eigen::Matrix3d& upgrade,
+                                       const Eigen::Matrix3d& point_upgrade,
+                                       bool mirrored) {
+  const Eigen::Vector3d mirror(1.0, 1.0, -1.0);
+  AffineModel model;
+  for (std::size_t f = 0; f < whitened.A.size(); ++f) {
+    Eigen::Matrix<double, 2, 3> rows = whitened.A[f] * upgrade;
+    if (mirrored) rows = rows * mirror.asDiagonal();
+    const Eigen::JacobiSVD<Eigen::Matrix<double, 2, 3>> svd(
+        rows, Eigen::ComputeFullU | Eigen::ComputeFullV);
+    if (svd.info() != Eigen::Success) return std::nullopt;  // not finite
+    const Eigen::Matrix<double, 2, 3> orthonormal =
+        svd.matrixU() * svd.matrixV().leftCols<2>().transpose();
+    const double depth = 2.0 / svd.singularValues().sum();
+    Eigen::Matrix3d rotation;
+    rotation.topRows<2>() = orthonormal;
+    rotation.row(2) = orthonormal.row(0).cross(orthonormal.row(1));
+    model.cam_from_world.push_back(
+        {Eigen::Quaterniond(rotation).normalized(), depth * fit.b[f].homogeneous()});
+  }
+  for (const auto& s : fit.S) {
+    if (!s) {
+      model.points_in_world.emplace_back();
+      continue;
+    }
+    Eigen::Vector3d x = point_upgrade * *s;
+    if (mirrored) x = mirror.asDiagonal() * x;
+    model.points_in_world.emplace_back(x);
+  }
+  return model;
+}
+
+}  // namespace
+
+std::optional<AffineFactorization> FactorizeAffine(
+    int frames, int tracks, std::span<const AffineMeasurement> measurements) {
+  if (frames < kMinFrames) return std::nullopt;
+  std::optional<AffineFit> start = StartFromCompleteTracks(frames, tracks, measurements);
+  if (!start) return std::nullopt;
+  Alternation alternation(measurements, std::move(*start));
+  AffineFit fit = alternation.Run();
+  const std::optional<WhitenedFit> whitened = CentreAndWhiten(fit);
+  if (!whitened || !HasThirdDimension(whitened->A, alternation.scale())) return std::nullopt;
+  const std::optional<Eigen::Matrix3d> upgrade = MetricUpgrade(whitened->A);
   if (!upgrade) return std::nullopt;
-  const Eigen::Matrix3d point_upgrade = (L_spread * *upgrade).inverse();
+  const Eigen::Matrix3d point_upgrade = (whitened->spread_root * *upgrade).inverse();
   if (!point_upgrade.allFinite()) return std::nullopt;
 
   AffineFactorization result;
   result.rms_error = alternation.scale();
-  const Eigen::Vector3d mirror(1.0, 1.0, -1.0);
-  for (int side = 0; side < 2; ++side) {
-    AffineModel& model = result.mirror_models[side];
-    for (int f = 0; f < frames; ++f) {
-      Eigen::Matrix<double, 2, 3> rows = A[f] * *upgrade;
-      if (side == 1) rows = rows * mirror.asDiagonal();
-      const Eigen::JacobiSVD<Eigen::Matrix<double, 2, 3>> svd(
-          rows, Eigen::ComputeFullU | Eigen::ComputeFullV);
-      const Eigen::Matrix<double, 2, 3> orthonormal =
-          svd.matrixU() * svd.matrixV().leftCols<2>().transpose();
-      const double depth = 2.0 / svd.singularValues().sum();
-      Eigen::Matrix3d rotation;
-      rotation.topRows<2>() = orthonormal;
-      rotation.row(2) = orthonormal.row(0).cross(orthonormal.row(1));
-      model.cam_from_world.push_back(
-          {Eigen::Quaterniond(rotation).normalized(), depth * fit.b[f].homogeneous()});
-    }
-    for (const auto& s : fit.S) {
-      if (!s) {
-        model.points_in_world.emplace_back();
-        continue;
-      }
-      Eigen::Vector3d x = point_upgrade * *s;
-      if (side == 1) x = mirror.asDiagonal() * x;
-      model.points_in_world.emplace_back(x);
-    }
+  for (const bool mirrored : {false, true}) {
+    auto model = MetricModel(*whitened, fit, *upgrade, point_upgrade, mirrored);
+    if (!model) return std::nullopt;
+    result.mirror_models[mirrored ? 1 : 0] = std::move(*model);
   }
   return result;
 }

@@ -5,181 +5,15 @@
 #include <glog/logging.h>
 
 #include <Eigen/Cholesky>
-#include <Eigen/LU>
 #include <algorithm>
 #include <deque>
-#include <map>
 #include <memory>
 
-#include "backend/scene/reprojection.h"
+#include "backend/scene/bundle_costs.h"
+#include "backend/scene/bundle_covariances.h"
 
 namespace cohort {
 namespace {
-
-using RowMajor27 = Eigen::Matrix<double, 2, 7, Eigen::RowMajor>;
-using RowMajor23 = Eigen::Matrix<double, 2, 3, Eigen::RowMajor>;
-using RowMajor25 = Eigen::Matrix<double, 2, 5, Eigen::RowMajor>;
-
-constexpr int kPoseSize = 7;  // quaternion x, y, z, w; centre
-constexpr int kIntrinsicSize = 5;
-
-CameraPose ReadPose(const double* pose) {
-  return {Eigen::Quaterniond(pose), Eigen::Vector3d(pose + 4)};
-}
-
-// Cost functions give derivatives by the pose's 6-vector in the first six of the seven columns, and
-// this manifold's Jacobian [I_6; 0] passes them on: the chain through the quaternion is saved.
-class PoseManifold final : public ceres::Manifold {
- public:
-  int AmbientSize() const override { return kPoseSize; }
-  int TangentSize() const override { return 6; }
-  bool Plus(const double* x, const double* delta, double* x_plus_delta) const override {
-    const Eigen::Vector3d omega(delta);
-    const double angle = omega.norm();
-    Eigen::Quaterniond step;
-    step.w() = std::cos(angle / 2.0);
-    step.vec() = angle > 1e-12 ? Eigen::Vector3d(std::sin(angle / 2.0) / angle * omega)
-                               : Eigen::Vector3d(omega / 2.0);
-    Eigen::Map<Eigen::Quaterniond> rotation(x_plus_delta);
-    rotation = (step * Eigen::Quaterniond(x)).normalized();
-    for (int i = 0; i < 3; ++i) x_plus_delta[4 + i] = x[4 + i] + delta[3 + i];
-    return true;
-  }
-  bool PlusJacobian(const double*, double* jacobian) const override {
-    Eigen::Map<Eigen::Matrix<double, kPoseSize, 6, Eigen::RowMajor>> j(jacobian);
-    j.setIdentity();
-    return true;
-  }
-  bool Minus(const double* y, const double* x, double* y_minus_x) const override {
-    const Eigen::AngleAxisd step(Eigen::Quaterniond(y) * Eigen::Quaterniond(x).conjugate());
-    Eigen::Map<Eigen::Vector3d> omega(y_minus_x);
-    omega = step.angle() * step.axis();
-    for (int i = 0; i < 3; ++i) y_minus_x[3 + i] = y[4 + i] - x[4 + i];
-    return true;
-  }
-  bool MinusJacobian(const double*, double* jacobian) const override {
-    Eigen::Map<Eigen::Matrix<double, 6, kPoseSize, Eigen::RowMajor>> j(jacobian);
-    j.setIdentity();
-    return true;
-  }
-};
-
-// Known intrinsics: the observation is unprojected once to n, and the residual W (n(x) - n) has in
-// W the pixels' covariance and the camera's derivative at n.
-class CalibratedCost final : public ceres::SizedCostFunction<2, kPoseSize, 3> {
- public:
-  CalibratedCost(const Eigen::Vector2d& n, const Eigen::Matrix2d& whitening)
-      : n_(n), whitening_(whitening) {}
-  bool Evaluate(double const* const* parameters,
-                double* residuals,
-                double** jacobians) const override {
-    const NormalisedProjection p =
-        ProjectNormalised(ReadPose(parameters[0]), Eigen::Vector3d(parameters[1]));
-    Eigen::Map<Eigen::Vector2d> residual(residuals);
-    residual = whitening_ * (p.n - n_);
-    if (jacobians == nullptr) return true;
-    if (jacobians[0] != nullptr) {
-      Eigen::Map<RowMajor27> d_pose(jacobians[0]);
-      d_pose.leftCols<6>() = whitening_ * p.d_pose;
-      d_pose.col(6).setZero();
-    }
-    if (jacobians[1] != nullptr) {
-      Eigen::Map<RowMajor23> d_point(jacobians[1]);
-      d_point = whitening_ * p.d_point;
-    }
-    return true;
-  }
-
- private:
-  Eigen::Vector2d n_;
-  Eigen::Matrix2d whitening_;
-};
-
-class RefiningCost final : public ceres::SizedCostFunction<2, kPoseSize, 3, kIntrinsicSize> {
- public:
-  RefiningCost(const Camera* camera, const Eigen::Vector2d& xy, const Eigen::Matrix2d& whitening)
-      : camera_(camera), xy_(xy), whitening_(whitening) {}
-  bool Evaluate(double const* const* parameters,
-                double* residuals,
-                double** jacobians) const override {
-    const NormalisedProjection p =
-        ProjectNormalised(ReadPose(parameters[0]), Eigen::Vector3d(parameters[1]));
-    const PixelProjection q =
-        ProjectPixel(WithIntrinsics(*camera_, IntrinsicVector(parameters[2])), p.n);
-    Eigen::Map<Eigen::Vector2d> residual(residuals);
-    residual = whitening_ * (q.xy - xy_);
-    if (jacobians == nullptr) return true;
-    const Eigen::Matrix2d d_n = whitening_ * q.d_n;
-    if (jacobians[0] != nullptr) {
-      Eigen::Map<RowMajor27> d_pose(jacobians[0]);
-      d_pose.leftCols<6>() = d_n * p.d_pose;
-      d_pose.col(6).setZero();
-    }
-    if (jacobians[1] != nullptr) {
-      Eigen::Map<RowMajor23> d_point(jacobians[1]);
-      d_point = d_n * p.d_point;
-    }
-    if (jacobians[2] != nullptr) {
-      Eigen::Map<RowMajor25> d_intrinsics(jacobians[2]);
-      d_intrinsics = whitening_ * q.d_intrinsics;
-    }
-    return true;
-  }
-
- private:
-  const Camera* camera_;
-  Eigen::Vector2d xy_;
-  Eigen::Matrix2d whitening_;
-};
-
-// (log(f / guess) / sigma)^2
-class FocalPrior final : public ceres::SizedCostFunction<1, kIntrinsicSize> {
- public:
-  FocalPrior(double guess, double log_sigma) : guess_(guess), log_sigma_(log_sigma) {}
-  bool Evaluate(double const* const* parameters,
-                double* residuals,
-                double** jacobians) const override {
-    const double focal = parameters[0][0];
-    if (focal <= 0.0) return false;
-    residuals[0] = std::log(focal / guess_) / log_sigma_;
-    if (jacobians != nullptr && jacobians[0] != nullptr) {
-      Eigen::Map<Eigen::Matrix<double, 1, kIntrinsicSize>> d(jacobians[0]);
-      d.setZero();
-      d[0] = 1.0 / (focal * log_sigma_);
-    }
-    return true;
-  }
-
- private:
-  double guess_;
-  double log_sigma_;
-};
-
-// (|c_b - c_a| / length - 1) / sigma, where camera a is fixed: holds the scale while covariances
-// are computed.
-class ScaleGauge final : public ceres::SizedCostFunction<1, kPoseSize> {
- public:
-  ScaleGauge(const Eigen::Vector3d& fixed_center, double length)
-      : fixed_center_(fixed_center), length_(length) {}
-  bool Evaluate(double const* const* parameters,
-                double* residuals,
-                double** jacobians) const override {
-    constexpr double kSigma = 1e-6;
-    const Eigen::Vector3d baseline = Eigen::Vector3d(parameters[0] + 4) - fixed_center_;
-    const double length = baseline.norm();
-    residuals[0] = (length / length_ - 1.0) / kSigma;
-    if (jacobians != nullptr && jacobians[0] != nullptr) {
-      Eigen::Map<Eigen::Matrix<double, 1, kPoseSize>> d(jacobians[0]);
-      d.setZero();
-      d.segment<3>(3) = baseline.transpose() / (length * length_ * kSigma);
-    }
-    return true;
-  }
-
- private:
-  Eigen::Vector3d fixed_center_;
-  double length_;
-};
 
 Eigen::Matrix2d Whitening(const BundleObservation& observation) {
   const Eigen::LLT<Eigen::Matrix2d> cholesky(observation.covariance_px2);
@@ -414,100 +248,25 @@ class Adjuster {
       gauge = std::make_unique<ScaleGauge>(Center(anchor_), scale_length_);
       ceres_->AddResidualBlock(gauge.get(), nullptr, poses_[*scale_camera_].data());
     }
-    // Columns: the points, then the poses that are free, then the intrinsics.
     ceres::Problem::EvaluateOptions evaluate;
-    std::vector<int> points;
-    std::vector<int> cameras;
+    JacobianColumns columns;
     for (std::size_t i = 0; i < point_used_.size(); ++i) {
       if (!point_used_[i]) continue;
-      points.push_back(static_cast<int>(i));
+      columns.points.push_back(static_cast<int>(i));
       evaluate.parameter_blocks.push_back(problem_.points_in_world[i].data());
     }
     for (std::size_t i = 0; i < poses_.size(); ++i) {
       if (!has_observation_[i] || ceres_->IsParameterBlockConstant(poses_[i].data())) continue;
-      cameras.push_back(static_cast<int>(i));
+      columns.cameras.push_back(static_cast<int>(i));
       evaluate.parameter_blocks.push_back(poses_[i].data());
     }
-    if (!refining_.empty()) evaluate.parameter_blocks.push_back(intrinsics_.data());
+    if (!refining_.empty()) {
+      columns.intrinsics = RefinedIntrinsics();
+      evaluate.parameter_blocks.push_back(intrinsics_.data());
+    }
     ceres::CRSMatrix jacobian;
     if (!ceres_->Evaluate(evaluate, nullptr, nullptr, nullptr, &jacobian)) return std::nullopt;
-
-    // The normal equations [V W'; W U], and their inverse by the Schur complement of the points,
-    // S = U - sum W V^-1 W': S^-1 for the cameras, V^-1 + V^-1 W' S^-1 W V^-1 for a point.
-    const int first_camera = 3 * static_cast<int>(points.size());
-    const int others = jacobian.num_cols - first_camera;
-    Eigen::MatrixXd S = Eigen::MatrixXd::Zero(others, others);
-    struct PointBlock {
-      Eigen::Matrix3d V = Eigen::Matrix3d::Zero();
-      std::map<int, Eigen::Vector3d> W;  // by column of S
-    };
-    std::vector<PointBlock> blocks(points.size());
-    for (int row = 0; row < jacobian.num_rows; ++row) {
-      int point = -1;
-      Eigen::Vector3d d_point = Eigen::Vector3d::Zero();
-      std::vector<std::pair<int, double>> d_others;
-      for (int k = jacobian.rows[row]; k < jacobian.rows[row + 1]; ++k) {
-        const int col = jacobian.cols[k];
-        if (col < first_camera) {
-          point = col / 3;
-          d_point[col % 3] = jacobian.values[k];
-        } else {
-          d_others.emplace_back(col - first_camera, jacobian.values[k]);
-        }
-      }
-      for (const auto& [i, d_i] : d_others) {
-        for (const auto& [j, d_j] : d_others) S(i, j) += d_i * d_j;
-        if (point < 0) continue;
-        const auto at = blocks[point].W.try_emplace(i, Eigen::Vector3d::Zero()).first;
-        at->second += d_i * d_point;
-      }
-      if (point >= 0) blocks[point].V += d_point * d_point.transpose();
-    }
-    const auto columns_of = [](const PointBlock& block) {
-      std::pair<std::vector<int>, Eigen::Matrix3Xd> result{
-          {}, Eigen::Matrix3Xd(3, static_cast<Eigen::Index>(block.W.size()))};
-      for (const auto& [column, w] : block.W) {
-        result.second.col(static_cast<Eigen::Index>(result.first.size())) = w;
-        result.first.push_back(column);
-      }
-      return result;
-    };
-    for (const PointBlock& block : blocks) {
-      const Eigen::LLT<Eigen::Matrix3d> V(block.V);
-      if (V.info() != Eigen::Success) return std::nullopt;
-      const auto [columns, W] = columns_of(block);
-      S(columns, columns) -= W.transpose() * V.solve(W);
-    }
-    const Eigen::LLT<Eigen::MatrixXd> cholesky(S);
-    if (cholesky.info() != Eigen::Success) return std::nullopt;
-    S = cholesky.solve(Eigen::MatrixXd::Identity(others, others));
-    if (!S.allFinite()) return std::nullopt;
-
-    BundleCovariances result;
-    result.cameras.resize(poses_.size(), Eigen::Matrix<double, 6, 6>::Zero());
-    result.points.resize(point_used_.size(), Eigen::Matrix3d::Zero());
-    result.intrinsics.setZero();
-    for (std::size_t i = 0; i < cameras.size(); ++i) {
-      const auto at = static_cast<Eigen::Index>(6 * i);
-      result.cameras[cameras[i]] = S.block<6, 6>(at, at);
-    }
-    for (std::size_t i = 0; i < points.size(); ++i) {
-      const auto [columns, W] = columns_of(blocks[i]);
-      const Eigen::Matrix3d inverse = blocks[i].V.inverse();
-      const Eigen::Matrix3Xd gain = inverse * W;
-      result.points[points[i]] = inverse + gain * S(columns, columns) * gain.transpose();
-    }
-    if (!refining_.empty()) {
-      const auto at = static_cast<Eigen::Index>(6 * cameras.size());
-      const std::vector<int> refined = RefinedIntrinsics();
-      for (std::size_t i = 0; i < refined.size(); ++i) {
-        for (std::size_t j = 0; j < refined.size(); ++j) {
-          result.intrinsics(refined[i], refined[j]) =
-              S(at + static_cast<Eigen::Index>(i), at + static_cast<Eigen::Index>(j));
-        }
-      }
-    }
-    return result;
+    return CovariancesFromJacobian(jacobian, columns, poses_.size(), point_used_.size());
   }
 
   BundleProblem problem_;

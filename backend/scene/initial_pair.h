@@ -7,21 +7,6 @@
 
 namespace cohort {
 
-struct InitialPairOptions {
-  TwoViewOptions two_view;
-  int min_common = 20;         // tracks that both frames have observed
-  double min_angle_deg = 0.5;  // median triangulation angle
-  double good_angle_deg = 12.0;
-
-  template <typename Self, typename Visitor>
-  static void Visit(Self& o, Visitor& v) {
-    v.Group("two_view", o.two_view, "geometry of a pair");
-    v.Number("min_common", o.min_common, 8, 10000, "tracks that both frames must have");
-    v.Number("min_angle_deg", o.min_angle_deg, 0.0, 90.0, "least median triangulation angle");
-    v.Number("good_angle_deg", o.good_angle_deg, 0.1, 90.0, "angle beyond which more is no better");
-  }
-};
-
 struct InitialPair {
   FrameIndex frame1{};
   FrameIndex frame2{};
@@ -50,10 +35,8 @@ struct InitialPairSearch {
 //   inliers * min(1, angle / good_angle) * (1 - homography_ratio^4 / 2) * max(0.2, sideways)
 //           * evidence,
 // where sideways is the part of the (unit) translation across the optical axis and evidence grows
-// from 0 to 1 as the parallax grows from that of pure noise to six times as much; half of it for a
-// plane. At most 36 geometries a clip.
-InitialPairSearch FindInitialPairs(const TrackSet& tracks,
-                                   const Camera& camera,
-                                   const InitialPairOptions& options = {});
+// from 0 to 1 as the parallax grows from that of pure noise to six times as much, good_angle is 12
+// degrees; half of it for a plane. At most 36 geometries a clip.
+InitialPairSearch FindInitialPairs(const TrackSet& tracks, const Camera& camera);
 
 }  // namespace cohort

@@ -258,6 +258,119 @@ double MedianOfInliers(const TwoViewGeometry& geometry, const Value& value) {
   return QuantileOfInliers(geometry, 0.5, value);
 }
 
+std::size_t Count(const std::vector<bool>& inlier) {
+  return static_cast<std::size_t>(std::count(inlier.begin(), inlier.end(), true));
+}
+
+// By E, or by F where the focal length is a guess.
+std::optional<Matrix3d> RobustFundamentalOf(const PairPoints& points,
+                                            bool camera_known,
+                                            double max_error_px) {
+  if (!camera_known) return RobustFundamental(points, max_error_px);
+  const auto essential = RobustEssential(points, max_error_px);
+  if (!essential) return std::nullopt;
+  return Matrix3d(points.k_inverse.transpose() * *essential * points.k_inverse);
+}
+
+// What the epipolar geometry says of a pair, and which matches agree with it.
+struct EpipolarFit {
+  Matrix3d fundamental;
+  Rigid3 pose;  // cam2_from_cam1, |translation| = 1
+  std::vector<bool> inlier;
+};
+
+// None where fewer than min_inliers matches agree.
+std::optional<EpipolarFit> FitEpipolarGeometry(const PairPoints& points,
+                                               bool camera_known,
+                                               const TwoViewOptions& options) {
+  const auto min_inliers = static_cast<std::size_t>(options.min_inliers);
+  const auto robust = RobustFundamentalOf(points, camera_known, options.max_error_px);
+  if (!robust) return std::nullopt;
+  EpipolarFit fit{*robust, {}, FundamentalInliers(points, *robust, options.max_error_px)};
+  if (Count(fit.inlier) < min_inliers) return std::nullopt;
+
+  fit.pose =
+      PoseFromEssential(points.k.transpose() * fit.fundamental * points.k, points, fit.inlier);
+  fit.pose = RefinePose(fit.pose, points, fit.inlier, options.max_error_px);
+  if (!camera_known) return fit;
+  fit.fundamental = points.k_inverse.transpose() * EssentialFromPose(fit.pose) * points.k_inverse;
+  fit.inlier = FundamentalInliers(points, fit.fundamental, options.max_error_px);
+  // A match behind a camera contradicts the geometry, unless noise of a far point put it there.
+  const Matrix3d infinite = points.k * fit.pose.rotation.toRotationMatrix() *
+                            points.k_inverse;  // x2 of a point at infinity
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    if (fit.inlier[i] && !InFrontOfBoth(fit.pose, points.ray1[i], points.ray2[i]) &&
+        TransferError(infinite, points.px1[i], points.px2[i]) > options.max_error_px) {
+      fit.inlier[i] = false;
+    }
+  }
+  if (Count(fit.inlier) < min_inliers) return std::nullopt;
+  return fit;
+}
+
+// With the medians over the inliers. `rotated` takes pixels as the inliers' best rotation does.
+TwoViewGeometry WithMedians(TwoViewGeometry geometry,
+                            const PairPoints& points,
+                            const EpipolarFit& fit,
+                            const Matrix3d& rotated) {
+  geometry.error_px = MedianOfInliers(geometry, [&](std::size_t i) {
+    return std::abs(Sampson(fit.fundamental, points.px1[i], points.px2[i]));
+  });
+  geometry.motion_px = MedianOfInliers(
+      geometry, [&](std::size_t i) { return (points.px2[i] - points.px1[i]).norm(); });
+  geometry.parallax_px = MedianOfInliers(geometry, [&](std::size_t i) {
+    return TransferError(rotated, points.px1[i], points.px2[i]);
+  });
+  geometry.angle_deg = MedianOfInliers(geometry, [&](std::size_t i) {
+    const Vector3d a = fit.pose.rotation * points.ray1[i];
+    return std::atan2(a.cross(points.ray2[i]).norm(), a.dot(points.ray2[i])) * kDegreesPerRadian;
+  });
+  return geometry;
+}
+
+struct HomographyFit {
+  std::optional<Matrix3d> matrix;  // |H| = 1; none: it explains fewer than min_inliers
+  double ratio = 0.0;              // share of the inliers that it explains
+  double error_px = std::numeric_limits<double>::infinity();  // 80th percentile over the inliers
+};
+HomographyFit FitHomography(const PairPoints& points,
+                            const TwoViewGeometry& geometry,
+                            const TwoViewOptions& options) {
+  HomographyFit fit;
+  const auto h = RobustHomography(points, options.max_error_px);
+  if (!h) return fit;
+  std::size_t explained = 0;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    if (geometry.inlier[i] &&
+        TransferError(*h, points.px1[i], points.px2[i]) < options.max_error_px) {
+      ++explained;
+    }
+  }
+  if (explained < static_cast<std::size_t>(options.min_inliers)) return fit;
+  fit.matrix = *h / h->norm();
+  fit.ratio = static_cast<double>(explained) / static_cast<double>(geometry.inlier_count);
+  fit.error_px = QuantileOfInliers(geometry, 0.8, [&](std::size_t i) {
+    return TransferError(*h, points.px1[i], points.px2[i]);
+  });
+  return fit;
+}
+
+// A rotation alone explains the pair: no depth, no translation.
+TwoViewGeometry AsPanoramic(TwoViewGeometry geometry,
+                            const PairPoints& points,
+                            const Matrix3d& rotated,
+                            double max_error_px) {
+  geometry.kind = TwoViewKind::kPanoramic;
+  geometry.angle_deg = 0.0;
+  geometry.homography = rotated;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    geometry.inlier[i] =
+        geometry.inlier[i] && TransferError(rotated, points.px1[i], points.px2[i]) < max_error_px;
+  }
+  geometry.inlier_count = Count(geometry.inlier);
+  return geometry;
+}
+
 }  // namespace
 
 FramePairMatches MatchFrames(const TrackSet& tracks,
@@ -307,80 +420,16 @@ TwoViewGeometry EstimateTwoViewGeometry(std::span<const Vector2d> xy1,
   if (xy1.size() < min_inliers) return geometry;
 
   const PairPoints points = Undistort(xy1, xy2, camera);
-  const auto count = [](const std::vector<bool>& inlier) {
-    return static_cast<std::size_t>(std::count(inlier.begin(), inlier.end(), true));
-  };
+  const std::optional<EpipolarFit> fit = FitEpipolarGeometry(points, camera.known, options);
+  if (!fit) return geometry;
+  geometry.inlier = fit->inlier;
+  geometry.inlier_count = Count(fit->inlier);
 
-  // Which matches agree: by E, or by F where the focal length is a guess.
-  Matrix3d f;
-  if (camera.known) {
-    const auto essential = RobustEssential(points, options.max_error_px);
-    if (!essential) return geometry;
-    f = points.k_inverse.transpose() * *essential * points.k_inverse;
-  } else {
-    const auto fundamental = RobustFundamental(points, options.max_error_px);
-    if (!fundamental) return geometry;
-    f = *fundamental;
-  }
-  std::vector<bool> inlier = FundamentalInliers(points, f, options.max_error_px);
-  if (count(inlier) < min_inliers) return geometry;
-
-  Rigid3 pose = PoseFromEssential(points.k.transpose() * f * points.k, points, inlier);
-  pose = RefinePose(pose, points, inlier, options.max_error_px);
-  if (camera.known) {
-    f = points.k_inverse.transpose() * EssentialFromPose(pose) * points.k_inverse;
-    inlier = FundamentalInliers(points, f, options.max_error_px);
-  }
-  // A match behind a camera contradicts the geometry, unless noise of a far point put it there.
-  const Matrix3d infinite =
-      points.k * pose.rotation.toRotationMatrix() * points.k_inverse;  // x2 of a point at infinity
-  if (camera.known) {
-    for (std::size_t i = 0; i < points.size(); ++i) {
-      if (inlier[i] && !InFrontOfBoth(pose, points.ray1[i], points.ray2[i]) &&
-          TransferError(infinite, points.px1[i], points.px2[i]) > options.max_error_px) {
-        inlier[i] = false;
-      }
-    }
-  }
-  geometry.inlier = inlier;
-  geometry.inlier_count = count(inlier);
-  if (geometry.inlier_count < min_inliers) {
-    geometry.inlier.assign(xy1.size(), false);
-    geometry.inlier_count = 0;
-    return geometry;
-  }
-
-  const Matrix3d rotation = RotationBetween(points, inlier);
-  const Matrix3d rotated = points.k * rotation * points.k_inverse;
-  geometry.error_px = MedianOfInliers(
-      geometry, [&](std::size_t i) { return std::abs(Sampson(f, points.px1[i], points.px2[i])); });
-  geometry.motion_px = MedianOfInliers(
-      geometry, [&](std::size_t i) { return (points.px2[i] - points.px1[i]).norm(); });
-  geometry.parallax_px = MedianOfInliers(geometry, [&](std::size_t i) {
-    return TransferError(rotated, points.px1[i], points.px2[i]);
-  });
-  geometry.angle_deg = MedianOfInliers(geometry, [&](std::size_t i) {
-    const Vector3d a = pose.rotation * points.ray1[i];
-    return std::atan2(a.cross(points.ray2[i]).norm(), a.dot(points.ray2[i])) * kDegreesPerRadian;
-  });
-
-  double homography_error_px = std::numeric_limits<double>::infinity();
-  if (const auto h = RobustHomography(points, options.max_error_px)) {
-    std::size_t explained = 0;
-    for (std::size_t i = 0; i < points.size(); ++i) {
-      if (inlier[i] && TransferError(*h, points.px1[i], points.px2[i]) < options.max_error_px) {
-        ++explained;
-      }
-    }
-    if (explained >= min_inliers) {
-      geometry.homography = *h / h->norm();
-      geometry.homography_ratio =
-          static_cast<double>(explained) / static_cast<double>(geometry.inlier_count);
-      homography_error_px = QuantileOfInliers(geometry, 0.8, [&](std::size_t i) {
-        return TransferError(*h, points.px1[i], points.px2[i]);
-      });
-    }
-  }
+  const Matrix3d rotated = points.k * RotationBetween(points, fit->inlier) * points.k_inverse;
+  geometry = WithMedians(std::move(geometry), points, *fit, rotated);
+  const HomographyFit homography = FitHomography(points, geometry, options);
+  geometry.homography = homography.matrix;
+  geometry.homography_ratio = homography.ratio;
 
   // Pure noise of s px a coordinate leaves a median Sampson distance of 0.67 s, a median transfer
   // error of 1.67 s and an 80th percentile of 2.54 s: ratios of 2.5 and 3.8. Beyond 4 and 6 there
@@ -391,21 +440,13 @@ TwoViewGeometry EstimateTwoViewGeometry(std::span<const Vector2d> xy1,
   const double unexplained_px =
       camera.known ? 4.0 * error_px : std::max(4.0 * error_px, 0.05 * geometry.motion_px);
   if (geometry.parallax_px < unexplained_px) {
-    geometry.kind = TwoViewKind::kPanoramic;
-    geometry.angle_deg = 0.0;
-    geometry.homography = rotated;
-    for (std::size_t i = 0; i < points.size(); ++i) {
-      geometry.inlier[i] =
-          geometry.inlier[i] && TransferError(rotated, points.px1[i], points.px2[i]) <
-                                    std::max(options.max_error_px, unexplained_px);
-    }
-    geometry.inlier_count = count(geometry.inlier);
-    return geometry;
+    return AsPanoramic(
+        std::move(geometry), points, rotated, std::max(options.max_error_px, unexplained_px));
   }
-  geometry.cam2_from_cam1 = pose;
-  geometry.essential = EssentialFromPose(pose);
-  geometry.fundamental = f / f.norm();
-  if (homography_error_px < 6.0 * error_px) {
+  geometry.cam2_from_cam1 = fit->pose;
+  geometry.essential = EssentialFromPose(fit->pose);
+  geometry.fundamental = fit->fundamental / fit->fundamental.norm();
+  if (homography.error_px < 6.0 * error_px) {
     geometry.kind = TwoViewKind::kPlanar;
   } else {
     geometry.kind = camera.known ? TwoViewKind::kCalibrated : TwoViewKind::kUncalibrated;

@@ -41,13 +41,16 @@ inline constexpr ChoiceNames<TwoViewKind, 5> kTwoViewKindNames{
      {"degenerate", TwoViewKind::kDegenerate}}};
 
 struct TwoViewOptions {
-  double max_error_px = 4.0;  // Sampson distance of an inlier; COLMAP's bound
+  double max_error_px = 4.0;  // Sampson distance of an inlier; COLMAP's bound, no option
   int min_inliers = 15;
 
   template <typename Self, typename Visitor>
   static void Visit(Self& o, Visitor& v) {
-    v.Number("max_error_px", o.max_error_px, 0.1, 50.0, "Sampson distance of an inlier [px]");
-    v.Number("min_inliers", o.min_inliers, 8, 10000, "fewer inliers: the pair is degenerate");
+    v.Number("min_inliers",
+             o.min_inliers,
+             8,
+             10000,
+             "matches that must agree with a pair's geometry, or the pair is left out");
   }
 };
 

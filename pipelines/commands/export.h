@@ -1,6 +1,6 @@
 #pragma once
 
-#include "backend/colmap/database.h"
+#include "backend/colmap/tracks_to_database.h"
 #include "pipelines/console/command.h"
 
 namespace cohort {

@@ -7,6 +7,10 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
 #include <csignal>
 #include <fstream>
 
@@ -464,6 +468,53 @@ TEST(ColmapMapper, AProgramThatSucceedsAndRegistersNothingHasFailed) {
   EXPECT_THAT(result.summary.termination,
               testing::AllOf(HasSubstr("COLMAP 3.8 registered no frame: exit code 0"),
                              HasSubstr("colmap.log")));
+}
+
+// A texture of smooth blobs, moved by 5 px a frame, as COLMAP reads it.
+void WriteMovingTexture(const std::filesystem::path& folder, int frames) {
+  std::filesystem::create_directory(folder);
+  for (int f = 0; f < frames; ++f) {
+    std::string picture = "P5\n200 150\n255\n";
+    for (int y = 0; y < 150; ++y) {
+      for (int x = 0; x < 200; ++x) {
+        const double u = x + 5.0 * f;
+        const double value = std::sin(0.31 * u + 2.0 * std::sin(0.07 * y)) *
+                                 std::sin(0.27 * y + 3.0 * std::sin(0.05 * u)) +
+                             0.7 * std::sin(0.011 * u * y / 9.0);
+        picture += static_cast<char>(std::clamp(127.0 + 70.0 * value, 0.0, 255.0));
+      }
+    }
+    WriteBytes(folder / fmt::format("{}.pgm", f), picture);
+  }
+}
+
+TEST(ColmapProgram, ItsOwnDatabaseIsRead) {
+  const TempDir dir;
+  WriteMovingTexture(dir / "images", 3);
+  ColmapProgram program;
+  const std::string database = (dir / "own.db").string();
+  program.Run("feature_extractor",
+              {{{"database_path"}, database, true},
+               {{"image_path"}, (dir / "images").string(), true},
+               {{"ImageReader.single_camera"}, "1", true},
+               {{"SiftExtraction.use_gpu", "FeatureExtraction.use_gpu"}, "0", true}},
+              dir / "log");
+  program.Run("exhaustive_matcher",
+              {{{"database_path"}, database, true},
+               {{"SiftMatching.use_gpu", "FeatureMatching.use_gpu"}, "0", true}},
+              dir / "log");
+  const ColmapDatabase read = ReadColmapDatabase(database);
+  EXPECT_EQ(read.camera.width_px, 200);
+  ASSERT_EQ(read.images.size(), 3u);
+  for (const auto& [id, image] : read.images) EXPECT_GT(image.keypoints.size(), 20u) << image.name;
+  ASSERT_EQ(read.pairs.size(), 3u);
+  for (const auto& [ids, pair] : read.pairs) {
+    EXPECT_GT(pair.matches.size(), 10u);
+    // COLMAP writes poses only on request.
+    if (pair.geometry) {
+      EXPECT_FALSE(pair.geometry->cam2_from_cam1);
+    }
+  }
 }
 
 }  // namespace

@@ -8,6 +8,7 @@
 #include <limits>
 
 #include "backend/colmap/database.h"
+#include "backend/colmap/tracks_to_database.h"
 #include "frontend/core/output.h"
 #include "frontend/core/sqlite.h"
 #include "tests/support/synthetic_tracks.h"
@@ -459,25 +460,229 @@ TEST(ColmapDatabase, RefusesMatchesThatColmapWouldDrop) {
   EXPECT_THAT([&] { database.AddPair(2, 2, {}); }, ThrowsMessage<Error>(HasSubstr("no pair")));
 }
 
-TEST(ColmapDatabase, NamesAFileOfANewerColmap) {
+// ---- Schemas of other COLMAPs, as these create them ----
+
+constexpr const char* kCommonTables = R"(
+CREATE TABLE cameras(camera_id INTEGER PRIMARY KEY AUTOINCREMENT NOT NULL, model INTEGER NOT NULL,
+  width INTEGER NOT NULL, height INTEGER NOT NULL, params BLOB, prior_focal_length INTEGER NOT NULL);
+CREATE TABLE images(image_id INTEGER PRIMARY KEY AUTOINCREMENT NOT NULL, name TEXT NOT NULL UNIQUE,
+  camera_id INTEGER NOT NULL,
+  CONSTRAINT image_id_check CHECK(image_id >= 0 and image_id < 2147483647),
+  FOREIGN KEY(camera_id) REFERENCES cameras(camera_id));
+CREATE UNIQUE INDEX index_name ON images(name);
+CREATE TABLE keypoints(image_id INTEGER PRIMARY KEY NOT NULL, rows INTEGER NOT NULL,
+  cols INTEGER NOT NULL, data BLOB,
+  FOREIGN KEY(image_id) REFERENCES images(image_id) ON DELETE CASCADE);
+CREATE TABLE matches(pair_id INTEGER PRIMARY KEY NOT NULL, rows INTEGER NOT NULL,
+  cols INTEGER NOT NULL, data BLOB);
+)";
+constexpr const char* kDescriptors = R"(
+CREATE TABLE descriptors(image_id INTEGER PRIMARY KEY NOT NULL, rows INTEGER NOT NULL,
+  cols INTEGER NOT NULL, data BLOB,
+  FOREIGN KEY(image_id) REFERENCES images(image_id) ON DELETE CASCADE);
+)";
+constexpr const char* kDescriptorsWithType = R"(
+CREATE TABLE descriptors(image_id INTEGER PRIMARY KEY NOT NULL, type INTEGER NOT NULL,
+  rows INTEGER NOT NULL, cols INTEGER NOT NULL, data BLOB,
+  FOREIGN KEY(image_id) REFERENCES images(image_id) ON DELETE CASCADE);
+)";
+constexpr const char* kPosePriorsOfImages = R"(
+CREATE TABLE pose_priors(image_id INTEGER PRIMARY KEY NOT NULL, position BLOB,
+  coordinate_system INTEGER NOT NULL, position_covariance BLOB,
+  FOREIGN KEY(image_id) REFERENCES images(image_id) ON DELETE CASCADE);
+INSERT INTO pose_priors VALUES(1, x'00', 1, NULL);
+)";
+constexpr const char* kPosePriorsOfSensors = R"(
+CREATE TABLE pose_priors(pose_prior_id INTEGER PRIMARY KEY NOT NULL, corr_data_id INTEGER NOT NULL,
+  corr_sensor_id INTEGER NOT NULL, corr_sensor_type INTEGER NOT NULL, position BLOB,
+  position_covariance BLOB, gravity BLOB, coordinate_system INTEGER NOT NULL);
+CREATE UNIQUE INDEX pose_prior_data_assignment
+  ON pose_priors(corr_data_id, corr_sensor_id, corr_sensor_type);
+INSERT INTO pose_priors VALUES(1, 1, 1, 0, x'00', NULL, NULL, 1);
+)";
+constexpr const char* kRigsAndFrames = R"(
+CREATE TABLE rigs(rig_id INTEGER PRIMARY KEY AUTOINCREMENT NOT NULL, ref_sensor_id INTEGER NOT NULL,
+  ref_sensor_type INTEGER NOT NULL);
+CREATE UNIQUE INDEX rig_ref_sensor_assignment ON rigs(ref_sensor_id, ref_sensor_type);
+CREATE TABLE rig_sensors(rig_id INTEGER NOT NULL, sensor_id INTEGER NOT NULL,
+  sensor_type INTEGER NOT NULL, sensor_from_rig BLOB,
+  FOREIGN KEY(rig_id) REFERENCES rigs(rig_id) ON DELETE CASCADE);
+CREATE UNIQUE INDEX rig_sensor_assignment ON rig_sensors(sensor_id, sensor_type);
+CREATE TABLE frames(frame_id INTEGER PRIMARY KEY AUTOINCREMENT NOT NULL, rig_id INTEGER NOT NULL,
+  FOREIGN KEY(rig_id) REFERENCES rigs(rig_id) ON DELETE CASCADE);
+CREATE TABLE frame_data(frame_id INTEGER NOT NULL, data_id INTEGER NOT NULL,
+  sensor_id INTEGER NOT NULL, sensor_type INTEGER NOT NULL,
+  FOREIGN KEY(frame_id) REFERENCES frames(frame_id) ON DELETE CASCADE);
+CREATE UNIQUE INDEX frame_sensor_assignment ON frame_data(data_id, sensor_type);
+INSERT INTO rigs VALUES(1, 1, 0);
+)";
+constexpr const char* kGeometries = R"(
+CREATE TABLE two_view_geometries(pair_id INTEGER PRIMARY KEY NOT NULL, rows INTEGER NOT NULL,
+  cols INTEGER NOT NULL, data BLOB, config INTEGER NOT NULL, F BLOB, E BLOB, H BLOB, qvec BLOB,
+  tvec BLOB);
+)";
+constexpr const char* kGeometriesWithCameras = R"(
+CREATE TABLE two_view_geometries(pair_id INTEGER PRIMARY KEY NOT NULL, rows INTEGER NOT NULL,
+  cols INTEGER NOT NULL, data BLOB, config INTEGER NOT NULL, F BLOB, E BLOB, H BLOB, qvec BLOB,
+  tvec BLOB, camera1 BLOB, camera2 BLOB);
+)";
+
+struct Schema {
+  const char* name;
+  int user_version;
+  std::vector<const char*> tables;
+  bool has_frames;
+};
+const std::vector<Schema>& NewerSchemas() {
+  static const std::vector<Schema> schemas{
+      {"3.10", 3100, {kCommonTables, kDescriptors, kGeometries, kPosePriorsOfImages}, false},
+      {"3.12",
+       3120,
+       {kCommonTables, kDescriptors, kGeometries, kPosePriorsOfImages, kRigsAndFrames},
+       true},
+      {"4.1.1",
+       4010100,
+       {kCommonTables, kDescriptorsWithType, kGeometries, kPosePriorsOfSensors, kRigsAndFrames},
+       true},
+      {"4.2",
+       4020000,
+       {kCommonTables,
+        kDescriptorsWithType,
+        kGeometriesWithCameras,
+        kPosePriorsOfSensors,
+        kRigsAndFrames},
+       true}};
+  return schemas;
+}
+
+// The rows of a database of ours in another COLMAP's tables.
+void CopyInto(const std::filesystem::path& path,
+              const Schema& schema,
+              const std::filesystem::path& ours) {
+  auto db = SqliteDatabase::Open(path, SqliteDatabase::Mode::kCreate);
+  for (const char* tables : schema.tables) db.Execute(tables);
+  db.Execute("ATTACH '" + ours.string() + "' AS ours;" +
+             "INSERT INTO cameras SELECT * FROM ours.cameras;"
+             "INSERT INTO images SELECT image_id, name, camera_id FROM ours.images;"
+             "INSERT INTO keypoints SELECT * FROM ours.keypoints;"
+             "INSERT INTO matches SELECT * FROM ours.matches;"
+             "INSERT INTO two_view_geometries(pair_id, rows, cols, data, config, F, E, H, qvec, "
+             "tvec) SELECT * FROM ours.two_view_geometries;");
+  if (schema.has_frames) {
+    db.Execute(
+        "INSERT INTO frames SELECT image_id, 1 FROM ours.images;"
+        "INSERT INTO frame_data SELECT image_id, image_id, 1, 0 FROM ours.images;");
+  }
+  db.Execute("DETACH ours; PRAGMA user_version = " + std::to_string(schema.user_version));
+}
+
+void ExpectSameDatabase(const ColmapDatabase& read, const ColmapDatabase& built) {
+  EXPECT_EQ(read.camera.model, built.camera.model);
+  EXPECT_EQ(read.camera.params, built.camera.params);
+  EXPECT_EQ(read.camera.prior_focal_length, built.camera.prior_focal_length);
+  ASSERT_EQ(read.images.size(), built.images.size());
+  for (const auto& [id, image] : built.images) {
+    EXPECT_EQ(read.images.at(id).name, image.name);
+    EXPECT_EQ(read.images.at(id).keypoints, image.keypoints);
+  }
+  ASSERT_EQ(read.pairs.size(), built.pairs.size());
+  for (const auto& [ids, pair] : built.pairs) {
+    const ColmapPair& other = read.pairs.at(ids);
+    EXPECT_EQ(other.matches, pair.matches);
+    ASSERT_EQ(other.geometry.has_value(), pair.geometry.has_value());
+    if (!pair.geometry) continue;
+    EXPECT_EQ(other.geometry->config, pair.geometry->config);
+    EXPECT_EQ(other.geometry->inliers, pair.geometry->inliers);
+    EXPECT_EQ(other.geometry->fundamental, pair.geometry->fundamental);
+    EXPECT_EQ(other.geometry->essential, pair.geometry->essential);
+    EXPECT_EQ(other.geometry->homography, pair.geometry->homography);
+    ASSERT_EQ(other.geometry->cam2_from_cam1.has_value(),
+              pair.geometry->cam2_from_cam1.has_value());
+    if (!pair.geometry->cam2_from_cam1) continue;
+    EXPECT_EQ(other.geometry->cam2_from_cam1->translation,
+              pair.geometry->cam2_from_cam1->translation);
+    EXPECT_EQ(other.geometry->cam2_from_cam1->rotation.coeffs(),
+              pair.geometry->cam2_from_cam1->rotation.coeffs());
+  }
+}
+
+TEST(ColmapDatabase, ReadsTheSchemasOfNewerColmaps) {
   const TempDir dir;
-  WriteColmapDatabase(dir / "a.db", ThreeFrames());
+  SyntheticTracksOptions options;
+  options.frames = 6;
+  const ColmapDatabase built = BuildColmapDatabase(MakeSyntheticTracks(options).file);
+  WriteColmapDatabase(dir / "ours.db", built);
+  for (const Schema& schema : NewerSchemas()) {
+    SCOPED_TRACE(schema.name);
+    const auto path = dir / (std::string(schema.name) + ".db");
+    CopyInto(path, schema, dir / "ours.db");
+    ExpectSameDatabase(ReadColmapDatabase(path), built);
+  }
+}
+
+TEST(ColmapDatabase, ReadsAFileThatANewerColmapMigrated) {
+  const TempDir dir;
+  const ColmapDatabase built = BuildColmapDatabase(ThreeFrames());
+  WriteColmapDatabase(dir / "a.db", built);
   auto db = Open(dir / "a.db");
-  // What 4.x adds when it opens a 3.8 file: still read.
+  // What 4.x adds when it opens a 3.8 file.
+  db.Execute(kRigsAndFrames);
+  db.Execute(kPosePriorsOfSensors);
   db.Execute(
-      "CREATE TABLE rigs(rig_id INTEGER PRIMARY KEY, ref_sensor_id INTEGER);"
       "ALTER TABLE descriptors ADD COLUMN type INTEGER DEFAULT 0;"
       "ALTER TABLE two_view_geometries ADD COLUMN camera1 BLOB;"
+      "ALTER TABLE two_view_geometries ADD COLUMN camera2 BLOB;"
       "PRAGMA user_version = 4020000;");
-  EXPECT_EQ(ReadColmapDatabase(dir / "a.db").images.size(), 3u);
-  // The images table as 4.x creates it.
-  db.Execute(
-      "CREATE TABLE new(image_id INTEGER PRIMARY KEY, name TEXT, camera_id INTEGER);"
-      "INSERT INTO new SELECT image_id, name, camera_id FROM images;"
-      "DROP TABLE images; ALTER TABLE new RENAME TO images;");
+  ExpectSameDatabase(ReadColmapDatabase(dir / "a.db"), built);
+}
+
+TEST(ColmapDatabase, WhatColmap3WroteAsUnsetIsNone) {
+  const TempDir dir;
+  SyntheticTracksOptions options;
+  options.frames = 3;
+  WriteColmapDatabase(dir / "a.db", MakeSyntheticTracks(options).file);
+  const auto geometry = [&] {
+    return *ReadColmapDatabase(dir / "a.db").pairs.begin()->second.geometry;
+  };
+  ASSERT_TRUE(geometry().cam2_from_cam1 && geometry().fundamental && geometry().essential);
+  Open(dir / "a.db")
+      .Execute(
+          "UPDATE two_view_geometries SET F = zeroblob(72), E = zeroblob(72), "
+          "qvec = zeroblob(32), tvec = zeroblob(24)");
+  EXPECT_FALSE(geometry().fundamental || geometry().essential || geometry().cam2_from_cam1);
+  // The identity: w = 1, little-endian.
+  Open(dir / "a.db")
+      .Execute(
+          "UPDATE two_view_geometries SET qvec = CAST(x'000000000000F03F' || zeroblob(24) AS "
+          "BLOB)");
+  EXPECT_FALSE(geometry().cam2_from_cam1);
+}
+
+TEST(ColmapDatabase, NamesTheColumnThatASchemaLacks) {
+  const TempDir dir;
+  WriteColmapDatabase(dir / "a.db", ThreeFrames());
+  Open(dir / "a.db")
+      .Execute(
+          "ALTER TABLE two_view_geometries RENAME COLUMN qvec TO rotation; PRAGMA user_version = "
+          "9000000");
   EXPECT_THAT([&] { ReadColmapDatabase(dir / "a.db"); },
               ThrowsMessage<Error>(testing::AllOf(
-                  HasSubstr("a.db"), HasSubstr("newer COLMAP"), HasSubstr("4020000"))));
+                  HasSubstr("a.db"), HasSubstr("two_view_geometries.qvec"), HasSubstr("9000000"))));
+}
+
+TEST(ColmapDatabase, RefusesKeypointsOfOneColumnAndSeveralCameras) {
+  const TempDir dir;
+  WriteColmapDatabase(dir / "a.db", ThreeFrames());
+  Open(dir / "a.db").Execute("UPDATE keypoints SET rows = rows * 2, cols = 1");
+  EXPECT_THAT([&] { ReadColmapDatabase(dir / "a.db"); },
+              ThrowsMessage<Error>(HasSubstr("have 1 columns")));
+  WriteColmapDatabase(dir / "b.db", ThreeFrames());
+  Open(dir / "b.db")
+      .Execute(
+          "INSERT INTO cameras SELECT 2, model, width, height, params, prior_focal_length FROM "
+          "cameras");
+  EXPECT_THAT([&] { ReadColmapDatabase(dir / "b.db"); },
+              ThrowsMessage<Error>(HasSubstr("several cameras")));
 }
 
 TEST(ColmapDatabase, NamesADamagedOrForeignFile) {

@@ -1,4 +1,5 @@
 #include "backend/colmap/model_io.h"
+#include "backend/colmap/tracks_to_database.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -43,5 +43,16 @@ TEST(WorkingModel, DepthUncertaintyIsOfTheNoiseFoundNotOfWhatObservationsClaim) 
   EXPECT_NEAR(DepthUncertainty(scene, 0.1F), uncertainty, 1e-6 * uncertainty);
 }
 
+TEST(WorkingModel, TheNearestRegisteredFramesAreByDistanceInTime) {
+  const test::SyntheticTracks scene = test::MakeSyntheticTracks();
+  const WhitenedTracks whitened(scene.file, {});
+  WorkingModel model(whitened, *scene.file.camera);
+  EXPECT_TRUE(model.NearestRegistered(5, 3).empty());
+  for (const int f : {1, 4, 5, 9, 20}) model.SetPose(f, {});
+  EXPECT_EQ(model.NearestRegistered(5, 3), (std::vector<int>{5, 4, 1}));
+  EXPECT_EQ(model.NearestRegistered(7, 2), (std::vector<int>{5, 9}));
+  EXPECT_EQ(model.NearestRegistered(23, 99), (std::vector<int>{20, 9, 5, 4, 1}));
+}
+
 }  // namespace
 }  // namespace cohort

@@ -1,0 +1,198 @@
+#include "backend/colmap/tracks_to_database.h"
+
+#include <Eigen/LU>
+#include <map>
+#include <set>
+#include <string>
+
+#include "frontend/core/statistics.h"
+
+namespace cohort {
+namespace {
+
+ColmapPairConfig ToPairConfig(TwoViewKind kind) {
+  switch (kind) {
+    case TwoViewKind::kCalibrated:
+      return ColmapPairConfig::kCalibrated;
+    case TwoViewKind::kUncalibrated:
+      return ColmapPairConfig::kUncalibrated;
+    case TwoViewKind::kPlanar:
+      return ColmapPairConfig::kPlanar;
+    case TwoViewKind::kPanoramic:
+      return ColmapPairConfig::kPanoramic;
+    case TwoViewKind::kDegenerate:
+      return ColmapPairConfig::kDegenerate;
+  }
+  return ColmapPairConfig::kUndefined;
+}
+
+// Our pixels x and COLMAP's S x, S the shift of the origin: F -> S^-T F S^-1, H -> S H S^-1.
+ColmapTwoViewGeometry InColmapPixels(const TwoViewGeometry& geometry, bool camera_known) {
+  Eigen::Matrix3d back = Eigen::Matrix3d::Identity();  // S^-1
+  back(0, 2) = back(1, 2) = -kColmapPixelShift;
+  ColmapTwoViewGeometry result;
+  result.config = ToPairConfig(geometry.kind);
+  if (geometry.fundamental) {
+    result.fundamental = back.transpose() * *geometry.fundamental * back;
+  }
+  if (geometry.homography) result.homography = back.inverse() * *geometry.homography * back;
+  if (camera_known) {  // of a guessed focal length these say little
+    result.essential = geometry.essential;
+    result.cam2_from_cam1 = geometry.cam2_from_cam1;
+  }
+  return result;
+}
+
+// The index of every feature's keypoint in an image.
+using KeypointIndex = std::map<FeatureId, std::uint32_t>;
+
+KeypointIndex IndexKeypoints(const TrackFile& file, FrameIndex frame, bool include_predicted) {
+  KeypointIndex index;
+  for (const Observation* o : ColmapKeypoints(file.tracks, frame, include_predicted)) {
+    const auto next = static_cast<std::uint32_t>(index.size());
+    index[o->feature] = next;
+  }
+  return index;
+}
+
+ColmapImage ToColmapImage(const TrackFile& file, const FrameInfo& frame, bool include_predicted) {
+  ColmapImage image;
+  image.name = frame.name;
+  for (const Observation* o : ColmapKeypoints(file.tracks, frame.index, include_predicted)) {
+    image.keypoints.push_back((o->xy + Eigen::Vector2d::Constant(kColmapPixelShift)).cast<float>());
+  }
+  return image;
+}
+
+void CheckFrames(const TrackFile& file) {
+  std::set<std::string> names;
+  std::set<FrameIndex> frames;
+  for (const FrameInfo& frame : file.frames) {
+    if (frame.name.empty()) ThrowError("frame {} has no name", ToInt(frame.index));
+    if (!names.insert(frame.name).second) {
+      ThrowError("two frames are named {}: COLMAP needs a name for each", frame.name);
+    }
+    frames.insert(frame.index);
+  }
+  for (const FrameIndex frame : file.tracks.frames()) {
+    if (!frames.contains(frame)) {
+      ThrowError("the tracks have positions in frame {}, which is not in the list of frames",
+                 ToInt(frame));
+    }
+  }
+}
+
+// Frames 1, 2, 4, 8 ... apart, on a grid of half the distance.
+std::set<std::pair<FrameIndex, FrameIndex>> PairFrames(const std::vector<FrameInfo>& frames,
+                                                       int max_stride) {
+  std::set<std::pair<FrameIndex, FrameIndex>> pairs;
+  for (std::size_t stride = 1;
+       stride < frames.size() && stride <= static_cast<std::size_t>(max_stride);
+       stride *= 2) {
+    const std::size_t step = std::max<std::size_t>(1, stride / 2);
+    for (std::size_t i = 0; i + stride < frames.size(); i += step) {
+      pairs.emplace(frames[i].index, frames[i + stride].index);
+    }
+  }
+  return pairs;
+}
+
+ColmapPair ToColmapPair(const FramePairMatches& shared,
+                        const KeypointIndex& index1,
+                        const KeypointIndex& index2,
+                        const Camera& camera,
+                        const TwoViewOptions& options) {
+  const TwoViewGeometry geometry = EstimateTwoViewGeometry(shared.xy1, shared.xy2, camera, options);
+  ColmapPair pair;
+  if (geometry.kind != TwoViewKind::kDegenerate) {
+    pair.geometry = InColmapPixels(geometry, camera.known);
+  }
+  for (std::size_t m = 0; m < shared.features.size(); ++m) {
+    const ColmapMatch match{index1.at(shared.features[m]), index2.at(shared.features[m])};
+    pair.matches.push_back(match);
+    if (pair.geometry && geometry.inlier[m]) pair.geometry->inliers.push_back(match);
+  }
+  return pair;
+}
+
+}  // namespace
+
+TrackFile WithoutWeakObservations(const TrackFile& file, double max_relative_sigma) {
+  const auto variance = [](const Observation& o) {
+    return 0.5 * (double{o.covariance->xx} + double{o.covariance->yy});
+  };
+  std::vector<double> of_clip;
+  std::map<FrameIndex, std::vector<double>> of_frame;
+  for (const Observation& o : file.tracks.observations()) {
+    if (o.state != ObservationState::kObserved || !o.covariance) continue;
+    of_clip.push_back(variance(o));
+    of_frame[o.frame].push_back(variance(o));
+  }
+  if (of_clip.empty() || max_relative_sigma == 0.0) return file;
+  const double clip_median = Median(std::move(of_clip));
+  std::map<FrameIndex, double> most;
+  for (auto& [frame, variances] : of_frame) {
+    const double reference = std::max(clip_median, Median(std::move(variances)));
+    most[frame] = max_relative_sigma * max_relative_sigma * reference;
+  }
+  std::vector<Observation> observations(file.tracks.observations().begin(),
+                                        file.tracks.observations().end());
+  for (Observation& o : observations) {
+    if (o.state != ObservationState::kObserved || !o.covariance) continue;
+    if (variance(o) > most.at(o.frame)) o.state = ObservationState::kPredicted;
+  }
+  TrackFile strong = file;
+  strong.tracks = TrackSet::Build(std::move(observations),
+                                  {file.tracks.ends().begin(), file.tracks.ends().end()});
+  return strong;
+}
+
+std::vector<const Observation*> ColmapKeypoints(const TrackSet& tracks,
+                                                FrameIndex frame,
+                                                bool include_predicted) {
+  std::vector<const Observation*> keypoints;
+  for (const Observation* o : tracks.InFrame(frame)) {
+    if (include_predicted || o->state == ObservationState::kObserved) keypoints.push_back(o);
+  }
+  return keypoints;
+}
+
+ColmapDatabase BuildColmapDatabase(
+    const TrackFile& file,
+    const ColmapDatabaseOptions& options,
+    const std::vector<std::pair<FrameIndex, FrameIndex>>& extra_pairs) {
+  ValidateOptions(options);
+  CheckFrames(file);
+  const Camera camera = file.camera.value_or(Camera::Guess(file.width_px, file.height_px));
+  ColmapDatabase database;
+  database.camera = ToColmapCamera(camera);
+  std::map<FrameIndex, KeypointIndex> keypoints;
+  for (const FrameInfo& frame : file.frames) {
+    keypoints[frame.index] = IndexKeypoints(file, frame.index, options.include_predicted);
+    database.images[ColmapImageIdOf(frame.index)] =
+        ToColmapImage(file, frame, options.include_predicted);
+  }
+  auto frame_pairs = PairFrames(file.frames, options.max_stride);
+  frame_pairs.insert(extra_pairs.begin(), extra_pairs.end());
+  for (const auto& [frame1, frame2] : frame_pairs) {
+    const FramePairMatches shared =
+        MatchFrames(file.tracks, frame1, frame2, options.include_predicted);
+    if (shared.features.size() < static_cast<std::size_t>(options.two_view.min_inliers)) continue;
+    database.AddPair(
+        ColmapImageIdOf(frame1),
+        ColmapImageIdOf(frame2),
+        ToColmapPair(shared, keypoints.at(frame1), keypoints.at(frame2), camera, options.two_view));
+  }
+  return database;
+}
+
+void WriteColmapDatabase(const std::filesystem::path& path,
+                         const TrackFile& file,
+                         const ColmapDatabaseOptions& options) {
+  ValidateOptions(options);
+  WriteColmapDatabase(
+      path,
+      BuildColmapDatabase(WithoutWeakObservations(file, options.max_relative_sigma), options));
+}
+
+}  // namespace cohort

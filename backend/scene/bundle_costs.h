@@ -1,0 +1,178 @@
+#pragma once
+
+// What Ceres minimises in a bundle adjustment, as Ceres takes it. For bundle_adjustment.cc alone.
+
+#include <ceres/ceres.h>
+
+#include <cmath>
+
+#include "backend/scene/reprojection.h"
+
+namespace cohort {
+
+using RowMajor27 = Eigen::Matrix<double, 2, 7, Eigen::RowMajor>;
+using RowMajor23 = Eigen::Matrix<double, 2, 3, Eigen::RowMajor>;
+using RowMajor25 = Eigen::Matrix<double, 2, 5, Eigen::RowMajor>;
+
+inline constexpr int kPoseSize = 7;  // quaternion x, y, z, w; centre
+inline constexpr int kIntrinsicSize = 5;
+
+inline CameraPose ReadPose(const double* pose) {
+  return {Eigen::Quaterniond(pose), Eigen::Vector3d(pose + 4)};
+}
+
+// Cost functions give derivatives by the pose's 6-vector in the first six of the seven columns, and
+// this manifold's Jacobian [I_6; 0] passes them on: the chain through the quaternion is saved.
+class PoseManifold final : public ceres::Manifold {
+ public:
+  int AmbientSize() const override { return kPoseSize; }
+  int TangentSize() const override { return 6; }
+  bool Plus(const double* x, const double* delta, double* x_plus_delta) const override {
+    const Eigen::Vector3d omega(delta);
+    const double angle = omega.norm();
+    Eigen::Quaterniond step;
+    step.w() = std::cos(angle / 2.0);
+    step.vec() = angle > 1e-12 ? Eigen::Vector3d(std::sin(angle / 2.0) / angle * omega)
+                               : Eigen::Vector3d(omega / 2.0);
+    Eigen::Map<Eigen::Quaterniond> rotation(x_plus_delta);
+    rotation = (step * Eigen::Quaterniond(x)).normalized();
+    for (int i = 0; i < 3; ++i) x_plus_delta[4 + i] = x[4 + i] + delta[3 + i];
+    return true;
+  }
+  bool PlusJacobian(const double*, double* jacobian) const override {
+    Eigen::Map<Eigen::Matrix<double, kPoseSize, 6, Eigen::RowMajor>> j(jacobian);
+    j.setIdentity();
+    return true;
+  }
+  bool Minus(const double* y, const double* x, double* y_minus_x) const override {
+    const Eigen::AngleAxisd step(Eigen::Quaterniond(y) * Eigen::Quaterniond(x).conjugate());
+    Eigen::Map<Eigen::Vector3d> omega(y_minus_x);
+    omega = step.angle() * step.axis();
+    for (int i = 0; i < 3; ++i) y_minus_x[3 + i] = y[4 + i] - x[4 + i];
+    return true;
+  }
+  bool MinusJacobian(const double*, double* jacobian) const override {
+    Eigen::Map<Eigen::Matrix<double, 6, kPoseSize, Eigen::RowMajor>> j(jacobian);
+    j.setIdentity();
+    return true;
+  }
+};
+
+// Known intrinsics: the observation is unprojected once to n, and the residual W (n(x) - n) has in
+// W the pixels' covariance and the camera's derivative at n.
+class CalibratedCost final : public ceres::SizedCostFunction<2, kPoseSize, 3> {
+ public:
+  CalibratedCost(const Eigen::Vector2d& n, const Eigen::Matrix2d& whitening)
+      : n_(n), whitening_(whitening) {}
+  bool Evaluate(double const* const* parameters,
+                double* residuals,
+                double** jacobians) const override {
+    const NormalisedProjection p =
+        ProjectNormalised(ReadPose(parameters[0]), Eigen::Vector3d(parameters[1]));
+    Eigen::Map<Eigen::Vector2d> residual(residuals);
+    residual = whitening_ * (p.n - n_);
+    if (jacobians == nullptr) return true;
+    if (jacobians[0] != nullptr) {
+      Eigen::Map<RowMajor27> d_pose(jacobians[0]);
+      d_pose.leftCols<6>() = whitening_ * p.d_pose;
+      d_pose.col(6).setZero();
+    }
+    if (jacobians[1] != nullptr) {
+      Eigen::Map<RowMajor23> d_point(jacobians[1]);
+      d_point = whitening_ * p.d_point;
+    }
+    return true;
+  }
+
+ private:
+  Eigen::Vector2d n_;
+  Eigen::Matrix2d whitening_;
+};
+
+class RefiningCost final : public ceres::SizedCostFunction<2, kPoseSize, 3, kIntrinsicSize> {
+ public:
+  RefiningCost(const Camera* camera, const Eigen::Vector2d& xy, const Eigen::Matrix2d& whitening)
+      : camera_(camera), xy_(xy), whitening_(whitening) {}
+  bool Evaluate(double const* const* parameters,
+                double* residuals,
+                double** jacobians) const override {
+    const NormalisedProjection p =
+        ProjectNormalised(ReadPose(parameters[0]), Eigen::Vector3d(parameters[1]));
+    const PixelProjection q =
+        ProjectPixel(WithIntrinsics(*camera_, IntrinsicVector(parameters[2])), p.n);
+    Eigen::Map<Eigen::Vector2d> residual(residuals);
+    residual = whitening_ * (q.xy - xy_);
+    if (jacobians == nullptr) return true;
+    const Eigen::Matrix2d d_n = whitening_ * q.d_n;
+    if (jacobians[0] != nullptr) {
+      Eigen::Map<RowMajor27> d_pose(jacobians[0]);
+      d_pose.leftCols<6>() = d_n * p.d_pose;
+      d_pose.col(6).setZero();
+    }
+    if (jacobians[1] != nullptr) {
+      Eigen::Map<RowMajor23> d_point(jacobians[1]);
+      d_point = d_n * p.d_point;
+    }
+    if (jacobians[2] != nullptr) {
+      Eigen::Map<RowMajor25> d_intrinsics(jacobians[2]);
+      d_intrinsics = whitening_ * q.d_intrinsics;
+    }
+    return true;
+  }
+
+ private:
+  const Camera* camera_;
+  Eigen::Vector2d xy_;
+  Eigen::Matrix2d whitening_;
+};
+
+// (log(f / guess) / sigma)^2
+class FocalPrior final : public ceres::SizedCostFunction<1, kIntrinsicSize> {
+ public:
+  FocalPrior(double guess, double log_sigma) : guess_(guess), log_sigma_(log_sigma) {}
+  bool Evaluate(double const* const* parameters,
+                double* residuals,
+                double** jacobians) const override {
+    const double focal = parameters[0][0];
+    if (focal <= 0.0) return false;
+    residuals[0] = std::log(focal / guess_) / log_sigma_;
+    if (jacobians != nullptr && jacobians[0] != nullptr) {
+      Eigen::Map<Eigen::Matrix<double, 1, kIntrinsicSize>> d(jacobians[0]);
+      d.setZero();
+      d[0] = 1.0 / (focal * log_sigma_);
+    }
+    return true;
+  }
+
+ private:
+  double guess_;
+  double log_sigma_;
+};
+
+// (|c_b - c_a| / length - 1) / sigma, where camera a is fixed: holds the scale while covariances
+// are computed.
+class ScaleGauge final : public ceres::SizedCostFunction<1, kPoseSize> {
+ public:
+  ScaleGauge(const Eigen::Vector3d& fixed_center, double length)
+      : fixed_center_(fixed_center), length_(length) {}
+  bool Evaluate(double const* const* parameters,
+                double* residuals,
+                double** jacobians) const override {
+    constexpr double kSigma = 1e-6;
+    const Eigen::Vector3d baseline = Eigen::Vector3d(parameters[0] + 4) - fixed_center_;
+    const double length = baseline.norm();
+    residuals[0] = (length / length_ - 1.0) / kSigma;
+    if (jacobians != nullptr && jacobians[0] != nullptr) {
+      Eigen::Map<Eigen::Matrix<double, 1, kPoseSize>> d(jacobians[0]);
+      d.setZero();
+      d.segment<3>(3) = baseline.transpose() / (length * length_ * kSigma);
+    }
+    return true;
+  }
+
+ private:
+  Eigen::Vector3d fixed_center_;
+  double length_;
+};
+
+}  // namespace cohort

@@ -1,0 +1,52 @@
+#include "backend/scene/judgement.h"
+
+#include <gtest/gtest.h>
+
+#include "tests/backend/scene/true_model.h"
+
+namespace cohort {
+namespace {
+
+using test::AllFrames;
+using test::CameraPath;
+using test::LateralScene;
+using test::SyntheticTracks;
+using test::TrueModel;
+
+TEST(Judgement, ATrueModelIsWorthReturningAndLeavesTheTracksNoise) {
+  const SyntheticTracks scene = LateralScene(0.5);
+  const WhitenedTracks whitened(scene.file, {});
+  const std::vector<int> keyframes{0, 4, 8, 12, 16, 20};
+  WorkingModel model = TrueModel(scene, whitened, AllFrames(whitened));
+  EXPECT_FALSE(RefuseModel(model, *scene.file.camera, keyframes));
+  EXPECT_LT(UnexplainedParallax(model, keyframes), 0.2);
+  EXPECT_NEAR(NoiseLeftPx(model), 0.5, 0.1);
+  EXPECT_EQ(DescribeExcessNoise(model, true), "");
+}
+
+TEST(Judgement, AModelWithoutDepthIsRefused) {
+  SyntheticTracks scene = LateralScene(0.5);
+  const WhitenedTracks whitened(scene.file, {});
+  WorkingModel model(whitened, *scene.file.camera);
+  const Rigid3 still = scene.cam_from_world.at(whitened.frames()[0].index);
+  for (int f = 0; f < whitened.frame_count(); ++f) model.SetPose(f, still);
+  EXPECT_TRUE(RefuseModel(model, *scene.file.camera, {0, 8, 16}));
+}
+
+TEST(Judgement, AClipWithParallaxIsNotRefusedAndAStillOneIs) {
+  const auto judge = [](CameraPath path) {
+    test::SyntheticTracksOptions options;
+    options.path = path;
+    const SyntheticTracks scene = MakeSyntheticTracks(options);
+    const WhitenedTracks whitened(scene.file, {});
+    return RefuseClipWithoutParallax(
+        whitened, *scene.file.camera, RankPairs(whitened, *scene.file.camera, {0, 8, 16}));
+  };
+  EXPECT_FALSE(judge(CameraPath::kLateral));
+  ASSERT_TRUE(judge(CameraPath::kStatic));
+  EXPECT_EQ(judge(CameraPath::kStatic)->termination, MapperTermination::kStaticCamera);
+  EXPECT_EQ(judge(CameraPath::kRotation)->termination, MapperTermination::kPureRotation);
+}
+
+}  // namespace
+}  // namespace cohort
