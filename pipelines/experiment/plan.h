@@ -3,6 +3,7 @@
 #include <filesystem>
 #include <vector>
 
+#include "datasets/degrade/degrade.h"
 #include "pipelines/experiment/cells.h"
 #include "pipelines/experiment/experiment.h"
 
