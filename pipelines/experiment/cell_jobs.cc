@@ -16,7 +16,6 @@
 #include "pipelines/jobs/track_job.h"
 #include "pipelines/json/json_file.h"
 #include "pipelines/sfm/summary_json.h"
-#include "pipelines/sfm/track_sequence.h"
 #include "pipelines/sfm/video_frames.h"
 
 namespace cohort {
@@ -214,12 +213,10 @@ Json FollowCell(const ExperimentOptions& options, const TrackCell& cell) {
 
 Json ReconstructCell(const ExperimentOptions& options, const TrackCell& cell, GridBackend backend) {
   fs::remove_all(cell.Model(backend));  // as of tracks
-  if (cell.tracker.source != TrackSource::kSift) {
-    // Tracks may be there, of the frames until it failed.
-    const Json error = ReadJsonFile(cell.Result()).at("error");
-    if (!error.is_null()) ThrowError("tracking failed: {}", error.get<std::string>());
-  }
   if (cell.tracker.source == TrackSource::kSift) return ReconstructSift(options, cell);
+  // Tracks may be there, of the frames until it failed.
+  const Json error = ReadJsonFile(cell.Result()).at("error");
+  if (!error.is_null()) ThrowError("tracking failed: {}", error.get<std::string>());
   if (backend == GridBackend::kTriangulation) return TriangulateCell(options, cell);
   const fs::path model = cell.Model(backend);
   return WithErrors(cell, backend, model, MakeModel(options, cell, backend, cell.Tracks(), model));
@@ -242,7 +239,7 @@ Json CompareHalvesOfCell(const ExperimentOptions& options,
     half.tracks = halves[i];
     if (HasSecondPass(cell.tracker)) {
       const auto frames = OpenInput(cell.frames);
-      half = WithSecondPass(std::move(half), *frames, {}, options.second_pass).file;
+      half = RunSecondPass(std::move(half), *frames, {}, options.second_pass);
     }
     WriteTrackFile(tracks, half);
     const ReconstructionSummary summary = MakeModel(options, cell, backend, tracks, out);

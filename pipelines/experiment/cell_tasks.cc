@@ -44,9 +44,9 @@ Json BackendOptions(const ExperimentOptions& options, const TrackCell& cell, Gri
     case GridBackend::kTriangulation:
       return {{"ceres", ToJson(options.ceres)}};
     case GridBackend::kColmap:
-      Json options{{"colmap", ToJson(ColmapOptionsOf(options, cell))}};
-      if (cell.tracker.source == TrackSource::kSift) options["sift"] = ToJson(options.sift);
-      return options;
+      Json colmap{{"colmap", ToJson(ColmapOptionsOf(options, cell))}};
+      if (cell.tracker.source == TrackSource::kSift) colmap["sift"] = ToJson(options.sift);
+      return colmap;
   }
   ThrowUsageError("unknown backend");
 }

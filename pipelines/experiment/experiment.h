@@ -97,7 +97,8 @@ struct ExperimentOptions {
            Tier::kCommon);
     v.Flag("resume",
            o.resume,
-           "Keep the finished cells of an earlier run with the same options.",
+           "Keep the finished cells of an earlier run. What depends on an option, a file of the "
+           "clip or a program that has changed since is done again.",
            Tier::kCommon);
     v.Choice("layout",
              o.layout,

@@ -6,6 +6,7 @@
 #include <set>
 
 #include "datasets/truth/track_truth.h"
+#include "pipelines/experiment/fingerprint.h"
 #include "pipelines/experiment/named_trackers.h"
 #include "pipelines/experiment/parse_unsigned.h"
 #include "pipelines/experiment/tasks.h"
@@ -77,32 +78,6 @@ void CheckTracker(const ExperimentOptions& options,
   }
 }
 
-// Changes when a file of the clip does: names, sizes and times of writing.
-std::string FingerprintOf(const std::string& input) {
-  std::set<std::string> files;
-  const auto add = [&files](const fs::path& path) {
-    std::error_code error;
-    const auto size = fs::file_size(path, error);
-    if (error) return;
-    const auto written = fs::last_write_time(path, error).time_since_epoch().count();
-    files.insert(fmt::format("{} {} {}", path.filename().string(), size, written));
-  };
-  if (fs::is_regular_file(input)) {
-    add(input);
-  } else {
-    fs::path folder = fs::absolute(input);  // of a glob that which holds it
-    while (!fs::is_directory(folder)) folder = folder.parent_path();
-    for (const auto& entry : fs::recursive_directory_iterator(folder)) add(entry.path());
-  }
-  std::uint64_t hash = 14695981039346656037ULL;  // FNV-1a
-  for (const std::string& file : files) {
-    for (const char c : file + "\n") {
-      hash = (hash ^ static_cast<unsigned char>(c)) * 1099511628211ULL;
-    }
-  }
-  return fmt::format("{:016x}", hash);
-}
-
 }  // namespace
 
 ExperimentPlan PlanWithoutClips(const ExperimentOptions& options) {
@@ -136,7 +111,7 @@ std::vector<GridClip> ProbeClips(const ExperimentOptions& options, const Experim
                        const auto sequence = OpenInput(input);
                        const auto truth = OpenTrackTruth(*sequence, input.input);
                        return Json{{"name", sequence->Name()},
-                                   {"fingerprint", FingerprintOf(input.input)},
+                                   {"fingerprint", FingerprintOfClip(input.input)},
                                    {"has_poses", !sequence->TrueCamFromWorld().empty()},
                                    {"has_track_truth", truth != nullptr}};
                      }});

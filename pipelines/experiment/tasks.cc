@@ -19,6 +19,7 @@
 #include "pipelines/console/interrupt.h"
 #include "pipelines/console/progress_bar.h"
 #include "pipelines/experiment/file_lock.h"
+#include "pipelines/experiment/fingerprint.h"
 #include "pipelines/json/json_file.h"
 
 namespace cohort {
@@ -30,7 +31,8 @@ using Clock = std::chrono::steady_clock;
 
 void WriteResult(const Task& task, const Json& figures, const Json& error, double seconds) {
   WriteJsonFile(task.result,
-                {{"options", Json::parse(task.options)},
+                {{"program", FingerprintOfProgram()},
+                 {"options", Json::parse(task.options)},
                  {"figures", figures},
                  {"error", error},
                  {"seconds", seconds}});
@@ -39,7 +41,8 @@ void WriteResult(const Task& task, const Json& figures, const Json& error, doubl
 bool IsDone(const Task& task) {
   if (!fs::exists(task.result)) return false;
   const Json result = ReadJsonFile(task.result);
-  return result.at("error").is_null() && result.at("options") == Json::parse(task.options);
+  return result.at("error").is_null() && result.value("program", "") == FingerprintOfProgram() &&
+         result.at("options") == Json::parse(task.options);
 }
 
 [[noreturn]] void RunInChild(const Task& task) {

@@ -10,7 +10,8 @@ namespace cohort {
 
 // A piece of an experiment that a process of its own does, so that a crash costs one task. Its
 // result file, written at the end, holds
-//   {"options": ..., "figures": what `run` returned | null, "error": one line | null, "seconds": s}
+//   {"program": its fingerprint, "options": ..., "figures": what `run` returned | null,
+//    "error": one line | null, "seconds": s}
 // and what it prints goes to the same name with .log behind.
 struct Task {
   std::string label;  // for the log: "track room medium 1 klt"
@@ -21,8 +22,8 @@ struct Task {
   bool shared = false;
 };
 
-// Does the tasks, `jobs` at a time. With `resume`, one whose result is there without an error and
-// with the same options is not done again. Interrupted by Ctrl-C, ends the running ones and throws
+// Does the tasks, `jobs` at a time. With `resume`, one whose result is there without an error, of
+// the same program (fingerprint.h) and with the same options, is not done again. Interrupted by Ctrl-C, ends the running ones and throws
 // Error. The calling process must not have used OpenCV's threads: it forks.
 void RunTasks(const std::string& stage, const std::vector<Task>& tasks, int jobs, bool resume);
 

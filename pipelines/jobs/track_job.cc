@@ -112,20 +112,20 @@ void TrackFrames(SequenceTracker& tracker,
   }
 }
 
-// The second pass over the tracks in `out`, whose place its tracks take.
-TrackFile RunSecondPass(const TrackJobOptions& options, Sequence& sequence, const cv::Mat& mask) {
-  SecondPass second = WithSecondPass(
-      ReadTrackFile(options.out), sequence, mask, options.second_pass, ProgressBars());
+}  // namespace
+
+TrackFile RunSecondPass(TrackFile file,
+                        Sequence& sequence,
+                        const cv::Mat& mask,
+                        const SecondPassOptions& options) {
+  SecondPass second = WithSecondPass(std::move(file), sequence, mask, options, ProgressBars());
   if (second.none_because.empty()) {
     spdlog::info("second pass: {}", second.figures.Brief());
   } else {
     spdlog::warn("no second pass: {}", second.none_because);
   }
-  WriteTrackFile(options.out, second.file);
   return std::move(second.file);
 }
-
-}  // namespace
 
 std::optional<TrackFigures> RunTrackJob(const TrackJobOptions& options) {
   cv::setNumThreads(options.threads == 0 ? -1 : options.threads);
@@ -153,13 +153,14 @@ std::optional<TrackFigures> RunTrackJob(const TrackJobOptions& options) {
   figures.decode_ms = tracker.decode_ms();
   figures.detect_ms = tracker.detect_ms();
   figures.track_ms = tracker.track_ms();
+  TrackFile file = ReadTrackFile(options.out);
   if (header.meta.at("second_pass") == kSecondPassAsked) {
     const Clock::time_point start = Clock::now();
-    Count(RunSecondPass(options, *sequence, mask), figures);
+    file = RunSecondPass(std::move(file), *sequence, mask, options.second_pass);
+    WriteTrackFile(options.out, file);
     figures.second_pass_ms = MsSince(start);
-  } else {
-    Count(ReadTrackFile(options.out), figures);
   }
+  Count(file, figures);
   if (!options.json.empty()) WriteJsonFile(options.json, FiguresToJson(figures, options));
   return figures;
 }

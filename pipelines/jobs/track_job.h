@@ -69,4 +69,10 @@ struct TrackFigures {
 // where an earlier run, gone on with, was complete already.
 std::optional<TrackFigures> RunTrackJob(const TrackJobOptions& options);
 
+// WithSecondPass, with a progress bar, and what came of it in the log.
+TrackFile RunSecondPass(TrackFile file,
+                        Sequence& sequence,
+                        const cv::Mat& mask,
+                        const SecondPassOptions& options);
+
 }  // namespace cohort

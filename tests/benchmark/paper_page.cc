@@ -17,6 +17,7 @@
 #include "datasets/truth/track_truth.h"
 #include "frontend/core/output.h"
 #include "pipelines/experiment/experiment.h"
+#include "pipelines/experiment/named_trackers.h"
 #include "pipelines/experiment/paper_protocol.h"
 #include "pipelines/experiment/paper_tables.h"
 #include "pipelines/experiment/tasks.h"

@@ -762,6 +762,21 @@ TEST_F(Commands, CompareDoesAgainWhatAChangedClipMakesStale) {
   EXPECT_THAT(failures[1]["reason"], StartsWith("tracking failed: "));
 }
 
+TEST_F(Commands, CompareDoesAgainWhatAnotherProgramDid) {
+  const std::string clip = WriteImages(Path("clip"), 6);
+  const std::string compare =
+      "compare " + clip + " --trackers klt --backends ceres --out " + Path("out") + " --resume";
+  ASSERT_EQ(RunCohort(compare).exit_code, 0);
+  EXPECT_THAT(RunCohort(compare).err, HasSubstr("track: 1 of 1 are done already"));
+  // The same program but for one byte behind its end, which nothing reads.
+  const std::string changed = Path("changed");
+  fs::copy_file(COHORT_PROGRAM, changed);
+  std::ofstream(changed, std::ios::app) << '\n';
+  const ProgramEnd end = RunShell(changed + " " + compare);
+  EXPECT_EQ(end.exit_code, 0) << end.err;
+  EXPECT_THAT(end.err, Not(HasSubstr("done already")));
+}
+
 TEST_F(Commands, CompareTakesAGlobOfTheFolderItRunsIn) {
   const std::string clip = WriteImages(Path("clip"), 3);
   const ProgramEnd end =
