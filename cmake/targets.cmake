@@ -1,5 +1,7 @@
 # Every library is declared by cohort_add_library, so that warnings, sanitizers and the include
-# root are the same everywhere:  cohort_add_library(tracks SOURCES a.cc PUBLIC cohort::core PRIVATE SQLite::SQLite3)
+# root are the same everywhere:
+#   cohort_add_library(tracks SOURCES a.cc PUBLIC cohort::core PRIVATE SQLite::SQLite3)
+# With INSTALL it is among those of cmake/install.cmake; so must be what it links of ours.
 add_library(cohort_build_flags INTERFACE)
 target_compile_options(cohort_build_flags INTERFACE -Wall -Wextra)
 if(COHORT_WERROR)
@@ -15,15 +17,24 @@ endif()
 
 # OpenCV's imported targets carry no include directory; this one does.
 add_library(cohort_opencv INTERFACE)
-target_include_directories(cohort_opencv SYSTEM INTERFACE ${OpenCV_INCLUDE_DIRS})
+target_include_directories(cohort_opencv SYSTEM INTERFACE $<BUILD_INTERFACE:${OpenCV_INCLUDE_DIRS}>)
 target_link_libraries(cohort_opencv INTERFACE ${OpenCV_LIBS})
+set_target_properties(cohort_opencv PROPERTIES EXPORT_NAME opencv)
 
 function(cohort_add_library name)
-  cmake_parse_arguments(ARG "" "" "SOURCES;PUBLIC;PRIVATE" ${ARGN})
+  cmake_parse_arguments(ARG "INSTALL" "" "SOURCES;PUBLIC;PRIVATE" ${ARGN})
   add_library(cohort_${name} STATIC ${ARG_SOURCES})
   add_library(cohort::${name} ALIAS cohort_${name})
-  target_include_directories(cohort_${name} PUBLIC ${PROJECT_SOURCE_DIR})
-  target_link_libraries(cohort_${name} PUBLIC ${ARG_PUBLIC} PRIVATE cohort_build_flags ${ARG_PRIVATE})
+  target_compile_features(cohort_${name} PUBLIC cxx_std_20)
+  target_include_directories(cohort_${name} PUBLIC
+    $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}>
+    $<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}/cohort>)
+  target_link_libraries(cohort_${name} PUBLIC ${ARG_PUBLIC}
+                        PRIVATE $<BUILD_INTERFACE:cohort_build_flags> ${ARG_PRIVATE})
+  set_target_properties(cohort_${name} PROPERTIES EXPORT_NAME ${name})
+  if(ARG_INSTALL)
+    set_property(GLOBAL APPEND PROPERTY COHORT_INSTALLED_LIBRARIES cohort_${name})
+  endif()
 endfunction()
 
 # cohort_add_tests(tracks LABEL unit SOURCES a_test.cc LIBRARIES cohort::tracks)

@@ -1,0 +1,28 @@
+# cmake --install build: the program, and the libraries for find_package(cohort). Headers go to
+# include/cohort, which the targets name as include root: #include "frontend/track/tracker.h".
+include(CMakePackageConfigHelpers)
+
+get_property(libraries GLOBAL PROPERTY COHORT_INSTALLED_LIBRARIES)
+install(TARGETS ${libraries} cohort_opencv EXPORT cohortTargets
+        ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR}/cohort
+        LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR}/cohort)
+foreach(wing frontend backend datasets pipelines/sfm)
+  install(DIRECTORY ${PROJECT_SOURCE_DIR}/${wing}/
+          DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/cohort/${wing}
+          FILES_MATCHING PATTERN "*.h")
+endforeach()
+if(COHORT_BUILD_PROGRAM)
+  install(TARGETS cohort RUNTIME)
+endif()
+
+set(package ${CMAKE_INSTALL_LIBDIR}/cmake/cohort)
+install(EXPORT cohortTargets NAMESPACE cohort:: DESTINATION ${package})
+configure_package_config_file(${PROJECT_SOURCE_DIR}/cmake/cohortConfig.cmake.in
+                              ${PROJECT_BINARY_DIR}/cohortConfig.cmake
+                              INSTALL_DESTINATION ${package}
+                              NO_SET_AND_CHECK_MACRO)
+write_basic_package_version_file(${PROJECT_BINARY_DIR}/cohortConfigVersion.cmake
+                                 COMPATIBILITY SameMinorVersion)
+install(FILES ${PROJECT_BINARY_DIR}/cohortConfig.cmake
+              ${PROJECT_BINARY_DIR}/cohortConfigVersion.cmake
+        DESTINATION ${package})
