@@ -4,7 +4,7 @@
 #include <span>
 
 #include "frontend/track/measurement.h"
-#include "frontend/track/trajectory_model.h"
+#include "frontend/track/trajectory_model/trajectory_model.h"
 
 namespace cohort {
 

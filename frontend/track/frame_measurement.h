@@ -9,7 +9,7 @@
 #include "frontend/track/covariance_calibration.h"
 #include "frontend/track/feature.h"
 #include "frontend/track/there_and_back.h"
-#include "frontend/track/trajectory_model.h"
+#include "frontend/track/trajectory_model/trajectory_model.h"
 
 namespace cohort {
 

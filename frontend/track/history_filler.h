@@ -8,7 +8,7 @@
 #include "frontend/track/covariance_calibration.h"
 #include "frontend/track/feature.h"
 #include "frontend/track/joint_guide.h"
-#include "frontend/track/trajectory_model.h"
+#include "frontend/track/trajectory_model/trajectory_model.h"
 
 namespace cohort {
 

@@ -5,7 +5,7 @@
 #include "frontend/track/confirmation.h"
 #include "frontend/track/feature.h"
 #include "frontend/track/feature_mover.h"
-#include "frontend/track/trajectory_model.h"
+#include "frontend/track/trajectory_model/trajectory_model.h"
 
 namespace cohort {
 

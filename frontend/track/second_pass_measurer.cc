@@ -16,7 +16,11 @@ namespace {
 // prior of the warp depends on it.
 constexpr double kNoiseFactor = 10.0;
 
-constexpr double kWarpNoisePerFrame = 0.003;  // as the tracker's
+constexpr double kWarpNoisePerFrame = PatchOptions{}.warp_noise;  // as the tracker's
+
+// A feature is taken for itself where it correlates with its template at least by this share of
+// what it has where the first pass saw it; chosen by eye on the tuning clips with an occluder.
+constexpr double kLeastRelativeCorrelation = 0.7;
 
 Pyramid SmoothPyramidOf(const Frame& frame, double sigma_px) {
   constexpr int kLevels = 2;
@@ -46,14 +50,14 @@ double DrawnMean(double sum, double count, double expected) {
 SecondPassMeasurer::SecondPassMeasurer(const SecondPassMeasurementOptions& options)
     : options_(options) {
   ValidateOptions(options);
-  for (const int px : std::set{options.window_px, options.wide_window_px}) {
+  for (const int px : std::set{options.patch.window_px, options.patch.wide_window_px}) {
     windows_.emplace_back().px = px;
   }
 }
 
 void SecondPassMeasurer::Learn(const Frame& frame, std::span<const ModelPrediction> predictions) {
   if (predictions.empty()) return;
-  const Pyramid pyramid = SmoothPyramidOf(frame, options_.denoise_sigma_px);
+  const Pyramid pyramid = SmoothPyramidOf(frame, options_.patch.denoise_sigma_px);
   const int largest_px = windows_.back().px;
   for (const ModelPrediction& prediction : predictions) {
     const AnchorPatch patch =
@@ -70,7 +74,7 @@ void SecondPassMeasurer::Learn(const Frame& frame, std::span<const ModelPredicti
 }
 
 void SecondPassMeasurer::Measure(const Frame& frame, std::span<const ModelPrediction> predictions) {
-  const Pyramid pyramid = SmoothPyramidOf(frame, options_.denoise_sigma_px);
+  const Pyramid pyramid = SmoothPyramidOf(frame, options_.patch.denoise_sigma_px);
   for (Window& window : windows_) MeasureWith(window, frame, predictions, pyramid);
 }
 
@@ -87,14 +91,14 @@ void SecondPassMeasurer::MeasureWith(Window& window,
     AnchorPatch anchor = Mean(it->second.sum, it->second.frames, window.px);
     const auto [known, first] = window.deformations.try_emplace(prediction.feature);
     Deformation& deformation = known->second;
-    const double noise = first ? options_.warp_noise : kWarpNoisePerFrame;
+    const double noise = first ? options_.patch.warp_noise : kWarpNoisePerFrame;
     deformation.covariance.diagonal().array() += noise * noise;
     anchor.warp = deformation.beyond_prediction * prediction.warp;
     anchor.warp_covariance = deformation.covariance;
     const Measurement m = MeasurePatch(pyramid, anchor, prediction.xy, window.px, kNoiseFactor);
     if (!m.converged) continue;
-    if ((m.xy - prediction.xy).norm() <= options_.max_distance_px &&
-        m.correlation >= options_.min_correlation) {
+    if ((m.xy - prediction.xy).norm() <= options_.patch.max_distance_px &&
+        m.correlation >= options_.patch.min_correlation) {
       deformation.beyond_prediction = m.warp * prediction.warp.inverse();
       deformation.covariance = m.warp_covariance;
     }
@@ -102,7 +106,7 @@ void SecondPassMeasurer::MeasureWith(Window& window,
     signal_variances.push_back(anchor.signal_variance);
     if (prediction.observed_in_first_pass) variances.push_back(m.residual_variance);
   }
-  constexpr std::size_t kEnough = 8;
+  constexpr std::size_t kEnough = 8;  // for a median; with fewer, that of the frame before stays
   if (variances.size() >= kEnough || window.noise_variance == 0.0) {
     window.noise_variance = Median(std::move(variances));
   }
@@ -137,7 +141,7 @@ std::map<FeatureId, double> SecondPassMeasurer::MeanSquareDistances(const Window
     Sum& sum = sums[feature];
     for (const Sighting& s : sightings) {
       if (!s.observed_before) continue;
-      const double distance_px = std::min(s.distance_px, options_.max_distance_px);
+      const double distance_px = std::min(s.distance_px, options_.patch.max_distance_px);
       sum.squares += distance_px * distance_px;
       sum.count += 1.0;
     }
@@ -170,7 +174,7 @@ std::vector<Observation> SecondPassMeasurer::Finish() const {
   std::vector<double> squares;
   for (const auto& [feature, window] : chosen) {
     for (const Sighting& s : window->sightings.at(feature)) {
-      if (s.observed_before && s.distance_px <= options_.max_distance_px) {
+      if (s.observed_before && s.distance_px <= options_.patch.max_distance_px) {
         squares.push_back(s.mahalanobis2);
       }
     }
@@ -184,12 +188,11 @@ std::vector<Observation> SecondPassMeasurer::Finish() const {
     for (const Sighting& s : sightings) {
       if (s.observed_before) correlations.push_back(s.correlation);
     }
-    const double least =
-        std::max(options_.min_correlation,
-                 options_.min_relative_correlation * Median(std::move(correlations)));
+    const double least = std::max(options_.patch.min_correlation,
+                                  kLeastRelativeCorrelation * Median(std::move(correlations)));
     for (const Sighting& s : sightings) {
-      if (s.distance_px > options_.max_distance_px || s.correlation < least ||
-          s.residual_variance_ratio > options_.max_residual_ratio) {
+      if (s.distance_px > options_.patch.max_distance_px || s.correlation < least ||
+          s.residual_variance_ratio > options_.patch.max_residual_ratio) {
         continue;
       }
       Observation& o = observations.emplace_back();

@@ -14,52 +14,17 @@
 namespace cohort {
 
 struct SecondPassMeasurementOptions {
-  int window_px = 21;
-  int wide_window_px = 31;
-  double denoise_sigma_px = 0.8;
+  PatchOptions patch{.max_distance_px = 3.0, .warp_noise = 0.05};
   int template_frames = 21;
-  double max_distance_px = 3.0;
-  double min_correlation = 0.3;
-  double min_relative_correlation = 0.7;
-  double max_residual_ratio = 2.0;
-  double warp_noise = 0.05;
 
   template <typename Self, typename Visitor>
   static void Visit(Self& o, Visitor& v) {
-    v.Number("window_px", o.window_px, 5, 63, "side of the measured patch [px], odd");
-    v.Number("wide_window_px",
-             o.wide_window_px,
-             5,
-             63,
-             "side of the patch where a larger one agrees better with the model [px], odd");
-    v.Number(
-        "denoise_sigma_px", o.denoise_sigma_px, 0.0, 10.0, "Gaussian blur before measuring [px]");
+    PatchOptions::Visit(o.patch, v);
     v.Number("template_frames",
              o.template_frames,
              1,
              99,
              "frames whose mean is a feature's template, around the middle of its track");
-    v.Number("max_distance_px",
-             o.max_distance_px,
-             0.1,
-             50.0,
-             "from the model's prediction [px]; further is not it");
-    v.Number("min_correlation", o.min_correlation, 0.0, 1.0, "with the template, at least");
-    v.Number("min_relative_correlation",
-             o.min_relative_correlation,
-             0.0,
-             1.0,
-             "with the template, as a share of what the feature has where the first pass saw it");
-    v.Number("max_residual_ratio",
-             o.max_residual_ratio,
-             1.0,
-             100.0,
-             "residual variance over what noise explains, at most");
-    v.Number("warp_noise",
-             o.warp_noise,
-             0.0,
-             1.0,
-             "how much a patch may deform beyond what the model says, as a share");
   }
 };
 

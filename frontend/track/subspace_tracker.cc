@@ -10,7 +10,7 @@
 #include "frontend/track/history_filler.h"
 #include "frontend/track/predicted_or_ended.h"
 #include "frontend/track/there_and_back.h"
-#include "frontend/track/trajectory_model.h"
+#include "frontend/track/trajectory_model/trajectory_model.h"
 
 namespace cohort {
 namespace {

@@ -7,7 +7,7 @@
 
 #include "frontend/image/pyramid.h"
 #include "frontend/track/feature.h"
-#include "frontend/track/trajectory_model.h"
+#include "frontend/track/trajectory_model/trajectory_model.h"
 
 namespace cohort {
 

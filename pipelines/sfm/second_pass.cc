@@ -285,7 +285,7 @@ SecondPass MeasureAgain(const TrackFile& file,
   for (const FeatureId feature : file.tracks.features()) {
     const auto track = file.tracks.Track(feature);
     if (options.drop_movers && !model.points.contains(feature) &&
-        MovesOtherwise(track, model, options.measurement.max_distance_px)) {
+        MovesOtherwise(track, model, options.measurement.patch.max_distance_px)) {
       ++second.figures.movers;
       continue;
     }

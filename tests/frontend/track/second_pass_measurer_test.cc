@@ -103,7 +103,7 @@ TEST(SecondPassMeasurer, AMeanOfFramesIsABetterTemplateThanOneFrame) {
 
 TEST(SecondPassMeasurer, ALargerPatchHasLessNoiseAndIsTakenWhereItAgrees) {
   SecondPassMeasurementOptions narrow = TemplatesOf(5);
-  narrow.wide_window_px = narrow.window_px;
+  narrow.patch.wide_window_px = narrow.patch.window_px;
   EXPECT_LT(Rms(MeasureClip()), 0.9 * Rms(MeasureClip(narrow)));
 }
 

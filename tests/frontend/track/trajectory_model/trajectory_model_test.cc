@@ -2,7 +2,7 @@
 // before a camera that shakes and moves sideways, under which image positions are exactly affine in
 // 1/depth, or ahead, under which no affine model of rank 3 fits them.
 
-#include "frontend/track/trajectory_model.h"
+#include "frontend/track/trajectory_model/trajectory_model.h"
 
 #include <gtest/gtest.h>
 

@@ -1,0 +1,109 @@
+#include "frontend/track/trajectory_model/trajectory_model.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "frontend/core/error.h"
+#include "frontend/track/trajectory_model/camera_fit.h"
+#include "frontend/track/trajectory_model/feature_fit.h"
+#include "frontend/track/trajectory_model/gauge.h"
+#include "frontend/track/trajectory_model/rank.h"
+
+namespace cohort {
+
+namespace {
+
+using trajectory_model::CameraFit;
+using trajectory_model::JointFit;
+using ModelFrame = trajectory_model::Frame;
+
+// Fewer features say too little of a camera: at rank 3 it has eleven unknowns, and each feature
+// gives two measurements, of which some are wrong.
+constexpr std::ptrdiff_t kLeastFeatures = 8;
+
+}  // namespace
+
+bool TrajectoryModel::CanFit(std::span<const Observation> now) const {
+  return !state_.frames.empty() && state_.rank > 0 &&
+         std::count_if(now.begin(), now.end(), [](const Observation& o) {
+           return o.IsObserved();
+         }) >= kLeastFeatures;
+}
+
+std::vector<TrajectoryModel::Estimate> TrajectoryModel::Predict(
+    std::span<const Observation> now) const {
+  if (!CanFit(now)) return {};
+  return PredictAllFeatures(state_, FitNewCamera(state_, now));
+}
+
+std::vector<TrajectoryModel::Estimate> TrajectoryModel::Update(std::span<const Observation> now) {
+  Check(now.size() == state_.features.size(), "the model has the tracker's features");
+  const bool fits = CanFit(now);
+  ModelFrame frame{{now.begin(), now.end()}, trajectory_model::Camera::Zero(3, state_.rank + 1)};
+  if (fits) {
+    frame.camera = FitNewCamera(state_, now).camera;
+  } else if (!state_.frames.empty()) {
+    frame.camera = state_.frames.front().camera;
+  }
+  state_.frames.push_front(std::move(frame));
+  if (state_.frames.size() > max_frames_) state_.frames.pop_back();
+  if (state_.rank == 0) return {};
+  FitAllFeatures(state_);
+  if (!fits) return {};
+  // What is new takes more passes; later every frame goes on from the last.
+  const int passes = state_.frames.size() < 8 ? 6 : 2;
+  for (int pass = 0; pass < passes; ++pass) {
+    joint_fit_.Step(state_);
+    for (std::size_t l = JointFit::kFrames; l < state_.frames.size(); ++l) {
+      RefitCamera(state_, state_.frames[l]);
+    }
+    FitAllFeatures(state_);
+    if (state_.perspective) CenterDepths(state_);
+    NormalizeCoordinates(state_);
+  }
+  AdaptRank(state_, max_rank_);
+  // The camera is that of the joint fit; only its covariance is taken from a fit by itself.
+  CameraFit fit = FitNewCamera(state_, state_.frames.front().observations);
+  fit.camera = state_.frames.front().camera;
+  return PredictAllFeatures(state_, fit);
+}
+
+double TrajectoryModel::Misfit(std::size_t feature) const {
+  return MisfitOfFeature(state_, feature);
+}
+
+void TrajectoryModel::Forget(std::size_t feature) {
+  Observation& newest = state_.frames.front().observations[feature];
+  if (newest.anchor) return;
+  newest = {};
+  if (state_.rank > 0) FitFeature(state_, feature);
+}
+
+void TrajectoryModel::Keep(std::span<const std::uint8_t> keep) {
+  Check(keep.size() == state_.features.size(), "the model has the tracker's features");
+  std::size_t kept = 0;
+  for (std::size_t f = 0; f < keep.size(); ++f) {
+    if (keep[f] == 0) continue;
+    if (kept != f) {
+      state_.features[kept] = state_.features[f];
+      for (ModelFrame& frame : state_.frames) frame.observations[kept] = frame.observations[f];
+    }
+    ++kept;
+  }
+  state_.features.resize(kept);
+  for (ModelFrame& frame : state_.frames) frame.observations.resize(kept);
+}
+
+void TrajectoryModel::Add(std::span<const Observation> trajectory) {
+  for (std::size_t l = 0; l < state_.frames.size(); ++l) {
+    state_.frames[l].observations.push_back(l < trajectory.size() ? trajectory[l] : Observation{});
+  }
+  state_.features.emplace_back();
+  if (state_.rank > 0) {
+    FitFeature(state_, state_.features.size() - 1);
+  } else if (static_cast<std::ptrdiff_t>(state_.features.size()) >= kLeastFeatures) {
+    BeginWithPositions(state_);
+  }
+}
+
+}  // namespace cohort
