@@ -95,19 +95,26 @@ double Mean(const std::vector<double>& logs) {
 // A table of both backends on the same tracks, and its geometric means.
 class Race {
  public:
-  explicit Race(bool covariances) : covariances_(covariances) {
-    fmt::print("{:<42}|{:^22}|{}{:^22}|{:^22}|\n",
+  explicit Race(bool covariances) : covariances_(covariances), name_width_(covariances ? 26 : 42) {
+    fmt::print("{:<{}}|{:^22}|{}{:^22}|{:^22}|\n",
                "",
+               name_width_,
                "Ceres",
                covariances ? fmt::format("{:^22}|", "with covariances") : "",
                "COLMAP mapper",
                "as cohort runs it");
     const std::string columns = fmt::format("{:>6}{:>9}{:>7}|", "frames", "ATE", "cpu s");
-    fmt::print("{:<42}|{}{}{}{}\n", "", columns, covariances ? columns : "", columns, columns);
+    fmt::print("{:<{}}|{}{}{}{}\n",
+               "",
+               name_width_,
+               columns,
+               covariances ? columns : "",
+               columns,
+               columns);
   }
 
   void Add(const std::string& name, const TrackFile& file, const Poses& truth) {
-    fmt::print("{:<42}|", name);
+    fmt::print("{:<{}}|", name, name_width_);
     const auto print = [](const Run& run) {
       fmt::print("{:>6}{:>9.3f}{:>7.2f}|", run.registered, run.ate, run.seconds);
       std::fflush(stdout);
@@ -154,6 +161,7 @@ class Race {
 
  private:
   bool covariances_;
+  int name_width_;  // no line wider than 120 characters
   int fewer_frames_ = 0;
   int ours_ = 0;
   int colmaps_ = 0;
