@@ -20,7 +20,7 @@ install(EXPORT cohortTargets NAMESPACE cohort:: DESTINATION ${package})
 configure_package_config_file(${PROJECT_SOURCE_DIR}/cmake/cohortConfig.cmake.in
                               ${PROJECT_BINARY_DIR}/cohortConfig.cmake
                               INSTALL_DESTINATION ${package}
-                              NO_SET_AND_CHECK_MACRO)
+                              NO_SET_AND_CHECK_MACRO NO_CHECK_REQUIRED_COMPONENTS_MACRO)
 write_basic_package_version_file(${PROJECT_BINARY_DIR}/cohortConfigVersion.cmake
                                  COMPATIBILITY SameMinorVersion)
 install(FILES ${PROJECT_BINARY_DIR}/cohortConfig.cmake

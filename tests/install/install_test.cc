@@ -11,7 +11,7 @@
 #include "datasets/render/synthetic_scene.h"
 #include "frontend/core/output.h"
 #include "frontend/tracks/track_store.h"
-#include "tests/support/program.h"
+#include "tests/support/shell.h"
 #include "tests/support/source_dir.h"
 #include "tests/support/temp_dir.h"
 
@@ -70,7 +70,7 @@ TEST_F(Install, AProjectThatFindsThePackageBuildsAndReconstructsAVideo) {
   const test::ProgramEnd end = test::RunShell(
       fmt::format("'{}' '{}' '{}'", Path("build/example"), Path("clip"), Path("model")));
   EXPECT_EQ(end.exit_code, 0) << end.err;
-  EXPECT_THAT(end.out, HasSubstr("20/20"));
+  EXPECT_THAT(end.out, HasSubstr("20 of 20 frames"));
   EXPECT_EQ(ReadReconstruction(Path("model")).cam_from_world.size(), 20u);
   EXPECT_EQ(ReadTrackFile(Path("model.tracks")).frames.size(), 20u);
 }
