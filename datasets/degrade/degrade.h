@@ -69,10 +69,8 @@ SensorLevel SensorLevelAt(double level);
 //   paper   g v + s1 n, Gaussian blur, + s2 n
 //   sensor  linear = gain v^2.2, blurred by motion, + noise of variance shot linear + read, digital
 //           gain, cut to 0..1, ^(1/2.2)
-// `motion` is how far the picture moves from frame to frame (CV_32FC2, px): it is smeared half
-// forwards, half backwards, so that nothing is displaced. Empty: a hand that moves the whole
-// picture by up to 5 px in some direction. The random numbers of frame i are
-// RandomStream(seed, "degrade/noise").Fork(i).
+// `motion` [px a frame, CV_32FC2] smears half forwards, half backwards, so that nothing is displaced;
+// empty: up to 5 px of the whole picture. Random numbers: RandomStream(seed, "degrade/noise").
 cv::Mat DegradeFrame(const cv::Mat& gray,
                      const DegradeOptions& options,
                      std::uint32_t frame,

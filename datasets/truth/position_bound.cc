@@ -31,6 +31,13 @@ std::vector<double> Autocorrelation(double sigma_px, int longest) {
 
 }  // namespace
 
+// C, the covariance of the noise of a window's pixels:
+//   paper   C_ij = s1^2 a(x_i - x_j) a(y_i - y_j) + (s2^2 + q^2) [i = j], a: autocorrelation of the
+//           blur's kernel; so the noise that is blurred with the picture counts with its exact
+//           correlation, not as white noise of some effective size
+//   sensor  C_ii = v_i = shot s_i + read in linear light, where noise is independent; the variance
+//           tells of the signal too: F has 1 / v + shot^2 / (2 v^2) in place of 1 / v
+// q^2 = 1 / (12 255^2): the rounding to 8 bits.
 PositionBound::PositionBound(const DegradeOptions& options, int window_px)
     : recipe_(options.recipe), half_px_(window_px / 2) {
   if (recipe_ == DegradeRecipe::kSensor) {

@@ -9,17 +9,11 @@
 namespace cohort {
 
 // How well a patch of a degraded frame can be located at all: the Cramer-Rao bound of its
-// translation against a template without noise,
+// translation [px] against a template without noise,
 //   covariance = F^-1,   F = J^T C^-1 J,
-// with J (pixels x 2) the gradient of the frame's signal (NoiseFreeSignal) in the window and C the
-// covariance of the noise of its pixels:
-//   paper   C_ij = s1^2 a(x_i - x_j) a(y_i - y_j) + (s2^2 + q^2) [i = j], a: autocorrelation of the
-//           blur's kernel; so the noise that is blurred with the picture counts with its exact
-//           correlation, not as white noise of some effective size
-//   sensor  C_ii = v_i = shot s_i + read in linear light, where noise is independent; the variance
-//           tells of the signal too: F has 1 / v + shot^2 / (2 v^2) in place of 1 / v
-// q^2 = 1 / (12 255^2), the rounding to 8 bits. Clipping at black and white is left out: it can
-// only lose, so the bound stays one.
+// with J (pixels x 2) the gradient of NoiseFreeSignal in the window and C the covariance of its
+// pixels' noise, rounding to 8 bits included (position_bound.cc). Clipping at black and white is
+// left out: it can only lose, so the bound stays one.
 class PositionBound {
  public:
   PositionBound(const DegradeOptions& options, int window_px);

@@ -40,14 +40,12 @@ class TrackTruth {
   virtual bool IsOnDepthEdge(FrameIndex frame, const Eigen::Vector2d& xy, double radius_px) = 0;
 };
 
-// The best truth that `input` has:
-// - exact where it holds a scene.json: moving and deforming bodies too; visible is what is the
-//   nearest surface on its ray, to 1 mm in 1 m; a jump is 2 % of the depth from pixel to pixel;
-// - else from depth pictures and true poses, for rigid scenes: depth is linear in its inverse
-//   between four neighbours that agree to 2 %, none elsewhere; visible where the depth picture
-//   agrees to 3 % + 2 cm; a jump is 5 %;
-// - none without these.
-// Both know the masks of a foreground occluder. `sequence` is `input`; it must outlive the result.
+// The best truth that `input` has; `sequence` is `input`, and must outlive the result:
+// - exact where it holds a scene.json, also of what moves and deforms; visible is the nearest
+//   surface on its ray, to 1 mm in 1 m; a jump is 2 % of the depth from pixel to pixel;
+// - else from depth pictures and true poses, for rigid scenes: depth between four neighbours that
+//   agree to 2 %; visible where the depth picture agrees to 3 % + 2 cm; a jump is 5 %;
+// - none without these. Masks of a foreground occluder count in both.
 std::unique_ptr<TrackTruth> OpenTrackTruth(const Sequence& sequence,
                                            const std::filesystem::path& input);
 
