@@ -174,7 +174,8 @@ double EdgeOfNoise(std::size_t features, std::size_t frames, bool perspective) {
 void AdaptRank(State& state, int max_rank) {
   constexpr std::size_t kFeaturesPerRank = 2;
   constexpr std::size_t kLeastResiduals = 20;
-  // Of the edge of noise, which itself reaches 0.6 here: the fit has taken a part of it out.
+  // Of the edge of noise. Noise itself reaches 0.6 here, as the fit has taken a part of it out: up
+  // to the three of a rigid scene one coordinate too many does no harm, beyond them it would.
   const double least_strength = state.rank < kRigidRank ? 0.5 : 1.0;
   const auto needed = kFeaturesPerRank * (static_cast<std::size_t>(state.rank) + 1);
   if (state.rank >= max_rank || needed > state.features.size()) return;

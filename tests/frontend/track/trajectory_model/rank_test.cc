@@ -17,16 +17,19 @@ constexpr int kFeatures = 60;
 constexpr int kFrames = 12;
 constexpr double kNoisePx = 0.3;
 
-// A model of rank 2, fitted to features of which each moves by `parallax_px` a frame times a depth
-// of its own, which has mean 0 and variance 1.
-State PlaneModelOf(double parallax_px, std::uint64_t seed = 1) {
-  test::SmallScene scene = test::MakeSmallScene(kFeatures, kFrames, 2, true, kNoisePx, seed);
-  RandomStream random(seed, "test/rank/depth");
-  for (std::size_t f = 0; f < kFeatures; ++f) {
-    const double depth = random.Gaussian();
+// A model of rank `rank`, fitted to features of which those with an own way move along it by
+// `own_px` a frame, times a number of their own of mean 0 and variance 1.
+State ModelOf(int rank,
+              double own_px,
+              std::uint64_t seed = 1,
+              std::size_t with_own_way = kFeatures) {
+  test::SmallScene scene = test::MakeSmallScene(kFeatures, kFrames, rank, true, kNoisePx, seed);
+  RandomStream random(seed, "test/rank/own_way");
+  for (std::size_t f = 0; f < with_own_way; ++f) {
+    const double size = random.Gaussian();
     for (std::size_t l = 0; l < kFrames; ++l) {
-      const double t = static_cast<double>(kFrames - 1 - l) - 0.5 * (kFrames - 1);
-      scene.state.frames[l].observations[f].xy.x() += parallax_px * t * depth;
+      scene.state.frames[l].observations[f].xy.x() +=
+          own_px * std::sin(0.9 * static_cast<double>(l)) * size;
     }
   }
   JointFit fit;
@@ -83,34 +86,54 @@ TEST(EdgeOfNoise, IsWhereTheLargestSingularValueOfWhiteNoiseLies) {
 }
 
 TEST(AdaptRank, AddsWhatTheResidualsHaveInCommon) {
-  State state = PlaneModelOf(0.5);
-  const double before = MisfitOfFrame(state.frames.front(), state.features);
-  AdaptRank(state, 8);
-  EXPECT_EQ(state.rank, 3);
-  for (const Frame& frame : state.frames) EXPECT_EQ(frame.camera.cols(), 4);
-  for (const Feature& feature : state.features) {
-    EXPECT_EQ(feature.mean.size(), 5);
-    EXPECT_EQ(feature.covariance.rows(), 5);
+  for (const int rank : {2, 3}) {
+    State state = ModelOf(rank, 2.0);
+    const double before = MisfitOfFrame(state.frames[1], state.features);
+    AdaptRank(state, 8);
+    ASSERT_EQ(state.rank, rank + 1);
+    for (const Frame& frame : state.frames) EXPECT_EQ(frame.camera.cols(), rank + 2);
+    for (const Feature& feature : state.features) {
+      EXPECT_EQ(feature.mean.size(), rank + 3);
+      EXPECT_EQ(feature.covariance.rows(), rank + 3);
+    }
+    EXPECT_LT(MisfitOfFrame(state.frames[1], state.features), 0.5 * before) << "rank " << rank;
   }
-  EXPECT_LT(MisfitOfFrame(state.frames.front(), state.features), 0.5 * before);
 }
 
-TEST(AdaptRank, TakesNoNoiseForACoordinate) {
+// Below three noise may: a rigid scene has three anyway.
+TEST(AdaptRank, BeyondARigidScenesThreeTakesNoNoiseForACoordinate) {
   for (std::uint64_t seed = 1; seed <= 10; ++seed) {
-    State state = PlaneModelOf(0.0, seed);
+    State state = ModelOf(3, 0.0, seed);
     AdaptRank(state, 8);
-    EXPECT_EQ(state.rank, 2) << "seed " << seed;
+    EXPECT_EQ(state.rank, 3) << "seed " << seed;
+  }
+}
+
+TEST(AdaptRank, BeyondARigidScenesThreeAsksOnlyFeaturesThatWereObservedOften) {
+  for (const std::size_t observed : {5u, 12u}) {  // of twelve frames
+    constexpr std::size_t kOfBody = kFeatures / 3;
+    State state = ModelOf(3, 0.0);
+    const State body = ModelOf(3, 4.0, 1, kOfBody);
+    for (std::size_t l = 0; l < kFrames; ++l) {
+      for (std::size_t f = 0; f < kOfBody; ++f) {
+        state.frames[l].observations[f] =
+            l < observed ? body.frames[l].observations[f] : Observation{};
+      }
+    }
+    FitAllFeatures(state);
+    AdaptRank(state, 8);
+    EXPECT_EQ(state.rank, observed == 12 ? 4 : 3);
   }
 }
 
 TEST(AdaptRank, StaysAtTheRankThatIsAllowed) {
-  State state = PlaneModelOf(0.5);
+  State state = ModelOf(2, 2.0);
   AdaptRank(state, 2);
   EXPECT_EQ(state.rank, 2);
 }
 
 TEST(AdaptRank, NeedsTwoFeaturesACoordinate) {
-  State state = PlaneModelOf(0.5);
+  State state = ModelOf(2, 2.0);
   state.features.resize(5);
   for (Frame& frame : state.frames) frame.observations.resize(5);
   AdaptRank(state, 8);
