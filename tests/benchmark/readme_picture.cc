@@ -14,7 +14,7 @@
 #include <string>
 #include <vector>
 
-#include "datasets/readers/sequence.h"
+#include "datasets/open_sequence.h"
 #include "datasets/truth/track_truth.h"
 #include "frontend/core/error.h"
 #include "frontend/core/statistics.h"
