@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include "tests/support/plane_clip.h"
 #include "tests/support/synthetic_tracks.h"
 
 namespace cohort {
@@ -59,6 +60,93 @@ TEST_F(MovingPast, SomethingThatCrossesDoes) {
   };
   EXPECT_TRUE(Moves(20, crossing));
   EXPECT_FALSE(Moves(6, crossing)) << "six frames are too few to say";
+}
+
+// The first pass saw every feature in every frame; in one frame, something hides the left half.
+class SecondPassOfPlanes : public testing::Test {
+ protected:
+  static constexpr int kFrames = 12;
+  static constexpr int kHidden = 7;
+
+  SecondPassOfPlanes() : clip_(kFrames) {
+    clip_.Picture(kHidden).colRange(0, 160).setTo(40);
+    model_.camera = clip_.scene().camera();
+    model_.cam_from_world = clip_.TrueCamFromWorld();
+    file_.width_px = model_.camera.width_px;
+    file_.height_px = model_.camera.height_px;
+    for (int i = 0; i < kFrames; ++i) {
+      file_.frames.push_back({FrameIndex{static_cast<std::uint32_t>(i)}, "", 0});
+    }
+    std::vector<Observation> observations;
+    for (int y = 50; y < 200; y += 30) {
+      for (int x = 50; x < 290; x += 30) {
+        AddFeature(FeatureId{static_cast<std::uint32_t>(1000 * y + x)},
+                   {static_cast<double>(x), static_cast<double>(y)},
+                   observations);
+      }
+    }
+    file_.tracks = TrackSet::Build(std::move(observations));
+  }
+
+  // The point of the scene that xy shows in the middle of the clip.
+  void AddFeature(FeatureId feature,
+                  const Eigen::Vector2d& xy,
+                  std::vector<Observation>& observations) {
+    const auto point = clip_.scene().PointAt(test::PlaneScene::CamFromWorld(kFrames / 2), xy);
+    if (!point) return;
+    for (const auto& [frame, cam_from_world] : model_.cam_from_world) {
+      Observation& o = observations.emplace_back();
+      o.feature = feature;
+      o.frame = frame;
+      o.xy = *model_.camera.Project(cam_from_world * *point);
+    }
+    model_.points[feature].in_world = *point;
+  }
+
+  test::PlaneClip clip_;
+  Reconstruction model_;
+  TrackFile file_;
+};
+
+TEST_F(SecondPassOfPlanes, PredictsWhatIsHiddenAsUncertainAsTheMeanOfItsSightings) {
+  const SecondPass second = MeasureAgain(file_, model_, clip_, {}, {});
+  std::size_t predicted = 0;
+  for (const FeatureId feature : second.file.tracks.features()) {
+    Eigen::Matrix2d sum = Eigen::Matrix2d::Zero();
+    double sightings = 0.0;
+    const Observation* hidden = nullptr;
+    for (const Observation& o : second.file.tracks.Track(feature)) {
+      ASSERT_TRUE(o.covariance);
+      if (o.state == ObservationState::kObserved) {
+        sum += o.covariance->Matrix();
+        sightings += 1.0;
+      } else if (o.frame == FrameIndex{kHidden}) {
+        hidden = &o;
+      }
+    }
+    if (hidden == nullptr) continue;
+    ++predicted;
+    const Eigen::Matrix2d mean = sum / sightings;
+    EXPECT_LT((hidden->covariance->Matrix() - mean).norm(), 1e-4 * mean.norm()) << ToInt(feature);
+    const Eigen::Vector2d by_model = *model_.camera.Project(
+        model_.cam_from_world.at(hidden->frame) * model_.points.at(feature).in_world);
+    EXPECT_LT((hidden->xy - by_model).norm(), 1e-9) << ToInt(feature);
+  }
+  EXPECT_GE(predicted, 10u);
+  EXPECT_GT(second.figures.Confirmed(), 0.8);
+}
+
+TEST_F(SecondPassOfPlanes, MeasuresNothingBehindTheMask) {
+  cv::Mat mask(file_.height_px, file_.width_px, CV_8UC1, cv::Scalar(255));
+  mask.rowRange(0, 120).setTo(0);
+  const SecondPass second = MeasureAgain(file_, model_, clip_, mask, {});
+  ASSERT_FALSE(second.file.tracks.observations().empty());
+  for (const Observation& o : second.file.tracks.observations()) EXPECT_GT(o.xy.y(), 118.0);
+}
+
+TEST_F(SecondPassOfPlanes, RefusesAnotherClip) {
+  test::PlaneClip shorter(kFrames - 1);
+  EXPECT_THROW(MeasureAgain(file_, model_, shorter, {}, {}), Error);
 }
 
 }  // namespace

@@ -1,0 +1,110 @@
+#include "pipelines/sfm/model_predictions.h"
+
+#include <Eigen/LU>
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+namespace cohort {
+
+ModelPredictions::ModelPredictions(const TrackFile& file,
+                                   const Reconstruction& model,
+                                   const cv::Mat& mask,
+                                   double border_px,
+                                   double max_scale,
+                                   int template_frames)
+    : file_(file), model_(model), mask_(mask), border_px_(border_px), max_scale_(max_scale) {
+  for (const auto& [feature, point] : model.points) {
+    std::vector<FrameIndex> seen;
+    for (const Observation& observation : file.tracks.Track(feature)) {
+      if (IsObserved(observation) && model.cam_from_world.contains(observation.frame)) {
+        seen.push_back(observation.frame);
+      }
+    }
+    if (seen.empty()) continue;
+    const auto middle = static_cast<std::ptrdiff_t>(seen.size() / 2);
+    const auto half = static_cast<std::ptrdiff_t>(template_frames / 2);
+    const auto count = static_cast<std::ptrdiff_t>(seen.size());
+    const auto first = std::max<std::ptrdiff_t>(0, middle - half);
+    const auto end = std::min(count, first + template_frames);
+    for (auto i = first; i < end; ++i) template_features_[seen[i]].push_back(feature);
+    middle_[feature] = seen[middle];
+  }
+}
+
+std::vector<ModelPrediction> ModelPredictions::ForTemplates(FrameIndex frame) const {
+  std::vector<ModelPrediction> predictions;
+  const auto it = template_features_.find(frame);
+  if (it == template_features_.end()) return predictions;
+  for (const FeatureId feature : it->second) {
+    const auto xy = Project(model_.points.at(feature).in_world, frame);
+    const auto warp = Warp(feature, middle_.at(feature), frame);
+    if (xy && warp) predictions.push_back({feature, *xy, *warp});
+  }
+  return predictions;
+}
+
+std::vector<ModelPrediction> ModelPredictions::InSight(FrameIndex frame) const {
+  std::vector<ModelPrediction> predictions;
+  if (!model_.cam_from_world.contains(frame)) return predictions;
+  for (const auto& [feature, middle] : middle_) {
+    const auto xy = InPicture(feature, frame);
+    if (!xy) continue;
+    const auto warp = Warp(feature, middle, frame);
+    if (!warp) continue;
+    const double scale = std::sqrt(warp->determinant());
+    if (!(scale <= max_scale_ && scale >= 1.0 / max_scale_)) continue;
+    const Observation* observation = file_.tracks.Find(feature, frame);
+    predictions.push_back(
+        {feature, *xy, *warp, observation != nullptr && IsObserved(*observation)});
+  }
+  return predictions;
+}
+
+bool ModelPredictions::Knows(FeatureId feature, FrameIndex frame) const {
+  return middle_.contains(feature) && model_.cam_from_world.contains(frame);
+}
+
+std::optional<Eigen::Vector2d> ModelPredictions::InPicture(FeatureId feature,
+                                                           FrameIndex frame) const {
+  const auto xy = Project(model_.points.at(feature).in_world, frame);
+  if (!xy || !model_.camera.Contains(*xy, border_px_)) return std::nullopt;
+  if (!mask_.empty()) {
+    const auto x = static_cast<int>(std::lround(xy->x()));
+    const auto y = static_cast<int>(std::lround(xy->y()));
+    if (mask_.at<std::uint8_t>(y, x) == 0) return std::nullopt;
+  }
+  return xy;
+}
+
+std::optional<Eigen::Vector2d> ModelPredictions::Project(const Eigen::Vector3d& in_world,
+                                                         FrameIndex frame) const {
+  return model_.camera.Project(model_.cam_from_world.at(frame) * in_world);
+}
+
+std::optional<Eigen::Matrix2d> ModelPredictions::Warp(FeatureId feature,
+                                                      FrameIndex from,
+                                                      FrameIndex frame) const {
+  const Rigid3& cam_from_world = model_.cam_from_world.at(from);
+  const Eigen::Vector3d x = cam_from_world * model_.points.at(feature).in_world;
+  const auto xy = model_.camera.Project(x);
+  if (!xy) return std::nullopt;
+  constexpr double kStepPx = 4.0;
+  Eigen::Matrix2d warp;
+  for (int axis = 0; axis < 2; ++axis) {
+    std::array<Eigen::Vector2d, 2> ends;
+    for (int side = 0; side < 2; ++side) {
+      Eigen::Vector2d beside = *xy;
+      beside[axis] += side == 0 ? -kStepPx : kStepPx;
+      const Eigen::Vector3d on_patch = x.z() * model_.camera.Unproject(beside).homogeneous();
+      const auto end = Project(cam_from_world.Inverse() * on_patch, frame);
+      if (!end) return std::nullopt;
+      ends[side] = *end;
+    }
+    warp.col(axis) = (ends[1] - ends[0]) / (2.0 * kStepPx);
+  }
+  if (!(warp.determinant() > 0.0)) return std::nullopt;
+  return warp;
+}
+
+}  // namespace cohort
