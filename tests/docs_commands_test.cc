@@ -151,7 +151,7 @@ TEST_P(Document, HasCommandsThatRunAndPrintWhatItShows) {
                                         dir.path().string(),
                                         fs::path(COHORT_PROGRAM).parent_path().string());
   std::string printed;
-  std::size_t end_of_command = 0;
+  std::size_t end_of_command = std::string::npos;
   for (const Block& block : BlocksOf(document)) {
     if (block.kind == "text" && block.fence_begin == end_of_command) {
       // COHORT_UPDATE_DOCUMENTS=1 writes the table instead of checking it.
@@ -176,7 +176,7 @@ TEST_P(Document, HasCommandsThatRunAndPrintWhatItShows) {
     const test::ProgramEnd end = test::RunShell(shell + block.text);
     EXPECT_EQ(end.exit_code, 0) << block.text << end.err;
     printed = end.out;
-    end_of_command = block.end + 1;
+    end_of_command = block.end;
   }
 }
 
