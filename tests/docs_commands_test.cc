@@ -166,7 +166,12 @@ TEST_P(Document, HasCommandsThatRunAndPrintWhatItShows) {
       std::istringstream lines(block.text);
       for (std::string line; std::getline(lines, line);) {
         line = line.substr(0, line.find(" #"));
-        if (line.starts_with("$ ")) ExpectRuns(line.substr(2));
+        if (line.starts_with("$ cohort ")) {
+          const test::ProgramEnd end = test::RunShell(shell + line.substr(2));
+          EXPECT_EQ(end.exit_code, 0) << line << "\n" << end.err;
+        } else if (line.starts_with("$ ")) {
+          ExpectRuns(line.substr(2));
+        }
       }
     }
     if (block.kind != "sh") continue;
