@@ -107,6 +107,48 @@ double ParabolaPeak(float left, float middle, float right) {
   return std::clamp(0.5 * (left - right) / curvature, -0.5, 0.5);
 }
 
+// Local maxima of 3 x 3 that stand out of the picture and of its noise, the strongest first.
+std::vector<Candidate> StrongestFirst(const cv::Mat& gray,
+                                      const cv::Mat& strength,
+                                      const cv::Mat& mask,
+                                      int border,
+                                      double min_over_noise) {
+  std::vector<Candidate> candidates;
+  float strongest = 0.0F;
+  for (int y = border; y < strength.rows - border; ++y) {
+    const float* above = strength.ptr<float>(y - 1);
+    const float* row = strength.ptr<float>(y);
+    const float* below = strength.ptr<float>(y + 1);
+    const std::uint8_t* allowed = mask.empty() ? nullptr : mask.ptr<std::uint8_t>(y);
+    for (int x = border; x < strength.cols - border; ++x) {
+      if (allowed != nullptr && allowed[x] == 0) continue;
+      const float s = row[x];
+      strongest = std::max(strongest, s);
+      // ">=" on one side and ">" on the other: of equal neighbours one remains.
+      if (s > row[x - 1] && s >= row[x + 1] && s > above[x - 1] && s > above[x] &&
+          s > above[x + 1] && s >= below[x - 1] && s >= below[x] && s >= below[x + 1]) {
+        candidates.push_back({s, x, y});
+      }
+    }
+  }
+  const float floor = std::max(
+      static_cast<float>(kQuality) * strongest,
+      static_cast<float>(min_over_noise) * NoiseStrength(gray, strength, kDenoiseSigmaPx, border));
+  std::erase_if(candidates, [&](const Candidate& c) { return c.strength <= floor; });
+  std::sort(candidates.begin(), candidates.end(), [](const Candidate& a, const Candidate& b) {
+    if (a.strength != b.strength) return a.strength > b.strength;
+    return std::pair(a.y, a.x) < std::pair(b.y, b.x);
+  });
+  return candidates;
+}
+
+// To sub-pixel.
+Eigen::Vector2d Refined(const Candidate& c, const cv::Mat& strength) {
+  const auto at = [&](int x, int y) { return strength.at<float>(y, x); };
+  return {c.x + ParabolaPeak(at(c.x - 1, c.y), c.strength, at(c.x + 1, c.y)),
+          c.y + ParabolaPeak(at(c.x, c.y - 1), c.strength, at(c.x, c.y + 1))};
+}
+
 }  // namespace
 
 std::vector<Eigen::Vector2d> DetectCorners(const cv::Mat& gray,
@@ -126,34 +168,8 @@ std::vector<Eigen::Vector2d> DetectCorners(const cv::Mat& gray,
   cv::Mat strength;
   cv::cornerMinEigenVal(denoised, strength, kBlockPx, 3);
 
-  // Local maxima of 3x3, above a share of the strongest.
-  const int border = std::max(border_px, 1);
-  std::vector<Candidate> candidates;
-  float strongest = 0.0F;
-  for (int y = border; y < height - border; ++y) {
-    const float* above = strength.ptr<float>(y - 1);
-    const float* row = strength.ptr<float>(y);
-    const float* below = strength.ptr<float>(y + 1);
-    const std::uint8_t* allowed = mask.empty() ? nullptr : mask.ptr<std::uint8_t>(y);
-    for (int x = border; x < width - border; ++x) {
-      if (allowed != nullptr && allowed[x] == 0) continue;
-      const float s = row[x];
-      strongest = std::max(strongest, s);
-      // ">=" on one side and ">" on the other: of equal neighbours one remains.
-      if (s > row[x - 1] && s >= row[x + 1] && s > above[x - 1] && s > above[x] &&
-          s > above[x + 1] && s >= below[x - 1] && s >= below[x] && s >= below[x + 1]) {
-        candidates.push_back({s, x, y});
-      }
-    }
-  }
-  const float floor = std::max(static_cast<float>(kQuality) * strongest,
-                               static_cast<float>(options.min_over_noise) *
-                                   NoiseStrength(gray, strength, kDenoiseSigmaPx, border));
-  std::erase_if(candidates, [&](const Candidate& c) { return c.strength <= floor; });
-  std::sort(candidates.begin(), candidates.end(), [](const Candidate& a, const Candidate& b) {
-    if (a.strength != b.strength) return a.strength > b.strength;
-    return std::pair(a.y, a.x) < std::pair(b.y, b.x);
-  });
+  const std::vector<Candidate> candidates =
+      StrongestFirst(gray, strength, mask, std::max(border_px, 1), options.min_over_noise);
 
   OccupiedGrid taken(width, height, options.min_distance_px);
   constexpr int columns = kGridColumns;
@@ -177,12 +193,7 @@ std::vector<Eigen::Vector2d> DetectCorners(const cv::Mat& gray,
       if (corners.size() >= wanted) return corners;
       int& count = in_cell[cell_of(c.x, c.y)];
       if (limited && count >= share) continue;
-      const Eigen::Vector2d xy(
-          c.x + ParabolaPeak(
-                    strength.at<float>(c.y, c.x - 1), c.strength, strength.at<float>(c.y, c.x + 1)),
-          c.y + ParabolaPeak(strength.at<float>(c.y - 1, c.x),
-                             c.strength,
-                             strength.at<float>(c.y + 1, c.x)));
+      const Eigen::Vector2d xy = Refined(c, strength);
       if (!taken.IsFree(xy)) continue;  // in the second pass: also what the first took
       taken.Add(xy);
       corners.push_back(xy);

@@ -110,6 +110,59 @@ Eigen::MatrixXd LeadingCoordinates(const TrajectoryMatrix& trajectories, int ran
   return V;
 }
 
+// One Newton step of all features together (optimizer.h), 2 x F: K, J_f, A and v_f are named there,
+// V's columns are the v_f. Eliminating s_f = D_f^-1 (K A v_f - g_f), D_f = J_f + K, leaves
+//   sum_f (K - K D_f^-1 K) A v_f v_f' = -sum_f K D_f^-1 g_f v_f'.
+Eigen::Matrix2Xd JointStep(const TotalEnergy& energy,
+                           const Eigen::Matrix2Xd& x,
+                           const Eigen::MatrixXd& V) {
+  const Eigen::Index F = x.cols();
+  const Eigen::Index r = V.rows();
+  const TrajectoryMatrix& trajectories = *energy.trajectories();
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(trajectories.Gram(x));
+  const Eigen::MatrixXd& U = eigen.eigenvectors();
+  const Eigen::VectorXd h = energy.penalty()->Weights(eigen.eigenvalues());
+  Eigen::Matrix2Xd gradient = trajectories.TopRowsOfProduct(U * h.asDiagonal() * U.transpose(), x);
+  const Eigen::MatrixXd top = U.topRows(2);
+  Eigen::Matrix2d K = top * h.cwiseMax(0.0).asDiagonal() * top.transpose();
+  K += (1e-6 * K.trace() + 1e-300) * Eigen::Matrix2d::Identity();
+
+  std::vector<Eigen::Matrix2d> D_inverse(static_cast<std::size_t>(F));
+  Eigen::MatrixXd S = Eigen::MatrixXd::Zero(2 * r, 2 * r);
+  Eigen::VectorXd rhs = Eigen::VectorXd::Zero(2 * r);
+  for (Eigen::Index f = 0; f < F; ++f) {
+    Eigen::Matrix2d D = K;
+    const double weight = energy.data_weights()[f];
+    if (weight > 0.0) {
+      const PatchQuadratic q = PatchEnergyQuadratic(
+          energy.picture(), x.col(f), energy.patch(f), energy.patch_side(), 0.01);
+      gradient.col(f) += weight * q.gradient;
+      D += weight * q.hessian;
+    }
+    const Eigen::Matrix2d inverse = D.inverse();
+    const Eigen::Matrix2d KD = K * inverse;
+    const Eigen::Matrix2d schur = K - KD * K;
+    const Eigen::Vector2d b = -KD * gradient.col(f);
+    for (Eigen::Index p = 0; p < r; ++p) {
+      rhs.segment<2>(2 * p) += V(p, f) * b;
+      for (Eigen::Index q = 0; q <= p; ++q) {
+        S.block<2, 2>(2 * p, 2 * q) += V(p, f) * V(q, f) * schur;
+      }
+    }
+    D_inverse[static_cast<std::size_t>(f)] = inverse;
+  }
+  S = S.selfadjointView<Eigen::Lower>();
+  S.diagonal().array() += 1e-9 * S.trace() + 1e-300;
+  const Eigen::VectorXd A = S.ldlt().solve(rhs);
+  Eigen::Matrix2Xd step(2, F);
+  for (Eigen::Index f = 0; f < F; ++f) {
+    Eigen::Vector2d Av = Eigen::Vector2d::Zero();
+    for (Eigen::Index p = 0; p < r; ++p) Av += V(p, f) * A.segment<2>(2 * p);
+    step.col(f) = D_inverse[static_cast<std::size_t>(f)] * (K * Av - gradient.col(f));
+  }
+  return step;
+}
+
 }  // namespace
 
 OptimizerResult MinimizeJointly(const TotalEnergy& energy,
@@ -117,61 +170,13 @@ OptimizerResult MinimizeJointly(const TotalEnergy& energy,
                                 int rank,
                                 int max_iterations) {
   Check(energy.penalty() != nullptr, "MinimizeJointly needs a penalty");
-  const Eigen::Index F = x.cols();
-  const int n = energy.patch_side();
-  const TrajectoryMatrix& trajectories = *energy.trajectories();
-  const Eigen::MatrixXd V = LeadingCoordinates(trajectories, rank);
-  const Eigen::Index r = V.rows();
-
+  const Eigen::MatrixXd V = LeadingCoordinates(*energy.trajectories(), rank);
   OptimizerResult result;
   result.energy = energy.Value(x);
   for (int i = 0; i < max_iterations; ++i) {
-    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(trajectories.Gram(x));
-    const Eigen::MatrixXd& U = eigen.eigenvectors();
-    const Eigen::VectorXd h = energy.penalty()->Weights(eigen.eigenvalues());
-    Eigen::Matrix2Xd gradient =
-        trajectories.TopRowsOfProduct(U * h.asDiagonal() * U.transpose(), x);
-    const Eigen::MatrixXd top = U.topRows(2);
-    Eigen::Matrix2d K = top * h.cwiseMax(0.0).asDiagonal() * top.transpose();
-    K += (1e-6 * K.trace() + 1e-300) * Eigen::Matrix2d::Identity();
-
-    // s_f = D_f^-1 (K A v_f - g_f) with D_f = J_f + K; then sum_f (K - K D_f^-1 K) A v_f v_f' =
-    // -sum_f K D_f^-1 g_f v_f'.
-    std::vector<Eigen::Matrix2d> D_inverse(static_cast<std::size_t>(F));
-    Eigen::MatrixXd S = Eigen::MatrixXd::Zero(2 * r, 2 * r);
-    Eigen::VectorXd rhs = Eigen::VectorXd::Zero(2 * r);
-    for (Eigen::Index f = 0; f < F; ++f) {
-      Eigen::Matrix2d D = K;
-      const double weight = energy.data_weights()[f];
-      if (weight > 0.0) {
-        const PatchQuadratic q =
-            PatchEnergyQuadratic(energy.picture(), x.col(f), energy.patch(f), n, 0.01);
-        gradient.col(f) += weight * q.gradient;
-        D += weight * q.hessian;
-      }
-      const Eigen::Matrix2d inverse = D.inverse();
-      const Eigen::Matrix2d KD = K * inverse;
-      const Eigen::Matrix2d schur = K - KD * K;
-      const Eigen::Vector2d b = -KD * gradient.col(f);
-      for (Eigen::Index p = 0; p < r; ++p) {
-        rhs.segment<2>(2 * p) += V(p, f) * b;
-        for (Eigen::Index q = 0; q <= p; ++q) {
-          S.block<2, 2>(2 * p, 2 * q) += V(p, f) * V(q, f) * schur;
-        }
-      }
-      D_inverse[static_cast<std::size_t>(f)] = inverse;
-    }
-    S = S.selfadjointView<Eigen::Lower>();
-    S.diagonal().array() += 1e-9 * S.trace() + 1e-300;
-    const Eigen::VectorXd A = S.ldlt().solve(rhs);
-    Eigen::Matrix2Xd step(2, F);
-    for (Eigen::Index f = 0; f < F; ++f) {
-      Eigen::Vector2d Av = Eigen::Vector2d::Zero();
-      for (Eigen::Index p = 0; p < r; ++p) Av += V(p, f) * A.segment<2>(2 * p);
-      step.col(f) = D_inverse[static_cast<std::size_t>(f)] * (K * Av - gradient.col(f));
-    }
+    Eigen::Matrix2Xd step = JointStep(energy, x, V);
     if (!step.allFinite()) break;
-    for (Eigen::Index f = 0; f < F; ++f) {
+    for (Eigen::Index f = 0; f < x.cols(); ++f) {
       const double norm = step.col(f).norm();
       if (norm > kMaxStepPx) step.col(f) *= kMaxStepPx / norm;
     }
