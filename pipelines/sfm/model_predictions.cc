@@ -6,14 +6,19 @@
 #include <cmath>
 
 namespace cohort {
+namespace {
+
+// Both chosen by eye on the tuning clips.
+constexpr double kBorderPx = 5.0;  // nothing is measured nearer to the image border
+constexpr double kMaxScale = 2.0;  // nor where it looks so much larger or smaller than its template
+
+}  // namespace
 
 ModelPredictions::ModelPredictions(const TrackFile& file,
                                    const Reconstruction& model,
                                    const cv::Mat& mask,
-                                   double border_px,
-                                   double max_scale,
                                    int template_frames)
-    : file_(file), model_(model), mask_(mask), border_px_(border_px), max_scale_(max_scale) {
+    : file_(file), model_(model), mask_(mask) {
   for (const auto& [feature, point] : model.points) {
     std::vector<FrameIndex> seen;
     for (const Observation& observation : file.tracks.Track(feature)) {
@@ -53,7 +58,7 @@ std::vector<ModelPrediction> ModelPredictions::InSight(FrameIndex frame) const {
     const auto warp = Warp(feature, middle, frame);
     if (!warp) continue;
     const double scale = std::sqrt(warp->determinant());
-    if (!(scale <= max_scale_ && scale >= 1.0 / max_scale_)) continue;
+    if (!(scale <= kMaxScale && scale >= 1.0 / kMaxScale)) continue;
     const Observation* observation = file_.tracks.Find(feature, frame);
     predictions.push_back(
         {feature, *xy, *warp, observation != nullptr && IsObserved(*observation)});
@@ -68,7 +73,7 @@ bool ModelPredictions::Knows(FeatureId feature, FrameIndex frame) const {
 std::optional<Eigen::Vector2d> ModelPredictions::InPicture(FeatureId feature,
                                                            FrameIndex frame) const {
   const auto xy = Project(model_.points.at(feature).in_world, frame);
-  if (!xy || !model_.camera.Contains(*xy, border_px_)) return std::nullopt;
+  if (!xy || !model_.camera.Contains(*xy, kBorderPx)) return std::nullopt;
   if (!mask_.empty()) {
     const auto x = static_cast<int>(std::lround(xy->x()));
     const auto y = static_cast<int>(std::lround(xy->y()));

@@ -18,12 +18,10 @@ inline bool IsObserved(const Observation& o) { return o.state == ObservationStat
 // template is of the `template_frames` frames around the middle of those that observed it.
 class ModelPredictions {
  public:
-  // `border_px`, `max_scale`: SecondPassOptions. All but numbers must outlive this.
+  // Nothing is in sight where `mask` (may be empty) is black. All but the number must outlive this.
   ModelPredictions(const TrackFile& file,
                    const Reconstruction& model,
                    const cv::Mat& mask,
-                   double border_px,
-                   double max_scale,
                    int template_frames);
 
   // Of the features whose template the frame is to enter.
@@ -43,8 +41,6 @@ class ModelPredictions {
   const TrackFile& file_;
   const Reconstruction& model_;
   const cv::Mat& mask_;
-  double border_px_;
-  double max_scale_;
   std::map<FeatureId, FrameIndex> middle_;  // whose view the template is
   std::map<FrameIndex, std::vector<FeatureId>> template_features_;
 };

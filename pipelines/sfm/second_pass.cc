@@ -161,8 +161,7 @@ SecondPass MeasureAgain(const TrackFile& file,
                         const cv::Mat& mask,
                         const SecondPassOptions& options,
                         const StageProgress& progress) {
-  const ModelPredictions predictions(
-      file, model, mask, options.border_px, options.max_scale, options.measurement.template_frames);
+  const ModelPredictions predictions(file, model, mask, options.measurement.template_frames);
   SecondPassMeasurer measurer(options.measurement);
   ForEachFrame(file, sequence, "learn", progress, [&](const Frame& frame) {
     measurer.Learn(frame, predictions.ForTemplates(frame.index));

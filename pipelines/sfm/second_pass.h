@@ -18,8 +18,6 @@ inline constexpr ChoiceNames<SecondPassMode, 3> kSecondPassModeNames{
 
 struct SecondPassOptions {
   SecondPassMode mode = SecondPassMode::kAuto;
-  double border_px = 5.0;
-  double max_scale = 2.0;
   double min_confirmed = 0.78;
   bool drop_movers = true;
   SecondPassMeasurementOptions measurement;
@@ -40,12 +38,6 @@ struct SecondPassOptions {
   // All but the mode, for who has decided already.
   template <typename Self, typename Visitor>
   static void VisitMeasurement(Self& o, Visitor& v) {
-    v.Number("border_px", o.border_px, 0.0, 100.0, "not measured nearer to the image border [px]");
-    v.Number("max_scale",
-             o.max_scale,
-             1.0,
-             100.0,
-             "not measured where the feature looks larger or smaller than its template by this");
     v.Number("min_confirmed",
              o.min_confirmed,
              0.0,
