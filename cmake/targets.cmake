@@ -1,6 +1,7 @@
 # Every library is declared by cohort_add_library, so that warnings, sanitizers and the include
 # root are the same everywhere:
-#   cohort_add_library(tracks SOURCES a.cc PUBLIC cohort::core PRIVATE SQLite::SQLite3)
+#   cohort_add_library(tracks SOURCES a.cc PUBLIC cohort::core PRIVATE SQLite::SQLite3
+#                      PRECOMPILE <opencv2/core.hpp>)
 # With INSTALL it is among those of cmake/install.cmake; so must be what it links of ours.
 add_library(cohort_build_flags INTERFACE)
 target_compile_options(cohort_build_flags INTERFACE -Wall -Wextra)
@@ -21,8 +22,23 @@ target_include_directories(cohort_opencv SYSTEM INTERFACE $<BUILD_INTERFACE:${Op
 target_link_libraries(cohort_opencv INTERFACE ${OpenCV_LIBS})
 set_target_properties(cohort_opencv PROPERTIES EXPORT_NAME opencv)
 
+# Parsing the same headers is most of a build: where a target has many sources they are parsed once.
+# Only headers of others; every file still includes what it uses.
+function(cohort_precompile target)
+  get_target_property(sources ${target} SOURCES)
+  list(LENGTH sources count)
+  if(NOT COHORT_PRECOMPILE OR count LESS 6)
+    return()
+  endif()
+  target_precompile_headers(${target} PRIVATE
+    <algorithm> <cmath> <filesystem> <functional> <map> <optional> <set> <span> <string> <vector>
+    <fmt/format.h> <Eigen/Cholesky> <Eigen/Core> <Eigen/Eigenvalues> <Eigen/Geometry> <Eigen/LU> ${ARGN})
+  # What ccache asks of GCC, beside its own sloppiness = pch_defines,time_macros.
+  target_compile_options(${target} PRIVATE $<$<CXX_COMPILER_ID:GNU>:-fpch-preprocess>)
+endfunction()
+
 function(cohort_add_library name)
-  cmake_parse_arguments(ARG "INSTALL" "" "SOURCES;PUBLIC;PRIVATE" ${ARGN})
+  cmake_parse_arguments(ARG "INSTALL" "" "SOURCES;PUBLIC;PRIVATE;PRECOMPILE" ${ARGN})
   add_library(cohort_${name} STATIC ${ARG_SOURCES})
   add_library(cohort::${name} ALIAS cohort_${name})
   target_compile_features(cohort_${name} PUBLIC cxx_std_20)
@@ -32,6 +48,7 @@ function(cohort_add_library name)
   target_link_libraries(cohort_${name} PUBLIC ${ARG_PUBLIC}
                         PRIVATE $<BUILD_INTERFACE:cohort_build_flags> ${ARG_PRIVATE})
   set_target_properties(cohort_${name} PROPERTIES EXPORT_NAME ${name})
+  cohort_precompile(cohort_${name} ${ARG_PRECOMPILE})
   if(ARG_INSTALL)
     set_property(GLOBAL APPEND PROPERTY COHORT_INSTALLED_LIBRARIES cohort_${name})
   endif()
@@ -46,6 +63,7 @@ function(cohort_add_tests name)
   endif()
   add_executable(${name}_test ${ARG_SOURCES})
   target_link_libraries(${name}_test PRIVATE cohort_build_flags cohort_test_support ${ARG_LIBRARIES})
+  cohort_precompile(${name}_test <gmock/gmock.h> <gtest/gtest.h>)
   gtest_discover_tests(${name}_test PROPERTIES LABELS ${ARG_LABEL} TIMEOUT ${ARG_TIMEOUT}
                        DISCOVERY_TIMEOUT 60)
 endfunction()

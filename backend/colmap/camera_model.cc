@@ -1,5 +1,7 @@
 #include "backend/colmap/camera_model.h"
 
+#include <fmt/ranges.h>
+
 #include <array>
 
 #include "frontend/core/error.h"
@@ -7,85 +9,108 @@
 namespace cohort {
 namespace {
 
+using Coefficients = std::vector<double Camera::*>;
+
 struct ModelRow {
-  ColmapCameraModel model;
+  ColmapCameraModel colmap;
   const char* name;
-  std::size_t parameters;
+  CameraModel model;
+  bool two_focals;
+  Coefficients coefficients;  // in COLMAP's order, behind the focal lengths and cx, cy
+
+  std::size_t Parameters() const { return (two_focals ? 4 : 3) + coefficients.size(); }
 };
-constexpr std::array<ModelRow, 5> kModels{{
-    {ColmapCameraModel::kSimplePinhole, "SIMPLE_PINHOLE", 3},
-    {ColmapCameraModel::kPinhole, "PINHOLE", 4},
-    {ColmapCameraModel::kSimpleRadial, "SIMPLE_RADIAL", 4},
-    {ColmapCameraModel::kRadial, "RADIAL", 5},
-    {ColmapCameraModel::kOpencv, "OPENCV", 8},
-}};
+
+const std::array<ModelRow, 9>& Rows() {
+  using C = Camera;
+  using M = ColmapCameraModel;
+  constexpr auto kPinhole = CameraModel::kPinhole;
+  constexpr auto kFisheye = CameraModel::kFisheye;
+  static const Coefficients full{&C::k1, &C::k2, &C::p1, &C::p2, &C::k3, &C::k4, &C::k5, &C::k6};
+  static const std::array<ModelRow, 9> rows{{
+      {M::kSimplePinhole, "SIMPLE_PINHOLE", kPinhole, false, {}},
+      {M::kPinhole, "PINHOLE", kPinhole, true, {}},
+      {M::kSimpleRadial, "SIMPLE_RADIAL", kPinhole, false, {&C::k1}},
+      {M::kRadial, "RADIAL", kPinhole, false, {&C::k1, &C::k2}},
+      {M::kOpencv, "OPENCV", kPinhole, true, {&C::k1, &C::k2, &C::p1, &C::p2}},
+      {M::kOpencvFisheye, "OPENCV_FISHEYE", kFisheye, true, {&C::k1, &C::k2, &C::k3, &C::k4}},
+      {M::kFullOpencv, "FULL_OPENCV", kPinhole, true, full},
+      {M::kSimpleRadialFisheye, "SIMPLE_RADIAL_FISHEYE", kFisheye, false, {&C::k1}},
+      {M::kRadialFisheye, "RADIAL_FISHEYE", kFisheye, false, {&C::k1, &C::k2}},
+  }};
+  return rows;
+}
+
+[[noreturn]] void ThrowUnsupported(const std::string& model) {
+  std::vector<const char*> names;
+  for (const ModelRow& row : Rows()) names.push_back(row.name);
+  ThrowError(
+      "COLMAP camera model {} is not supported: use one of {}", model, fmt::join(names, ", "));
+}
 
 const ModelRow& Row(ColmapCameraModel model) {
-  for (const ModelRow& row : kModels) {
-    if (row.model == model) return row;
+  for (const ModelRow& row : Rows()) {
+    if (row.colmap == model) return row;
   }
-  ThrowError(
-      "COLMAP camera model {} is not supported: use one of SIMPLE_PINHOLE, PINHOLE, "
-      "SIMPLE_RADIAL, RADIAL, OPENCV",
-      static_cast<int>(model));
+  ThrowUnsupported(fmt::format("{}", static_cast<int>(model)));
+}
+
+ColmapCameraModel SmallestModel(const Camera& camera) {
+  if (camera.model == CameraModel::kFisheye) return ColmapCameraModel::kOpencvFisheye;
+  if (!camera.HasAtMostFourCoefficients()) return ColmapCameraModel::kFullOpencv;
+  if (!camera.known) return ColmapCameraModel::kSimpleRadial;
+  return camera.HasDistortion() ? ColmapCameraModel::kOpencv : ColmapCameraModel::kPinhole;
 }
 
 }  // namespace
 
 std::string ColmapModelName(ColmapCameraModel model) { return Row(model).name; }
 
-std::size_t ColmapParameterCount(ColmapCameraModel model) { return Row(model).parameters; }
+std::size_t ColmapParameterCount(ColmapCameraModel model) { return Row(model).Parameters(); }
 
 ColmapCameraModel ColmapModelFromName(const std::string& name) {
-  for (const ModelRow& row : kModels) {
-    if (name == row.name) return row.model;
+  for (const ModelRow& row : Rows()) {
+    if (name == row.name) return row.colmap;
   }
-  ThrowError(
-      "COLMAP camera model {} is not supported: use one of SIMPLE_PINHOLE, PINHOLE, "
-      "SIMPLE_RADIAL, RADIAL, OPENCV",
-      name);
+  ThrowUnsupported(name);
 }
 
 ColmapCamera ToColmapCamera(const Camera& camera) {
   ColmapCamera result;
+  result.model = SmallestModel(camera);
   result.width_px = camera.width_px;
   result.height_px = camera.height_px;
   result.prior_focal_length = camera.known;
-  const double cx = camera.cx + kColmapPixelShift;
-  const double cy = camera.cy + kColmapPixelShift;
-  if (!camera.known) {
-    result.model = ColmapCameraModel::kSimpleRadial;
-    result.params = {0.5 * (camera.fx + camera.fy), cx, cy, camera.k1};
-  } else if (camera.HasDistortion()) {
-    result.model = ColmapCameraModel::kOpencv;
-    result.params = {camera.fx, camera.fy, cx, cy, camera.k1, camera.k2, camera.p1, camera.p2};
+  const ModelRow& row = Row(result.model);
+  if (row.two_focals) {
+    result.params = {camera.fx, camera.fy};
   } else {
-    result.model = ColmapCameraModel::kPinhole;
-    result.params = {camera.fx, camera.fy, cx, cy};
+    result.params = {0.5 * (camera.fx + camera.fy)};
   }
+  result.params.push_back(camera.cx + kColmapPixelShift);
+  result.params.push_back(camera.cy + kColmapPixelShift);
+  for (const auto coefficient : row.coefficients) result.params.push_back(camera.*coefficient);
   return result;
 }
 
 Camera FromColmapCamera(const ColmapCamera& colmap) {
   const ModelRow& row = Row(colmap.model);
   const std::vector<double>& p = colmap.params;
-  if (p.size() != row.parameters) {
+  if (p.size() != row.Parameters()) {
     ThrowError(
-        "COLMAP camera {} has {} parameters instead of {}", row.name, p.size(), row.parameters);
+        "COLMAP camera {} has {} parameters instead of {}", row.name, p.size(), row.Parameters());
   }
   Camera camera;
+  camera.model = row.model;
   camera.width_px = colmap.width_px;
   camera.height_px = colmap.height_px;
   camera.known = colmap.prior_focal_length;
-  const bool two_focals =
-      colmap.model == ColmapCameraModel::kPinhole || colmap.model == ColmapCameraModel::kOpencv;
-  const std::size_t next = two_focals ? 2 : 1;
+  std::size_t next = row.two_focals ? 2 : 1;
   camera.fx = p[0];
-  camera.fy = two_focals ? p[1] : p[0];
-  camera.cx = p[next] - kColmapPixelShift;
-  camera.cy = p[next + 1] - kColmapPixelShift;
-  double* const distortion[] = {&camera.k1, &camera.k2, &camera.p1, &camera.p2};
-  for (std::size_t i = next + 2; i < p.size(); ++i) *distortion[i - next - 2] = p[i];
+  camera.fy = p[next - 1];
+  camera.cx = p[next++] - kColmapPixelShift;
+  camera.cy = p[next++] - kColmapPixelShift;
+  for (const auto coefficient : row.coefficients) camera.*coefficient = p[next++];
   return camera;
 }
 

@@ -12,11 +12,15 @@ namespace cohort {
 inline constexpr double kColmapPixelShift = 0.5;
 
 enum class ColmapCameraModel : std::int32_t {
-  kSimplePinhole = 0,  // f cx cy
-  kPinhole = 1,        // fx fy cx cy
-  kSimpleRadial = 2,   // f cx cy k
-  kRadial = 3,         // f cx cy k1 k2
-  kOpencv = 4,         // fx fy cx cy k1 k2 p1 p2
+  kSimplePinhole = 0,        // f cx cy
+  kPinhole = 1,              // fx fy cx cy
+  kSimpleRadial = 2,         // f cx cy k1
+  kRadial = 3,               // f cx cy k1 k2
+  kOpencv = 4,               // fx fy cx cy k1 k2 p1 p2
+  kOpencvFisheye = 5,        // fx fy cx cy k1 k2 k3 k4
+  kFullOpencv = 6,           // fx fy cx cy k1 k2 p1 p2 k3 k4 k5 k6
+  kSimpleRadialFisheye = 8,  // f cx cy k1
+  kRadialFisheye = 9,        // f cx cy k1 k2
 };
 
 // A row of COLMAP's cameras, in its pixels.
@@ -28,7 +32,8 @@ struct ColmapCamera {
   bool prior_focal_length = true;  // calibrated
 };
 
-// PINHOLE, with distortion OPENCV; a guessed camera SIMPLE_RADIAL without prior focal length.
+// PINHOLE, with distortion OPENCV, with k3 to k6 FULL_OPENCV, a fisheye OPENCV_FISHEYE. A guessed
+// camera has no prior focal length and is SIMPLE_RADIAL instead of PINHOLE and OPENCV.
 ColmapCamera ToColmapCamera(const Camera& camera);
 // As `known`. Throws Error on a model or a number of parameters that is not one of the above.
 Camera FromColmapCamera(const ColmapCamera& camera);

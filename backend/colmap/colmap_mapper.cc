@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <chrono>
 #include <optional>
 
 #include "backend/colmap/model_io.h"
@@ -11,6 +10,7 @@
 #include "backend/scene/initial_pair.h"
 #include "frontend/core/output.h"
 #include "frontend/core/statistics.h"
+#include "frontend/core/stopwatch.h"
 
 namespace cohort {
 namespace {
@@ -19,16 +19,6 @@ namespace fs = std::filesystem;
 using Arguments = std::vector<ColmapArgument>;
 
 constexpr double kMaxReprojectionPx = 4.0;  // COLMAP's own default, also passed to it
-
-class Stopwatch {
- public:
-  double Seconds() const {
-    return std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
-  }
-
- private:
-  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
-};
 
 template <typename T>
 ColmapArgument Argument(std::string name, const T& value) {

@@ -615,6 +615,7 @@ const std::vector<std::string>& ModelFolderNames() {
                                               "tracks_without_point.csv",
                                               "camera_covariances.csv",
                                               "point_covariances.csv",
+                                              "other_parts",
                                               "colmap"};
   return names;
 }

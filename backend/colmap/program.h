@@ -7,6 +7,8 @@
 #include <string>
 #include <vector>
 
+#include "frontend/core/child_process.h"
+
 namespace cohort {
 
 // An option of a colmap command under all names it has had; the installed program says which it
@@ -17,15 +19,7 @@ struct ColmapArgument {
   bool required = false;
 };
 
-struct ProgramEnd {
-  int exit_code = 0;
-  int signal = 0;  // that ended it; 0: none
-
-  std::string Brief() const;  // "exit code 1", "killed by signal 9"
-};
-
-// The installed COLMAP: the only other program we run. Without a shell, without standard input,
-// without a display; it dies with us.
+// The installed COLMAP, run as child_process.h says.
 class ColmapProgram {
  public:
   // A path, or a name looked up in PATH. Throws Error saying how to get COLMAP where there is none

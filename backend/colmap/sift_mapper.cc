@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <chrono>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 #include <vector>
@@ -13,6 +12,7 @@
 #include "backend/colmap/program.h"
 #include "frontend/core/output.h"
 #include "frontend/core/statistics.h"
+#include "frontend/core/stopwatch.h"
 
 namespace cohort {
 namespace {
@@ -177,7 +177,7 @@ ColmapResult ReconstructWithSift(const TrackFile& clip,
                                  const fs::path& work_dir) {
   ValidateOptions(sift);
   ValidateOptions(options);
-  const auto started = std::chrono::steady_clock::now();
+  const Stopwatch stopwatch;
   ColmapProgram program(options.program);
   fs::remove_all(work_dir);
   const fs::path images = work_dir / "images";
@@ -221,8 +221,7 @@ ColmapResult ReconstructWithSift(const TrackFile& clip,
   fs::remove(database);
 
   result.summary = Summarize(result.reconstruction, clip.frames.size());
-  result.summary.seconds =
-      std::chrono::duration<double>(std::chrono::steady_clock::now() - started).count();
+  result.summary.seconds = stopwatch.Seconds();
   result.colmap_seconds = result.summary.seconds;
   result.summary.termination =
       best ? fmt::format("COLMAP {} with its own SIFT features", program.version())

@@ -12,7 +12,8 @@ namespace cohort {
 
 void WriteBal(const std::filesystem::path& path, const Reconstruction& reconstruction) {
   const Camera& camera = reconstruction.camera;
-  const bool radial = camera.fx == camera.fy && camera.p1 == 0.0 && camera.p2 == 0.0;
+  const bool radial = camera.fx == camera.fy && camera.p1 == 0.0 && camera.p2 == 0.0 &&
+                      camera.HasAtMostFourCoefficients();
   std::map<FrameIndex, std::size_t> number;
   for (const auto& [frame, pose] : reconstruction.cam_from_world) {
     number.emplace(frame, number.size());

@@ -12,8 +12,8 @@ namespace cohort {
 // point, one a line. Cameras and points are in the order of frames and features. The camera looks
 // along -z, x is to the right and y up, the origin is the principal point:
 //   P = R X + t,  p = -(Px, Py) / Pz,  (x, y) = f (1 + k1 |p|^2 + k2 |p|^4) p.
-// BAL has one focal length and radial distortion only: where the camera has more, the observations
-// are written undistorted, and f = fx. Whole or not at all.
+// BAL has one focal length, k1 and k2 only: where the camera has more, or is a fisheye, the
+// observations are written undistorted, and f = fx. Whole or not at all.
 void WriteBal(const std::filesystem::path& path, const Reconstruction& reconstruction);
 
 }  // namespace cohort

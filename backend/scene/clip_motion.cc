@@ -1,31 +1,83 @@
 #include "backend/scene/clip_motion.h"
 
+#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <span>
 
 #include "backend/scene/two_view_geometry.h"
 #include "frontend/core/statistics.h"
 
 namespace cohort {
+namespace {
+
+// The pairs of most motion, most first.
+std::vector<FramePairMotion> WidestPairs(std::vector<FramePairMotion> pairs) {
+  constexpr std::size_t kPairs = 12;
+  std::stable_sort(pairs.begin(), pairs.end(), [](const auto& a, const auto& b) {
+    return a.motion_px > b.motion_px;
+  });
+  pairs.resize(std::min(pairs.size(), kPairs));
+  return pairs;
+}
+
+using SecondDifferences = std::vector<std::pair<Eigen::Vector2d, Eigen::Vector2d>>;  // at, of
+
+// What is left of a frame's second differences when the affine motion that most of them share is
+// taken away: a shaken camera moves all of them alike, turning or rolling.
+std::vector<Eigen::Vector2d> WithoutCommonMotion(const SecondDifferences& differences) {
+  constexpr int kRounds = 3;
+  constexpr std::size_t kEnough = 12;  // for six numbers; of fewer the median alone is taken away
+  std::vector<double> x;
+  std::vector<double> y;
+  for (const auto& [at, d] : differences) {
+    x.push_back(d.x());
+    y.push_back(d.y());
+  }
+  Eigen::Matrix<double, 3, 2> common = Eigen::Matrix<double, 3, 2>::Zero();
+  common.row(0) << Median(std::move(x)), Median(std::move(y));
+  const auto rest = [&common](const auto& difference) -> Eigen::Vector2d {
+    const Eigen::Vector3d basis(1.0, difference.first.x(), difference.first.y());
+    return difference.second - common.transpose() * basis;
+  };
+  for (int round = 0; differences.size() >= kEnough && round < kRounds; ++round) {
+    std::vector<double> lengths;
+    for (const auto& difference : differences) lengths.push_back(rest(difference).norm());
+    const double bound = std::max(3.0 * Median(lengths), 1e-9);
+    Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
+    Eigen::Matrix<double, 3, 2> right = Eigen::Matrix<double, 3, 2>::Zero();
+    for (std::size_t i = 0; i < differences.size(); ++i) {
+      if (lengths[i] > bound) continue;
+      const Eigen::Vector3d basis(1.0, differences[i].first.x(), differences[i].first.y());
+      normal += basis * basis.transpose();
+      right += basis * differences[i].second.transpose();
+    }
+    common = normal.ldlt().solve(right);
+  }
+  std::vector<Eigen::Vector2d> left;
+  for (const auto& difference : differences) left.push_back(rest(difference));
+  return left;
+}
+
+}  // namespace
 
 double EstimateNoise(const WhitenedTracks& whitened) {
   const auto& observations = whitened.observations();
-  std::vector<std::vector<Eigen::Vector2d>> differences(whitened.frame_count());
+  std::vector<SecondDifferences> in_frames(whitened.frame_count());
   for (std::size_t i = 2; i < observations.size(); ++i) {
     const WhitenedObservation& a = observations[i - 2];
     const WhitenedObservation& b = observations[i - 1];
     const WhitenedObservation& c = observations[i];
     if (a.track != c.track || c.frame != a.frame + 2) continue;
-    differences[b.frame].push_back(a.xy - 2.0 * b.xy + c.xy);
+    in_frames[b.frame].emplace_back(b.xy, a.xy - 2.0 * b.xy + c.xy);
   }
   std::vector<double> deviations;
-  for (const auto& in_frame : differences) {
-    for (int axis = 0; axis < 2; ++axis) {
-      std::vector<double> values;
-      for (const Eigen::Vector2d& d : in_frame) values.push_back(d[axis]);
-      const double median = Median(values);
-      for (const double value : values) deviations.push_back(std::abs(value - median));
+  for (const SecondDifferences& differences : in_frames) {
+    if (differences.empty()) continue;
+    for (const Eigen::Vector2d& d : WithoutCommonMotion(differences)) {
+      deviations.push_back(std::abs(d.x()));
+      deviations.push_back(std::abs(d.y()));
     }
   }
   // A second difference has 1 + 4 + 1 times the variance of one observation.
@@ -43,6 +95,22 @@ std::vector<Camera> CamerasToTry(const Camera& camera) {
   return cameras;
 }
 
+double LargestParallaxPx(const WhitenedTracks& whitened,
+                         const Camera& camera,
+                         const std::vector<FramePairMotion>& pairs) {
+  const std::vector<FramePairMotion> widest = WidestPairs(pairs);
+  double least_px = std::numeric_limits<double>::infinity();
+  for (const Camera& candidate : CamerasToTry(camera)) {
+    double largest_px = 0.0;
+    for (const FramePairMotion& pair : widest) {
+      const FramePairMotion motion = MeasureMotion(whitened, candidate, pair.frame_a, pair.frame_b);
+      largest_px = std::max(largest_px, motion.parallax_px);
+    }
+    least_px = std::min(least_px, largest_px);
+  }
+  return least_px;
+}
+
 ClipMotion ClassifyMotion(const WhitenedTracks& whitened,
                           const Camera& camera,
                           const std::vector<FramePairMotion>& pairs,
@@ -51,25 +119,10 @@ ClipMotion ClassifyMotion(const WhitenedTracks& whitened,
   constexpr double kBeyondNoise = 3.0;
   constexpr double kMinNoise = 0.3;  // px; less parallax than three times this says nothing
   const double threshold = kBeyondNoise * std::max(kMinNoise, noise_px);
-  std::vector<FramePairMotion> widest(pairs);
-  std::stable_sort(widest.begin(), widest.end(), [](const auto& a, const auto& b) {
-    return a.motion_px > b.motion_px;
-  });
+  const std::vector<FramePairMotion> widest = WidestPairs(pairs);
   if (widest.empty() || widest.front().motion_px < threshold) return ClipMotion::kStatic;
-  constexpr std::size_t kPairs = 12;
-  widest.resize(std::min(widest.size(), kPairs));
-  const auto largest_parallax = [&](const Camera& candidate) {
-    std::vector<double> parallaxes;
-    for (const FramePairMotion& pair : widest) {
-      parallaxes.push_back(
-          MeasureMotion(whitened, candidate, pair.frame_a, pair.frame_b).parallax_px);
-    }
-    return *std::max_element(parallaxes.begin(), parallaxes.end());
-  };
-  for (const Camera& candidate : CamerasToTry(camera)) {
-    if (largest_parallax(candidate) < threshold) return ClipMotion::kRotation;
-  }
-  return ClipMotion::kParallax;
+  return LargestParallaxPx(whitened, camera, pairs) < threshold ? ClipMotion::kRotation
+                                                                : ClipMotion::kParallax;
 }
 
 ClipMotion ClassifyDrift(const WhitenedTracks& whitened,

@@ -7,11 +7,17 @@
 namespace cohort {
 
 // Standard deviation of an observation's coordinate [px], from the second differences of tracks
-// over three frames less the median of all in the frame: an upper bound where the camera shakes.
+// over three frames less the affine motion that all in the frame share: an upper bound where the
+// camera shakes before depths that differ.
 double EstimateNoise(const WhitenedTracks& whitened);
 
 // The camera itself if it is known, else with focal lengths from half to twice its guess.
 std::vector<Camera> CamerasToTry(const Camera& camera);
+
+// The largest parallax of the pairs of most motion, under the one of CamerasToTry that leaves least.
+double LargestParallaxPx(const WhitenedTracks& whitened,
+                         const Camera& camera,
+                         const std::vector<FramePairMotion>& pairs);
 
 enum class ClipMotion { kParallax, kRotation, kStatic };
 // Whether any of these pairs shows parallax beyond the noise. Where the camera is a guess, its

@@ -1,7 +1,6 @@
 #include "backend/scene/judgement.h"
 
 #include <fmt/format.h>
-#include <spdlog/spdlog.h>
 
 #include <algorithm>
 #include <cmath>
@@ -14,6 +13,8 @@ namespace cohort {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+constexpr double kMinNoisePx = 0.02;  // less is no information, but a clip without noise
 
 // The pairs of the model's keyframes with most parallax, most first.
 std::vector<FramePairMotion> PairsWithMostParallax(const WorkingModel& model,
@@ -33,9 +34,9 @@ std::vector<FramePairMotion> PairsWithMostParallax(const WorkingModel& model,
 
 }  // namespace
 
-std::optional<MapperEnd> RefuseClipWithoutParallax(const WhitenedTracks& whitened,
-                                                   const Camera& camera,
-                                                   const std::vector<FramePairMotion>& pairs) {
+std::optional<MapperEnd> DescribeClipWithoutParallax(const WhitenedTracks& whitened,
+                                                     const Camera& camera,
+                                                     const std::vector<FramePairMotion>& pairs) {
   const double noise_px = EstimateNoise(whitened);
   switch (ClassifyMotion(whitened, camera, pairs, noise_px)) {
     case ClipMotion::kStatic:
@@ -56,9 +57,11 @@ MapperEnd ExplainMissingModel(const WhitenedTracks& whitened,
                               const Camera& camera,
                               const std::vector<int>& keyframes,
                               MapperEnd otherwise) {
+  const std::vector<FramePairMotion> pairs = RankPairs(whitened, camera, keyframes);
+  if (auto end = DescribeClipWithoutParallax(whitened, camera, pairs)) return *end;
   const char* why =
       "if the camera moved, the tracks do not show it: they drift, or are on things that move";
-  switch (ClassifyDrift(whitened, camera, RankPairs(whitened, camera, keyframes))) {
+  switch (ClassifyDrift(whitened, camera, pairs)) {
     case ClipMotion::kStatic:
       return {MapperTermination::kStaticCamera, why};
     case ClipMotion::kRotation:
@@ -70,27 +73,40 @@ MapperEnd ExplainMissingModel(const WhitenedTracks& whitened,
   return otherwise;
 }
 
-std::optional<MapperEnd> RefuseModel(const WorkingModel& model,
-                                     const Camera& camera,
-                                     const std::vector<int>& keyframes) {
-  // Chosen by eye on the tuning clips: depths that can be a third off show no scene.
-  constexpr double kMaxDepthUncertainty = 0.3;
+Judgement JudgeModel(const WorkingModel& model,
+                     const Camera& camera,
+                     const std::vector<int>& keyframes) {
+  // Depths that can be a third off show little of a scene; by their whole length, nothing. Chosen by
+  // eye on the tuning clips.
+  constexpr double kWeakDepth = 0.3;
+  constexpr double kWorthlessDepth = 1.0;
   // Half of a drift is across the epipolar lines, where no depth explains it: of it alone a median
   // of 0.57 (= 0.6745 / 1.1774) of the whole is left at least, and more as a track has one depth in
-  // all frames. Where the truth was known: up to 0.65 for models of worth, from 0.76 on for
-  // drifting tracks of a camera that stood still or turned.
-  constexpr double kMaxUnexplained = 0.6;
+  // all frames. Noise is left likewise, so the darker the clip the more. On real clips models as good
+  // as those of the clip in daylight had up to 0.71 (a hand that turns the camera fast, degraded);
+  // tracks that drift before a real picture that only turns gave none at all, or 0.81 and more. In
+  // between nobody can tell: such a model is returned with its doubt.
+  constexpr double kMuchUnexplained = 0.6;
+  constexpr double kMostUnexplained = 0.95;
   const double uncertainty = model.MedianDepthUncertainty();
   const double unexplained = UnexplainedParallax(model, keyframes);
-  spdlog::debug("depth uncertainty {:.3f}, unexplained parallax {:.3f}", uncertainty, unexplained);
-  if (uncertainty > kMaxDepthUncertainty) {
-    return MapperEnd{
-        MapperTermination::kWeakDepth,
-        fmt::format("depths are known to {:.0f} % only: too little parallax for the noise",
-                    100.0 * uncertainty)};
+  Judgement judgement{uncertainty, unexplained, std::nullopt, {}};
+  // Of a guessed camera a focal length can be found that makes parallax of a rotation.
+  if (!camera.known) {
+    judgement.worthless = DescribeClipWithoutParallax(
+        model.whitened(), camera, RankPairs(model.whitened(), camera, keyframes));
   }
-  if (unexplained > kMaxUnexplained) {
-    return ExplainMissingModel(
+  if (judgement.worthless) return judgement;
+  if (!(uncertainty <= kWorthlessDepth)) {
+    judgement.worthless = ExplainMissingModel(
+        model.whitened(),
+        camera,
+        keyframes,
+        {MapperTermination::kWeakDepth,
+         fmt::format("depths are known to {:.0f} % only: too little parallax for the noise",
+                     100.0 * uncertainty)});
+  } else if (!(unexplained <= kMostUnexplained)) {
+    judgement.worthless = ExplainMissingModel(
         model.whitened(),
         camera,
         keyframes,
@@ -98,7 +114,19 @@ std::optional<MapperEnd> RefuseModel(const WorkingModel& model,
          "no rigid scene explains how the tracks move beyond a rotation of the camera: they drift, "
          "or most of them are on things that move"});
   }
-  return std::nullopt;
+  if (uncertainty > kWeakDepth) {
+    judgement.doubts.push_back(
+        fmt::format("depths are known to {:.0f} % only: move the camera further sideways",
+                    100.0 * uncertainty));
+  }
+  if (unexplained > kMuchUnexplained) {
+    judgement.doubts.push_back(
+        fmt::format("{:.0f} % of the parallax is left unexplained: the tracks drift, are on things "
+                    "that move, or "
+                    "the camera hardly left its place; film a longer way, in more light",
+                    100.0 * unexplained));
+  }
+  return judgement;
 }
 
 double UnexplainedParallax(const WorkingModel& model, const std::vector<int>& keyframes) {
@@ -137,7 +165,6 @@ std::string DescribeExcessNoise(const WorkingModel& model, bool camera_known) {
   // Clips whose camera was right leave up to 1.3 times the tracks' noise, those with a wrong one
   // from 2.2 on.
   constexpr double kMuchNoise = 2.0;
-  constexpr double kMinNoisePx = 0.02;
   const double noise_px = std::max(EstimateNoise(model.whitened()), kMinNoisePx);
   const double left_px = NoiseLeftPx(model);
   if (!(left_px > kMuchNoise * noise_px)) return "";

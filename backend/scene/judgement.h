@@ -10,10 +10,11 @@
 
 namespace cohort {
 
-// Before there is a model: a clip whose camera stands still or only turns. None: it has parallax.
-std::optional<MapperEnd> RefuseClipWithoutParallax(const WhitenedTracks& whitened,
-                                                   const Camera& camera,
-                                                   const std::vector<FramePairMotion>& pairs);
+// How a clip without parallax beyond its noise ends if it gives no model: its camera stands still or
+// only turns. None: it has parallax.
+std::optional<MapperEnd> DescribeClipWithoutParallax(const WhitenedTracks& whitened,
+                                                     const Camera& camera,
+                                                     const std::vector<FramePairMotion>& pairs);
 
 // How a clip that moves and yet gave no model ends: where its motion is not that of a camera on its
 // way through a scene, so; otherwise as it is.
@@ -22,11 +23,19 @@ MapperEnd ExplainMissingModel(const WhitenedTracks& whitened,
                               const std::vector<int>& keyframes,
                               MapperEnd otherwise);
 
-// A model that is not worth returning: its depths are within their own uncertainty, or it leaves
-// most of the parallax unexplained. `camera` is what the clip came with. None: it is worth it.
-std::optional<MapperEnd> RefuseModel(const WorkingModel& model,
-                                     const Camera& camera,
-                                     const std::vector<int>& keyframes);
+// What is to be thought of a model.
+struct Judgement {
+  double depth_uncertainty = 0.0;      // median over points of a depth's deviation, relative
+  double unexplained_parallax = 0.0;   // UnexplainedParallax
+  std::optional<MapperEnd> worthless;  // it says nothing of the scene; why
+  std::vector<std::string> doubts;     // of one that is returned: a sentence each, with what to do
+};
+
+// By how much of the parallax the model explains and how well it knows its depths. `camera` is what
+// the clip came with.
+Judgement JudgeModel(const WorkingModel& model,
+                     const Camera& camera,
+                     const std::vector<int>& keyframes);
 
 // How much of the parallax the model leaves unexplained: over the pairs of keyframes with most of
 // it, the median distance of the observations from the model's points, relative to that from the

@@ -2,18 +2,17 @@
 
 #include <fmt/format.h>
 
-#include <chrono>
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <span>
 
 #include "backend/scene/judgement.h"
 #include "backend/scene/parts.h"
+#include "frontend/core/stopwatch.h"
 
 namespace cohort {
 namespace {
-
-using Clock = std::chrono::steady_clock;
 
 // Parallax after which a frame takes part in growing the model [px], and how many are to do so at
 // least. Chosen by eye on the tuning clips.
@@ -28,7 +27,8 @@ Camera CameraOrGuess(const TrackFile& file) {
   }
   if (!file.camera) return Camera::Guess(file.width_px, file.height_px);
   const Camera& c = *file.camera;
-  for (const double value : {c.fx, c.fy, c.cx, c.cy, c.k1, c.k2, c.p1, c.p2}) {
+  for (const double value :
+       {c.fx, c.fy, c.cx, c.cy, c.k1, c.k2, c.p1, c.p2, c.k3, c.k4, c.k5, c.k6}) {
     if (!std::isfinite(value)) ThrowError("the tracks' camera has a parameter that is not finite");
   }
   if (!(c.fx > 0.0 && c.fy > 0.0)) {
@@ -50,14 +50,6 @@ WhiteningOptions WhiteningOptionsFrom(const MapperOptions& options) {
   result.include_predicted = options.include_predicted;
   result.predicted_growth_px = options.predicted_growth_px;
   return result;
-}
-
-OtherComponent DescribePart(const WorkingModel& model) {
-  const std::vector<int> frames = model.RegisteredFrames();
-  return {model.whitened().frames()[frames.front()].index,
-          model.whitened().frames()[frames.back()].index,
-          frames.size(),
-          model.CountPoints()};
 }
 
 Reconstruction ToReconstruction(const WorkingModel& model) {
@@ -93,11 +85,13 @@ MapperResult WithEnd(MapperResult result, const MapperEnd& end) {
 }
 
 // With what follows from the reconstruction: the summary's figures and the tracks without a point.
-MapperResult WithSummary(MapperResult result, const TrackFile& file, Clock::time_point started) {
-  std::string termination = std::move(result.summary.termination);
+MapperResult WithSummary(MapperResult result, const TrackFile& file, const Stopwatch& stopwatch) {
+  const ReconstructionSummary ended = std::move(result.summary);
   result.summary = Summarize(result.reconstruction, file.frames.size());
-  result.summary.termination = std::move(termination);
-  result.summary.seconds = std::chrono::duration<double>(Clock::now() - started).count();
+  result.summary.termination = ended.termination;
+  result.summary.reasons.insert(
+      result.summary.reasons.end(), ended.reasons.begin(), ended.reasons.end());
+  result.summary.seconds = stopwatch.Seconds();
   for (const FeatureId feature : file.tracks.features()) {
     if (!result.reconstruction.points.contains(feature)) result.without_point.push_back(feature);
   }
@@ -116,22 +110,23 @@ std::string DescribeBetterCamera(const Camera& better, const Camera& given) {
       given.k2);
 }
 
-// What there is to say of a model that is returned: parts left out, and doubts about the camera.
-std::string DescribeModel(const MapperResult& result,
-                          const WorkingModel& model,
-                          const Camera& camera) {
-  std::vector<std::string> sentences;
-  if (!result.other_components.empty()) {
-    sentences.push_back(fmt::format("the clip breaks into {} parts, this is the largest",
-                                    result.other_components.size() + 1));
+// What there is to doubt of a model that is returned: a sentence each.
+std::vector<std::string> DoubtModel(const MapperResult& result,
+                                    const WorkingModel& model,
+                                    const Camera& camera) {
+  std::vector<std::string> doubts;
+  if (!result.other_parts.empty()) {
+    doubts.push_back(fmt::format(
+        "the clip breaks into {} parts, this is the largest: film what lies between them slower",
+        result.other_parts.size() + 1));
   }
   if (result.better_camera) {
-    sentences.push_back(DescribeBetterCamera(*result.better_camera, camera));
+    doubts.push_back(DescribeBetterCamera(*result.better_camera, camera));
   } else if (std::string noise = DescribeExcessNoise(model, camera.known); !noise.empty()) {
     // Refined from a camera that is far off, the better one may not be found.
-    sentences.push_back(std::move(noise));
+    doubts.push_back(std::move(noise));
   }
-  return fmt::format("{}", fmt::join(sentences, "; "));
+  return doubts;
 }
 
 // All but the summary's figures.
@@ -160,19 +155,32 @@ MapperResult MapTracks(const TrackFile& file, const MapperOptions& options) {
   if (!first.model) return WithEnd(std::move(result), first.end);
   std::vector<WorkingModel> parts =
       MapRemainingParts(std::move(*first.model), camera, refinement, keyframes);
-  for (const WorkingModel& part : std::span(parts).subspan(1)) {
-    result.other_components.push_back(DescribePart(part));
+  for (WorkingModel& part : parts) {
+    AdjustUntilSettled(part, refinement, 3, 4);
+    part.Normalise();
   }
-  WorkingModel& model = parts.front();
-  AdjustUntilSettled(model, refinement, 3, 4);
-  model.Normalise();
+  // The largest part of worth is the model.
+  std::vector<Judgement> judgements;
+  for (const WorkingModel& part : parts) judgements.push_back(JudgeModel(part, camera, keyframes));
+  const auto worth = std::find_if(
+      judgements.begin(), judgements.end(), [](const auto& j) { return !j.worthless; });
+  const Judgement& judgement = worth == judgements.end() ? judgements.front() : *worth;
+  result.depth_uncertainty = judgement.depth_uncertainty;
+  result.unexplained_parallax = judgement.unexplained_parallax;
+  if (worth == judgements.end()) {
+    return WithEnd(std::move(result), *judgements.front().worthless);
+  }
+  const auto chosen = worth - judgements.begin();
+  for (std::size_t i = static_cast<std::size_t>(chosen) + 1; i < parts.size(); ++i) {
+    if (!judgements[i].worthless) result.other_parts.push_back(ToReconstruction(parts[i]));
+  }
+  WorkingModel& model = parts[static_cast<std::size_t>(chosen)];
   result.noise = model.noise();
-
-  if (const auto end = RefuseModel(model, camera, keyframes)) {
-    return WithEnd(std::move(result), *end);
-  }
   if (camera.known) result.better_camera = FindBetterCamera(model, keyframes);
-  const std::string detail = DescribeModel(result, model, camera);
+  std::vector<std::string>& reasons = result.summary.reasons;
+  reasons = std::move(first.doubts);
+  reasons.insert(reasons.end(), judgement.doubts.begin(), judgement.doubts.end());
+  for (std::string& doubt : DoubtModel(result, model, camera)) reasons.push_back(std::move(doubt));
   if (options.covariances) {
     if (auto covariances = AdjustWithCovariances(model, refinement)) {
       result.camera_covariances = std::move(covariances->cameras);
@@ -186,15 +194,16 @@ MapperResult MapTracks(const TrackFile& file, const MapperOptions& options) {
   const bool partial =
       TooFewRegistered(static_cast<std::size_t>(model.registered()), file.frames.size());
   return WithEnd(std::move(result),
-                 {partial ? MapperTermination::kPartial : MapperTermination::kSuccess, detail});
+                 {partial ? MapperTermination::kPartial : MapperTermination::kSuccess,
+                  fmt::format("{}", fmt::join(result.summary.reasons, "; "))});
 }
 
 }  // namespace
 
 MapperResult ReconstructWithCeres(const TrackFile& file, const MapperOptions& options) {
   ValidateOptions(options);
-  const auto started = Clock::now();
-  return WithSummary(MapTracks(file, options), file, started);
+  const Stopwatch stopwatch;
+  return WithSummary(MapTracks(file, options), file, stopwatch);
 }
 
 MapperResult TriangulateWithCeres(const TrackFile& file,
@@ -205,7 +214,7 @@ MapperResult TriangulateWithCeres(const TrackFile& file,
     ThrowError("triangulation with given poses needs a known camera: give --camera");
   }
   constexpr int kRounds = 3;
-  const auto started = Clock::now();
+  const Stopwatch stopwatch;
   const WhitenedTracks whitened(file, WhiteningOptionsFrom(options));
   WorkingModel model(whitened, CameraOrGuess(file));
   for (int frame = 0; frame < whitened.frame_count(); ++frame) {
@@ -224,7 +233,7 @@ MapperResult TriangulateWithCeres(const TrackFile& file,
   result.reconstruction = ToReconstruction(model);
   result.noise = model.noise();
   result.summary.termination = "triangulated with given poses";
-  result = WithSummary(std::move(result), file, started);
+  result = WithSummary(std::move(result), file, stopwatch);
   result.termination =
       result.summary.Failed() ? MapperTermination::kPartial : MapperTermination::kSuccess;
   return result;

@@ -67,23 +67,20 @@ struct MapperOptions {
   }
 };
 
-// A part of the clip that could not be tied to the model returned.
-struct OtherComponent {
-  FrameIndex first{};
-  FrameIndex last{};
-  std::size_t registered = 0;
-  std::size_t points = 0;
-};
-
 struct MapperResult {
   MapperTermination termination = MapperTermination::kTooFewTracks;
   Reconstruction reconstruction;         // empty unless kSuccess or kPartial
   ReconstructionSummary summary;         // its termination says in words how it ended
   std::vector<FeatureId> without_point;  // features with an observation, but no point in the model
-  std::vector<OtherComponent> other_components;
+  // Parts of the clip that could not be tied to the model returned, most frames first.
+  std::vector<Reconstruction> other_parts;
   // Standard deviation of an observation's coordinate [px], robust; where covariances are used, in
   // units of theirs: 1 if they are right.
   double noise = 0.0;
+  // Of the largest part, whether or not it is returned: how well it knows depths (median of their
+  // deviations, relative), and how much of the parallax it leaves (UnexplainedParallax).
+  double depth_uncertainty = 0.0;
+  double unexplained_parallax = 0.0;
   // Where the tracks contradict a camera that was given as known: the one they ask for.
   std::optional<Camera> better_camera;
   // With MapperOptions::covariances, scaled by noise^2: of (omega [rad], centre), see CameraPose.

@@ -21,7 +21,7 @@ PartResult GrowStart(std::vector<StartModel> starts,
   StartModel* const rival = FindRival(starts);
   WorkingModel& best = starts.front().model;
   GrowModel(best, keyframes, refinement);
-  if (rival == nullptr) return {{MapperTermination::kSuccess, ""}, std::move(best)};
+  if (rival == nullptr) return {{}, std::move(best)};
 
   GrowModel(rival->model, keyframes, refinement);
   const double bound = std::min(best.ErrorBound(), rival->model.ErrorBound());
@@ -31,12 +31,14 @@ PartResult GrowStart(std::vector<StartModel> starts,
   spdlog::debug("two scenes fit the start; over all keyframes their costs are {:.1f} and {:.1f}",
                 cost,
                 rival_cost);
+  PartResult result{{}, std::move(cost <= rival_cost ? best : rival->model)};
   if (!IsWorse(std::max(cost, rival_cost), std::min(cost, rival_cost), noise)) {
-    return {{MapperTermination::kAmbiguous,
-             "two different scenes explain the tracks equally well (a plane or too little "
-             "perspective)"}};
+    result.doubts.emplace_back(
+        "two different scenes explain the tracks equally well (a plane, or too little "
+        "perspective): "
+        "move the camera nearer, or film something beside the plane");
   }
-  return {{MapperTermination::kSuccess, ""}, std::move(cost <= rival_cost ? best : rival->model)};
+  return result;
 }
 
 }  // namespace
@@ -50,7 +52,8 @@ PartResult MapPart(const WhitenedTracks& whitened,
     return {{MapperTermination::kTooFewTracks,
              fmt::format("no two frames share {} tracks", kMinCommonTracks)}};
   }
-  if (const auto end = RefuseClipWithoutParallax(whitened, camera, pairs)) return {*end};
+  // Whether it has parallax is judged by the model, if there is one: the noise of fast, shaken
+  // cameras is hard to tell.
   Start start = FindStart(whitened, camera, pairs, refinement.focal);
   if (!start.models.empty()) return GrowStart(std::move(start.models), keyframes, refinement);
   return {ExplainMissingModel(

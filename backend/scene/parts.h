@@ -10,12 +10,14 @@ namespace cohort {
 
 // A model of the keyframes, or of those of them that could be tied together; or why there is none.
 struct PartResult {
-  MapperEnd end;
+  MapperEnd end;  // of one without a model
   std::optional<WorkingModel> model = std::nullopt;
+  std::vector<std::string> doubts = {};  // of the model: sentences
 };
 
 // Finds a start among these keyframes and grows it over them; with it a rival, a start of equal cost
-// that is another scene. If all keyframes cannot tell the two apart, the clip is ambiguous.
+// that is another scene. If all keyframes cannot tell the two apart, the one of the lower cost is
+// returned, with this doubt.
 PartResult MapPart(const WhitenedTracks& whitened,
                    const Camera& camera,
                    const CameraRefinement& refinement,

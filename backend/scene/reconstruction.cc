@@ -36,7 +36,19 @@ ReconstructionSummary Summarize(const Reconstruction& reconstruction, std::size_
   if (summary.observations > 0) {
     summary.mean_reprojection_px = error_sum / static_cast<double>(summary.observations);
   }
+  if (summary.registered > 0 && TooFewRegistered(summary.registered, frames)) {
+    summary.reasons.push_back(
+        fmt::format("only {} of {} frames have a camera: film the others slower, in more light, or "
+                    "with more overlap",
+                    summary.registered,
+                    frames));
+  }
   return summary;
+}
+
+ModelQuality ReconstructionSummary::Quality() const {
+  if (registered == 0) return ModelQuality::kFailed;
+  return reasons.empty() ? ModelQuality::kGood : ModelQuality::kDoubtful;
 }
 
 std::string ReconstructionSummary::Brief() const {

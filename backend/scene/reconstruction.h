@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "frontend/core/options.h"
 #include "frontend/geometry/camera.h"
 #include "frontend/geometry/rigid3.h"
 #include "frontend/tracks/observation.h"
@@ -41,6 +42,12 @@ constexpr bool TooFewRegistered(std::size_t registered, std::size_t frames) {
   return registered * 10 < frames * 8;
 }
 
+enum class ModelQuality { kGood, kDoubtful, kFailed };
+inline constexpr ChoiceNames<ModelQuality, 3> kModelQualityNames{
+    {{"good", ModelQuality::kGood},
+     {"doubtful", ModelQuality::kDoubtful},
+     {"failed", ModelQuality::kFailed}}};
+
 // How a reconstruction ended.
 struct ReconstructionSummary {
   std::size_t registered = 0;
@@ -50,13 +57,17 @@ struct ReconstructionSummary {
   double mean_track_length = 0.0;
   double mean_reprojection_px = 0.0;
   double seconds = 0.0;
-  std::string termination;  // one line
+  std::string termination;           // one line
+  std::vector<std::string> reasons;  // to doubt the model: a sentence each, with what to do
 
+  // Failed: there is no model. Doubtful: there are reasons.
+  ModelQuality Quality() const;
   bool Failed() const { return TooFewRegistered(registered, frames); }
   std::string Brief() const;
 };
 
-// Fills everything but seconds and termination. `frames` is how many the clip has.
+// Fills everything but seconds and termination; of the reasons, that too few frames registered.
+// `frames` is how many the clip has.
 ReconstructionSummary Summarize(const Reconstruction& reconstruction, std::size_t frames);
 
 }  // namespace cohort

@@ -42,7 +42,7 @@ inline NormalisedProjection ProjectNormalised(const CameraPose& pose,
 }
 
 // What bundle adjustment may refine of a camera: (focal length fx, cx, cy, k1, k2). fy keeps its
-// ratio to fx; p1, p2 keep their values.
+// ratio to fx; p1, p2 and k3 to k6 keep their values.
 using IntrinsicVector = Eigen::Matrix<double, 5, 1>;
 inline IntrinsicVector ToIntrinsicVector(const Camera& camera) {
   return {camera.fx, camera.cx, camera.cy, camera.k1, camera.k2};
@@ -63,7 +63,20 @@ struct PixelProjection {
   Eigen::Matrix2d d_n;
   Eigen::Matrix<double, 2, 5> d_intrinsics;
 };
+inline PixelProjection ProjectPixelByDistort(const Camera& camera, const Eigen::Vector2d& n) {
+  const DistortedPoint distorted = Distort(camera, n);
+  const Eigen::Vector2d focal(camera.fx, camera.fy);
+  PixelProjection result;
+  result.xy = focal.cwiseProduct(distorted.n_d) + Eigen::Vector2d(camera.cx, camera.cy);
+  result.d_n = focal.asDiagonal() * distorted.d_n;
+  result.d_intrinsics.col(0) << distorted.n_d.x(), distorted.n_d.y() * camera.fy / camera.fx;
+  result.d_intrinsics.middleCols<2>(1).setIdentity();
+  result.d_intrinsics.rightCols<2>() = focal.asDiagonal() * distorted.d_k1_k2;
+  return result;
+}
 inline PixelProjection ProjectPixel(const Camera& camera, const Eigen::Vector2d& n) {
+  if (!camera.HasAtMostFourCoefficients()) return ProjectPixelByDistort(camera, n);
+  // The same, in the order of operations that these cameras' results were always computed in.
   const double x = n.x();
   const double y = n.y();
   const double r2 = n.squaredNorm();

@@ -8,7 +8,9 @@
 #include <opencv2/imgproc.hpp>
 #include <vector>
 
+#include "datasets/degrade/phone_camera.h"
 #include "datasets/readers/tum_writer.h"
+#include "datasets/readers/video_sequence.h"
 #include "datasets/render/texture.h"
 #include "frontend/core/error.h"
 #include "frontend/core/parallel.h"
@@ -23,6 +25,7 @@ namespace fs = std::filesystem;
 constexpr int kBarWidthPx = 80;
 constexpr double kGamma = 2.2;
 constexpr double kHandMotionPx = 5.0;  // at most, between frames
+constexpr double kUsualFramesPerSecond = 30.0;
 
 // Through (0, clean), (1, medium), (2, hard) and on.
 double Straight(double level, double clean, double medium, double hard) {
@@ -91,14 +94,16 @@ cv::Mat SensorSignal(cv::Mat image,
   return level.gain * Smear(image, level.shutter * motion);
 }
 
-cv::Mat Sensor(const cv::Mat& unit,
-               const SensorLevel& level,
-               const cv::Mat& motion,
-               RandomStream& random) {
-  cv::Mat image = SensorSignal(unit, level, motion, random);
-  for (float& v : cv::Mat_<float>(image)) {
-    v += static_cast<float>(std::sqrt(level.shot * v + level.read) * random.Gaussian());
-  }
+RandomStream NoiseStream(const DegradeOptions& options, std::uint32_t frame) {
+  return RandomStream(options.seed, "degrade/noise").Fork(frame);
+}
+
+cv::Mat Sensor(const cv::Mat& gray,
+               const DegradeOptions& options,
+               std::uint32_t frame,
+               const cv::Mat& motion) {
+  const SensorLevel level = SensorLevelAt(options.level);
+  cv::Mat image = MeasuredLight(gray, options, frame, motion);
   image = cv::max(level.digital_gain * image, 0.0);
   cv::pow(image, 1.0 / kGamma, image);
   return image;
@@ -115,10 +120,6 @@ cv::Mat BarPattern(int height_px, unsigned seed) {
   cv::Mat pattern;
   cv::pow(MakeTexture(spec, RandomStream(seed, "degrade/occluder")), 1.0 / kGamma, pattern);
   return pattern;
-}
-
-RandomStream NoiseStream(const DegradeOptions& options, std::uint32_t frame) {
-  return RandomStream(options.seed, "degrade/noise").Fork(frame);
 }
 
 }  // namespace
@@ -158,19 +159,35 @@ cv::Mat DegradeFrame(const cv::Mat& gray,
                      const DegradeOptions& options,
                      std::uint32_t frame,
                      const cv::Mat& motion) {
-  RandomStream random = NoiseStream(options, frame);
-  cv::Mat image = ToUnit(gray);
+  cv::Mat image;
   switch (options.recipe) {
-    case DegradeRecipe::kPaper:
-      image = Paper(image, PaperLevelAt(options.level), random);
+    case DegradeRecipe::kPaper: {
+      RandomStream random = NoiseStream(options, frame);
+      image = Paper(ToUnit(gray), PaperLevelAt(options.level), random);
       break;
+    }
     case DegradeRecipe::kSensor:
-      image = Sensor(image, SensorLevelAt(options.level), motion, random);
+      image = Sensor(gray, options, frame, motion);
       break;
+    case DegradeRecipe::kPhone:
+      Check(false, "a phone's frame depends on those before it");
   }
   cv::Mat out;
   image.convertTo(out, CV_8U, 255.0);
   return out;
+}
+
+cv::Mat MeasuredLight(const cv::Mat& gray,
+                      const DegradeOptions& options,
+                      std::uint32_t frame,
+                      const cv::Mat& motion) {
+  const SensorLevel level = SensorLevelAt(options.level);
+  RandomStream random = NoiseStream(options, frame);
+  cv::Mat image = SensorSignal(ToUnit(gray), level, motion, random);
+  for (float& v : cv::Mat_<float>(image)) {
+    v += static_cast<float>(std::sqrt(level.shot * v + level.read) * random.Gaussian());
+  }
+  return image;
 }
 
 cv::Mat TrueMotion(const Sequence& sequence, FrameIndex frame, const cv::Mat& depth_m) {
@@ -230,7 +247,8 @@ cv::Mat NoiseFreeSignal(const cv::Mat& gray,
       if (level.blur_px > 0.0) cv::GaussianBlur(image, image, cv::Size(0, 0), level.blur_px);
       return image;
     }
-    case DegradeRecipe::kSensor: {
+    case DegradeRecipe::kSensor:
+    case DegradeRecipe::kPhone: {
       RandomStream random = NoiseStream(options, frame);
       return SensorSignal(image, SensorLevelAt(options.level), motion, random);
     }
@@ -284,6 +302,36 @@ class SequenceDegrader {
     }
   }
 
+  // Recipe phone: all frames in their order through one camera and one encoder, and back.
+  void Film(unsigned threads) {
+    const fs::path video = writer_.partial() / "phone.mp4";
+    std::optional<PhoneCamera> camera;
+    std::optional<VideoEncoder> encoder;
+    std::vector<Job> jobs;  // without their pictures
+    double frames_per_second = kUsualFramesPerSecond;
+    const std::size_t at_once = 4 * ThreadCount(threads);
+    for (auto batch = NextJobs(at_once); !batch.empty(); batch = NextJobs(at_once)) {
+      if (!encoder) {
+        if (batch.size() > 1) frames_per_second = FramesPerSecond(batch[0], batch[1]);
+        camera.emplace(options_, frames_per_second);
+        encoder.emplace(video, batch[0].frame.gray.size());
+      }
+      ParallelFor(batch.size(), threads, [&](std::size_t i) { Degrade(batch[i]); });
+      for (Job& job : batch) {
+        encoder->Add(camera->Next(job.record.picture));
+        jobs.push_back(WithoutPictures(job));
+        if (progress_) progress_(++done_, sequence_.FrameCount().value_or(0));
+      }
+    }
+    if (!encoder) return;
+    const int bitrate_kbit = options_.bitrate_kbit > 0 ? options_.bitrate_kbit
+                                                       : PhoneBitrateKbit(size_, frames_per_second);
+    encoder->Finish(options_.codec, bitrate_kbit, frames_per_second);
+    encoder.reset();
+    WriteDecoded(video, jobs);
+    fs::remove(video);
+  }
+
   // The frames of the source that were degraded.
   const std::vector<FrameIndex>& frames() const { return frames_; }
 
@@ -302,9 +350,9 @@ class SequenceDegrader {
     if (!frame) return std::nullopt;
     Job job{std::move(*frame), frames_.size(), {}};
     frames_.push_back(job.frame.index);
+    size_ = job.frame.gray.size();
     job.record.timestamp_ns = job.frame.timestamp_ns;
-    job.record.depth_m = sequence_.TrueDepth(job.frame.index);
-    job.record.occluder = sequence_.OccluderMask(job.frame.index);
+    ReadTruePictures(job);
     const std::map<FrameIndex, Rigid3>& poses = sequence_.TrueCamFromWorld();
     if (const auto pose = poses.find(job.frame.index); pose != poses.end()) {
       job.record.cam_from_world = pose->second;
@@ -312,23 +360,75 @@ class SequenceDegrader {
     return job;
   }
 
+  std::vector<Job> NextJobs(std::size_t most) {
+    std::vector<Job> jobs;
+    while (jobs.size() < most) {
+      auto job = NextJob();
+      if (!job) break;
+      jobs.push_back(std::move(*job));
+    }
+    return jobs;
+  }
+
+  void ReadTruePictures(Job& job) const {
+    job.record.depth_m = sequence_.TrueDepth(job.frame.index);
+    job.record.occluder = sequence_.OccluderMask(job.frame.index);
+  }
+
+  // A whole clip of them needs little memory.
+  static Job WithoutPictures(const Job& job) {
+    Job small = job;
+    small.frame.gray.release();
+    small.record.picture.release();
+    small.record.depth_m.reset();
+    small.record.occluder.reset();
+    return small;
+  }
+
+  static double FramesPerSecond(const Job& first, const Job& second) {
+    const auto ns = static_cast<double>(second.frame.timestamp_ns - first.frame.timestamp_ns);
+    return ns > 0.0 ? std::clamp(1e9 / ns, 1.0, 1000.0) : kUsualFramesPerSecond;
+  }
+
+  void WriteDecoded(const fs::path& video, std::vector<Job>& jobs) {
+    const auto decoded = OpenVideo(video, {});
+    for (Job& job : jobs) {
+      const auto frame = decoded->Next();
+      if (!frame) ThrowError("{} lost frames: is ffmpeg sound?", video.string());
+      ReadTruePictures(job);
+      if (options_.occluder_px_per_frame > 0.0) {
+        const cv::Mat blank(size_, CV_8UC1, cv::Scalar(0));
+        AddOccluder(DrawOccluder(blank, options_, ToInt(job.frame.index)).mask, job.record);
+      }
+      job.record.picture = frame->gray(cv::Rect({}, size_));
+      writer_.Write(job.place, job.record);
+      job = WithoutPictures(job);
+    }
+  }
+
   void Degrade(Job& job) const {
     TumWriter::Record& record = job.record;
     const std::uint32_t index = ToInt(job.frame.index);
     cv::Mat motion;
-    if (options_.recipe == DegradeRecipe::kSensor) {
+    if (options_.recipe != DegradeRecipe::kPaper) {
       motion = TrueMotion(sequence_, job.frame.index, record.depth_m.value_or(cv::Mat()));
     }
     cv::Mat gray = job.frame.gray;
     if (options_.occluder_px_per_frame > 0.0) {
-      OccludedFrame occluded = DrawOccluder(gray, options_, index);
+      const OccludedFrame occluded = DrawOccluder(gray, options_, index);
       gray = occluded.gray;
-      record.occluder = record.occluder ? *record.occluder | occluded.mask : occluded.mask;
+      AddOccluder(occluded.mask, record);
       if (!motion.empty()) {
         motion.setTo(cv::Scalar(options_.occluder_px_per_frame, 0.0), occluded.mask);
       }
     }
-    record.picture = DegradeFrame(gray, options_, index, motion);
+    record.picture = options_.recipe == DegradeRecipe::kPhone
+                         ? MeasuredLight(gray, options_, index, motion)
+                         : DegradeFrame(gray, options_, index, motion);
+  }
+
+  static void AddOccluder(const cv::Mat& mask, TumWriter::Record& record) {
+    record.occluder = record.occluder ? *record.occluder | mask : mask;
   }
 
   Sequence& sequence_;
@@ -337,6 +437,7 @@ class SequenceDegrader {
   TumWriter& writer_;
   std::mutex mutex_;  // of what follows, and of reading the sequence
   std::vector<FrameIndex> frames_;
+  cv::Size size_;
   bool at_end_ = false;
   std::size_t done_ = 0;
 };
@@ -366,7 +467,11 @@ void DegradeSequence(Sequence& sequence,
   TumWriter writer(out);
   if (const auto camera = sequence.KnownCamera()) writer.WriteCamera(*camera);
   SequenceDegrader degrader(sequence, options, progress, writer);
-  ParallelFor(ThreadCount(threads), threads, [&](std::size_t) { degrader.Work(); });
+  if (options.recipe == DegradeRecipe::kPhone) {
+    degrader.Film(threads);
+  } else {
+    ParallelFor(ThreadCount(threads), threads, [&](std::size_t) { degrader.Work(); });
+  }
   const auto scene = fs::is_directory(source) ? ReadSceneFile(source) : std::nullopt;
   if (scene && !degrader.frames().empty()) {
     writer.WriteFile("scene.json", PartOfScene(*scene, degrader.frames()).Text());

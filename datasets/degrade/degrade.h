@@ -5,19 +5,23 @@
 #include <opencv2/core/mat.hpp>
 #include <string>
 
+#include "datasets/degrade/video_encoder.h"
 #include "datasets/readers/sequence.h"
 #include "datasets/render/synthetic_scene.h"
 
 namespace cohort {
 
-enum class DegradeRecipe { kPaper, kSensor };
-inline constexpr ChoiceNames<DegradeRecipe, 2> kRecipeNames{
-    {{"paper", DegradeRecipe::kPaper}, {"sensor", DegradeRecipe::kSensor}}};
+enum class DegradeRecipe { kPaper, kSensor, kPhone };
+inline constexpr ChoiceNames<DegradeRecipe, 3> kRecipeNames{{{"paper", DegradeRecipe::kPaper},
+                                                             {"sensor", DegradeRecipe::kSensor},
+                                                             {"phone", DegradeRecipe::kPhone}}};
 
 struct DegradeOptions {
   DegradeRecipe recipe = DegradeRecipe::kPaper;
   double level = 1.0;  // 0 clean, 1 medium, 2 hard; as text: ParseLevel
   double occluder_px_per_frame = 0.0;
+  VideoCodec codec = VideoCodec::kH264;
+  int bitrate_kbit = 0;  // 0: PhoneBitrateKbit
   unsigned seed = 1;
 
   template <typename Self, typename Visitor>
@@ -26,7 +30,8 @@ struct DegradeOptions {
              o.recipe,
              kRecipeNames,
              "What darkness does: paper darkens, adds noise, blurs and adds noise again; "
-             "sensor is a camera that gets little light.",
+             "sensor is a camera that gets little light; phone is what a phone makes of "
+             "that: exposure in steps, denoising, compressed video (with the program ffmpeg).",
              Tier::kCommon);
     v.Number("occluder_px_per_frame",
              o.occluder_px_per_frame,
@@ -35,12 +40,25 @@ struct DegradeOptions {
              "The speed of an opaque bar, 80 px wide, that crosses the picture [px per "
              "frame]; 0: no bar.",
              Tier::kCommon);
+    v.Choice("codec",
+             o.codec,
+             kVideoCodecNames,
+             "Recipe phone: what compresses the video; hevc keeps more at the same bit rate.",
+             Tier::kCommon);
+    v.Number("bitrate_kbit",
+             o.bitrate_kbit,
+             0,
+             1000000,
+             "Recipe phone: the bit rate of the video [kbit/s]; less loses more of what is "
+             "faint. 0: as phones, 2500 for 640 x 480 pixels at 30 frames a second and in "
+             "proportion.",
+             Tier::kCommon);
     v.Number("seed",
              o.seed,
              0U,
              4294967295U,
-             "The seed of the noise and of the bar's pattern; another seed gives other "
-             "noise, just as strong.",
+             "The seed of the noise, of the bar's pattern and of a phone's exposure; another "
+             "seed gives other noise, just as strong.",
              Tier::kCommon);
   }
 };
@@ -54,6 +72,7 @@ double ParseLevel(const std::string& text);
 //            gain 1, noise .004   gain .3, .04, blur 2 px, .02     gain .2, .06, blur 2 px, .03
 //   sensor   gain 1, shot 1e-4,   gain .08, shot .006, shutter .35 gain .04, shot .012, shutter .6
 //            shutter 0            log read = 2.18 log shot + 1.2
+//   phone    the sensor of the same level
 struct PaperLevel {
   double gain, noise_before, blur_px, noise_after;
 };
@@ -70,14 +89,21 @@ SensorLevel SensorLevelAt(double level);
 //   sensor  linear = gain v^2.2, blurred by motion, + noise of variance shot linear + read, digital
 //           gain, cut to 0..1, ^(1/2.2)
 // `motion` [px a frame, CV_32FC2] smears half forwards, half backwards, so that nothing is displaced;
-// empty: up to 5 px of the whole picture. Random numbers: RandomStream(seed, "degrade/noise").
+// empty: up to 5 px of the whole picture. Random numbers: RandomStream(seed, "degrade/noise"). Not
+// for phone, whose frames depend on those before: DegradeSequence.
 cv::Mat DegradeFrame(const cv::Mat& gray,
                      const DegradeOptions& options,
                      std::uint32_t frame,
                      const cv::Mat& motion = {});
 
+// Sensor and phone: what the sensor measures, before digital gain and gamma, CV_32FC1.
+cv::Mat MeasuredLight(const cv::Mat& gray,
+                      const DegradeOptions& options,
+                      std::uint32_t frame,
+                      const cv::Mat& motion = {});
+
 // The same frame as it would be without noise, digital gain, gamma and 8 bits, CV_32FC1: what the
-// noise is added to. Sensor: in linear light.
+// noise is added to. Sensor and phone: in linear light.
 cv::Mat NoiseFreeSignal(const cv::Mat& gray,
                         const DegradeOptions& options,
                         std::uint32_t frame,
@@ -100,6 +126,8 @@ OccludedFrame DrawOccluder(const cv::Mat& gray, const DegradeOptions& options, s
 // first, as a real foreground would be. Motion blur follows the true cameras where there are poses
 // and depth (bodies that move on their own are blurred as if they stood still). Whole or not at
 // all; the bytes do not depend on `threads` (0: one a core).
+//   phone    MeasuredLight, PhoneCamera (phone_camera.h), VideoEncoder at the clip's frame rate (of
+//            its first two time stamps), decoded as any video
 void DegradeSequence(Sequence& sequence,
                      const std::filesystem::path& source,
                      const DegradeOptions& options,

@@ -1,12 +1,14 @@
 #include "datasets/readers/euroc.h"
 
 #include <opencv2/core.hpp>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "datasets/readers/text_table.h"
 #include "frontend/core/error.h"
 #include "frontend/core/output.h"
+#include "frontend/geometry/camera_text.h"
 
 namespace cohort {
 namespace {
@@ -25,15 +27,15 @@ fs::path Mav(const fs::path& folder) {
 
 std::vector<double> Numbers(const cv::FileNode& node,
                             const char* name,
-                            std::size_t count,
-                            const std::string& file) {
+                            const std::string& file,
+                            std::optional<std::size_t> count = std::nullopt) {
   std::vector<double> numbers;
   for (const cv::FileNode& item : node) {
     if (!item.isReal() && !item.isInt()) ThrowError("{}: {} is not all numbers", file, name);
     numbers.push_back(static_cast<double>(item));
   }
-  if (numbers.size() != count) {
-    ThrowError("{}: {} has {} numbers instead of {}", file, name, numbers.size(), count);
+  if (count && numbers.size() != *count) {
+    ThrowError("{}: {} has {} numbers instead of {}", file, name, numbers.size(), *count);
   }
   return numbers;
 }
@@ -48,28 +50,32 @@ CameraSensor ReadSensor(const fs::path& path) {
         cv::FileStorage::READ | cv::FileStorage::MEMORY | cv::FileStorage::FORMAT_YAML);
     const auto model = static_cast<std::string>(yaml["camera_model"]);
     const auto distortion = static_cast<std::string>(yaml["distortion_model"]);
-    if (model != "pinhole" || (distortion != "radial-tangential" && distortion != "radtan")) {
+    const bool fisheye = distortion == "equidistant";
+    const bool radtan = distortion == "radial-tangential" || distortion == "radtan";
+    if (model != "pinhole" || !(radtan || fisheye)) {
       ThrowError(
           "{}: camera model '{}' with distortion '{}' is not supported: give pinhole with "
-          "radial-tangential, or read the image folder with --layout images",
+          "radial-tangential or equidistant, or read the image folder with --layout images",
           file,
           model,
           distortion);
     }
-    const auto resolution = Numbers(yaml["resolution"], "resolution", 2, file);
-    const auto f = Numbers(yaml["intrinsics"], "intrinsics", 4, file);
-    const auto d = Numbers(yaml["distortion_coefficients"], "distortion_coefficients", 4, file);
-    const auto t = Numbers(yaml["T_BS"]["data"], "T_BS", 16, file);
+    const auto resolution = Numbers(yaml["resolution"], "resolution", file, 2);
+    const auto f = Numbers(yaml["intrinsics"], "intrinsics", file, 4);
+    const auto d = Numbers(yaml["distortion_coefficients"], "distortion_coefficients", file);
+    const auto t = Numbers(yaml["T_BS"]["data"], "T_BS", file, 16);
     sensor.camera = {.width_px = static_cast<int>(resolution[0]),
                      .height_px = static_cast<int>(resolution[1]),
                      .fx = f[0],
                      .fy = f[1],
                      .cx = f[2],
-                     .cy = f[3],
-                     .k1 = d[0],
-                     .k2 = d[1],
-                     .p1 = d[2],
-                     .p2 = d[3]};
+                     .cy = f[3]};
+    try {
+      sensor.camera =
+          WithDistortion(sensor.camera, fisheye ? CameraModel::kFisheye : CameraModel::kPinhole, d);
+    } catch (const Error& error) {
+      ThrowError("{}: distortion_coefficients: {}", file, error.what());
+    }
     const auto body_from_cam = RigidFromMatrix(
         Eigen::Map<const Eigen::Matrix<double, 4, 4, Eigen::RowMajor>>(t.data()).topRows<3>());
     if (!body_from_cam) ThrowError("{}: T_BS is no rigid motion", file);

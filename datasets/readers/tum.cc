@@ -4,6 +4,7 @@
 
 #include "datasets/readers/text_table.h"
 #include "frontend/core/error.h"
+#include "frontend/geometry/camera_text.h"
 
 namespace cohort {
 namespace {
@@ -33,22 +34,14 @@ std::map<FrameIndex, fs::path> ReadCompanions(const fs::path& folder,
 
 Camera ReadCalibration(const fs::path& file) {
   const TextTable table(file);
-  if (table.rows() == 0) ThrowError("{} is empty: give fx fy cx cy [k1 k2 p1 p2]", file.string());
-  const std::size_t count = table.columns(0);
-  if (count != 4 && count != 8) {
-    table.Fail(0, fmt::format("{} numbers: give fx fy cx cy [k1 k2 p1 p2]", count));
+  if (table.rows() == 0) ThrowError("{} is empty: give {}", file.string(), kCameraForm);
+  std::vector<std::string> words;
+  for (std::size_t i = 0; i < table.columns(0); ++i) words.push_back(table.Text(0, i));
+  try {
+    return CameraFromWords(words);
+  } catch (const Error& error) {
+    table.Fail(0, error.what());
   }
-  std::array<double, 8> v{};
-  for (std::size_t i = 0; i < count; ++i) v[i] = table.Number(0, i);
-  if (v[0] <= 0.0 || v[1] <= 0.0) table.Fail(0, "the focal lengths must be above 0 px");
-  return {.fx = v[0],
-          .fy = v[1],
-          .cx = v[2],
-          .cy = v[3],
-          .k1 = v[4],
-          .k2 = v[5],
-          .p1 = v[6],
-          .p2 = v[7]};
 }
 
 std::map<std::int64_t, Rigid3> ReadCamFromWorld(const fs::path& file) {

@@ -1,11 +1,13 @@
 #include "datasets/readers/tum_writer.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <opencv2/imgcodecs.hpp>
 #include <vector>
 
 #include "frontend/core/error.h"
+#include "frontend/geometry/camera_text.h"
 
 namespace cohort {
 namespace {
@@ -53,9 +55,7 @@ TumWriter::TumWriter(const std::filesystem::path& folder)
                "scene.json"}) {}
 
 void TumWriter::WriteCamera(const Camera& c) {
-  std::string text = fmt::format("{} {} {} {}", c.fx, c.fy, c.cx, c.cy);
-  if (c.HasDistortion()) text += fmt::format(" {} {} {} {}", c.k1, c.k2, c.p1, c.p2);
-  WriteFile("calibration.txt", text + "\n");
+  WriteFile("calibration.txt", fmt::format("{}\n", fmt::join(WordsOfCamera(c), " ")));
 }
 
 void TumWriter::WriteFile(const std::string& name, std::string_view text) {

@@ -29,6 +29,8 @@ class TumWriter {
 
   explicit TumWriter(const std::filesystem::path& folder);
 
+  // Where it grows until Finish, for files that only help to write it.
+  const std::filesystem::path& partial() const { return folder_.partial(); }
   void WriteCamera(const Camera& camera);
   void WriteFile(const std::string& name, std::string_view text);
   void Write(std::size_t frame, const Record& record);

@@ -49,8 +49,8 @@ CameraPath::CameraPath(Motion motion, const Viewpoint& viewpoint, std::uint64_t 
     }
   };
   const RandomStream random(seed, "scene/shake");
-  draw(random.Fork(0), {0.019, 0.022, 0.012}, turn_);
-  draw(random.Fork(1), {0.020, 0.024, 0.016}, shift_);
+  draw(random.Fork(0), viewpoint.shake * Eigen::Vector3d(0.019, 0.022, 0.012), turn_);
+  draw(random.Fork(1), viewpoint.shake * Eigen::Vector3d(0.020, 0.024, 0.016), shift_);
 }
 
 Rigid3 CameraPath::CamFromWorld(double frame) const {

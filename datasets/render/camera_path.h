@@ -14,6 +14,7 @@ struct Viewpoint {
   Eigen::Vector3d centre = Eigen::Vector3d::Zero();
   Eigen::Vector3d target{0.0, 0.0, 4.5};
   double metres_per_frame = 0.02;
+  double shake = 1.0;  // of the hand, times as strong; 0: a camera on rails
 };
 
 // A hand-held camera at 30 frames a second. It goes along its path at an even speed, turns back

@@ -38,7 +38,10 @@ struct FrameTriangle {
   Eigen::Vector3d t;
 };
 
-std::vector<FrameTriangle> ProjectScene(const SyntheticScene& scene, double frame) {
+// What the rows may show, as it stands at one time.
+std::vector<FrameTriangle> ProjectScene(const SyntheticScene& scene,
+                                        double frame,
+                                        const cv::Range& rows) {
   const Rigid3 cam_from_world = scene.CamFromWorld(frame);
   std::vector<Eigen::Vector3d> x_in_cam = scene.VerticesInWorld(frame);
   for (Eigen::Vector3d& x : x_in_cam) x = cam_from_world * x;
@@ -51,8 +54,8 @@ std::vector<FrameTriangle> ProjectScene(const SyntheticScene& scene, double fram
       st.col(static_cast<Eigen::Index>(k)) = scene.vertices()[triangle.vertices[k]];
     }
     const auto projected = ProjectTriangle(scene.camera(), corners);
-    if (!projected || projected->right < -1.0 || projected->bottom < -1.0 ||
-        projected->left > scene.camera().width_px || projected->top > scene.camera().height_px) {
+    if (!projected || projected->right < -1.0 || projected->bottom < rows.start - 1.0 ||
+        projected->left > scene.camera().width_px || projected->top > rows.end) {
       continue;
     }
     const Eigen::Matrix<double, 2, 3> st_by_depth = st * projected->weights_by_depth;
@@ -64,6 +67,14 @@ std::vector<FrameTriangle> ProjectScene(const SyntheticScene& scene, double fram
   return result;
 }
 
+// The rows that are exposed at one time: all, or each by itself.
+std::vector<cv::Range> RowsAtOnce(int height, bool rolling) {
+  if (!rolling) return {cv::Range(0, height)};
+  std::vector<cv::Range> rows;
+  for (int y = 0; y < height; ++y) rows.emplace_back(y, y + 1);
+  return rows;
+}
+
 // What is seen at every pixel's sample.
 struct Visibility {
   cv::Mat inverse_depth;  // CV_32FC1, 0: nothing
@@ -72,15 +83,17 @@ struct Visibility {
 
 void Rasterize(const std::vector<FrameTriangle>& triangles,
                const Eigen::Vector2d& offset,
+               const cv::Range& rows,
                Visibility& seen) {
-  seen.inverse_depth.setTo(0.0F);
+  seen.inverse_depth.rowRange(rows).setTo(0.0F);
   const int width = seen.inverse_depth.cols;
-  const int height = seen.inverse_depth.rows;
+  const double first_row = rows.start;
+  const double last_row = rows.end - 1.0;
   for (std::size_t i = 0; i < triangles.size(); ++i) {
     const ProjectedTriangle& p = triangles[i].projected;
     const Eigen::Matrix3d& w = p.weights_by_depth;
-    const int top = static_cast<int>(std::clamp(std::floor(p.top - 1.0), 0.0, height - 1.0));
-    const int bottom = static_cast<int>(std::clamp(std::ceil(p.bottom + 1.0), 0.0, height - 1.0));
+    const int top = static_cast<int>(std::clamp(std::floor(p.top - 1.0), first_row, last_row));
+    const int bottom = static_cast<int>(std::clamp(std::ceil(p.bottom + 1.0), first_row, last_row));
     for (int y = top; y <= bottom; ++y) {
       // The span of x in which all three weights are >= 0; each is linear in x.
       double first = 0.0;
@@ -119,9 +132,10 @@ void Rasterize(const std::vector<FrameTriangle>& triangles,
 void Shade(const std::vector<FrameTriangle>& triangles,
            const std::vector<MipMap>& textures,
            const Eigen::Vector2d& offset,
+           const cv::Range& rows,
            const Visibility& seen,
            cv::Mat& light) {
-  for (int y = 0; y < light.rows; ++y) {
+  for (int y = rows.start; y < rows.end; ++y) {
     const float* inverse_depth = seen.inverse_depth.ptr<float>(y);
     const std::int32_t* index = seen.triangle.ptr<std::int32_t>(y);
     float* out = light.ptr<float>(y);
@@ -169,18 +183,26 @@ Renderer::Renderer(const SyntheticScene& scene, unsigned threads) : scene_(scene
     cv::multiply(drawn[i], cv::max(light, 0.03), drawn[i]);
   });
   for (cv::Mat& texture : drawn) textures_.emplace_back(std::move(texture));
-  const double mean = cv::mean(RenderLight(0.0))[0];
+  // Without the shutter's roll: the same exposure whatever the readout.
+  const double mean = cv::mean(LightOf(0.0, false))[0];
   if (mean > 0.0) exposure_ = kMeanLight / mean;
 }
 
 cv::Mat Renderer::RenderLight(double frame) const {
-  const std::vector<FrameTriangle> triangles = ProjectScene(scene_, frame);
+  return LightOf(frame, scene_.HasRollingShutter());
+}
+
+cv::Mat Renderer::LightOf(double frame, bool rolling) const {
   const cv::Size size(scene_.camera().width_px, scene_.camera().height_px);
   Visibility seen{cv::Mat(size, CV_32FC1), cv::Mat(size, CV_32SC1)};
   cv::Mat light = cv::Mat::zeros(size, CV_32FC1);
-  for (int k = 0; k < kSamples; ++k) {
-    Rasterize(triangles, SampleOffset(k), seen);
-    Shade(triangles, textures_, SampleOffset(k), seen, light);
+  for (const cv::Range& rows : RowsAtOnce(size.height, rolling)) {
+    const double time = rolling ? scene_.TimeOfRow(frame, rows.start) : frame;
+    const std::vector<FrameTriangle> triangles = ProjectScene(scene_, time, rows);
+    for (int k = 0; k < kSamples; ++k) {
+      Rasterize(triangles, SampleOffset(k), rows, seen);
+      Shade(triangles, textures_, SampleOffset(k), rows, seen, light);
+    }
   }
   light *= exposure_ / kSamples;
   return light;
@@ -197,7 +219,10 @@ cv::Mat Renderer::RenderGray(double frame) const {
 cv::Mat RenderDepth(const SyntheticScene& scene, double frame) {
   const cv::Size size(scene.camera().width_px, scene.camera().height_px);
   Visibility seen{cv::Mat(size, CV_32FC1), cv::Mat(size, CV_32SC1)};
-  Rasterize(ProjectScene(scene, frame), Eigen::Vector2d::Zero(), seen);
+  for (const cv::Range& rows : RowsAtOnce(size.height, scene.HasRollingShutter())) {
+    const double time = scene.HasRollingShutter() ? scene.TimeOfRow(frame, rows.start) : frame;
+    Rasterize(ProjectScene(scene, time, rows), Eigen::Vector2d::Zero(), rows, seen);
+  }
   cv::Mat depth;
   cv::divide(1.0, seen.inverse_depth, depth);
   depth.setTo(0.0F, seen.inverse_depth == 0.0F);

@@ -8,13 +8,15 @@
 
 namespace cohort {
 
-// CV_32FC1: depth along the optical axis at the pixels' centres [m]; 0 where there is nothing.
+// CV_32FC1: depth along the optical axis at the pixels' centres [m]; 0 where there is nothing. With a
+// rolling shutter each row is as its own camera sees it.
 cv::Mat RenderDepth(const SyntheticScene& scene, double frame);
 
 // Renders a scene with a z-buffer, in linear light: every pixel is the mean of nine samples, placed
 // point-symmetrically about its centre, of textures filtered to the sample's footprint. So a detail
 // of a texture appears where its surface point projects, without bias. Light and shadow are fixed
-// to the surfaces, and the exposure is fixed for the clip.
+// to the surfaces, and the exposure is fixed for the clip. With a rolling shutter every row is
+// rendered with camera and scene at its own time (SyntheticScene::TimeOfRow).
 class Renderer {
  public:
   // Draws the textures and the light: takes a second or so. `scene` must outlive it.
@@ -26,6 +28,8 @@ class Renderer {
   cv::Mat RenderLight(double frame) const;
 
  private:
+  cv::Mat LightOf(double frame, bool rolling) const;
+
   const SyntheticScene& scene_;
   std::vector<MipMap> textures_;  // by patch
   double exposure_ = 1.0;

@@ -58,12 +58,19 @@ class SyntheticScene {
   const Camera& camera() const { return camera_; }  // pinhole, centred
   // At a fraction of a frame too.
   Rigid3 CamFromWorld(double frame) const { return path_.CamFromWorld(frame); }
+  bool HasRollingShutter() const { return options_.readout > 0.0; }
+  // When the row y of a frame is exposed, whose pixels' centres have that y; between rows too:
+  //   frame + readout ((y + 1/2) / height - 1/2)
+  // so that a frame's own time, and its true pose, are its middle row's. Beyond the picture: as its
+  // edge.
+  double TimeOfRow(double frame, double y) const;
 
   const SceneDesign& design() const { return design_; }
   const std::vector<Patch>& patches() const { return design_.patches; }
   const std::vector<Triangle>& triangles() const { return triangles_; }
   const std::vector<Eigen::Vector2d>& vertices() const { return vertices_; }  // (s, t)
   std::vector<Eigen::Vector3d> VerticesInWorld(double frame) const;
+  std::array<Eigen::Vector3d, 3> CornersInWorld(std::size_t triangle, double frame) const;
 
  private:
   void Triangulate();
@@ -95,14 +102,27 @@ struct ProjectedTriangle {
 std::optional<ProjectedTriangle> ProjectTriangle(const Camera& camera,
                                                  const std::array<Eigen::Vector3d, 3>& x_in_cam);
 
-// The scene as it stands in one frame, for questions about single points.
+// The scene as one frame shows it, for questions about single points: with a rolling shutter every
+// row at its own time.
 class SceneMoment {
  public:
+  // A surface point in the frame.
+  struct Sight {
+    Eigen::Vector2d xy;  // [px], in the picture or not
+    double depth;        // [m], along the optical axis of the camera that sees it
+  };
+
   SceneMoment(const SyntheticScene& scene, double frame);
 
   // The nearest surface point on a pixel's ray; none where there is nothing. Pixels may lie up to
   // 64 px outside the picture.
   std::optional<SurfacePoint> Pick(const Eigen::Vector2d& xy) const;
+  // Where it is, hidden or not: none behind the camera. With a rolling shutter the y of which
+  //   y = projection of the point at TimeOfRow(y),
+  // found by fixed-point iteration, which converges as long as the picture moves by less than its
+  // height in a readout; none where it does not.
+  std::optional<Sight> Locate(const SurfacePoint& point) const;
+  // At the frame's own time, which is the middle row's.
   Eigen::Vector3d PointInWorld(const SurfacePoint& point) const;
   Eigen::Vector3d PointInCam(const SurfacePoint& point) const;
   // 1 / depth along a pixel's ray [1/m]; 0 where there is nothing.
@@ -112,17 +132,24 @@ class SceneMoment {
 
  private:
   struct Candidate {
-    ProjectedTriangle projected;
+    ProjectedTriangle projected;  // rolling shutter: `left` to `bottom` are around it at all times
     std::size_t triangle;
   };
   struct Hit {
     const Candidate* candidate = nullptr;
-    Eigen::Vector3d weights;  // by depth
+    Eigen::Vector3d weights = Eigen::Vector3d::Zero();  // by depth
     double inverse_depth = 0.0;
   };
+  void AddCandidate(std::size_t triangle);
   Hit Cast(const Eigen::Vector2d& xy) const;
+  // As the camera sees it at another time of the frame.
+  std::optional<ProjectedTriangle> Project(std::size_t triangle,
+                                           double time,
+                                           const Rigid3& cam_from_world) const;
+  Eigen::Vector3d PointInCamAt(const SurfacePoint& point, double time) const;
 
   const SyntheticScene* scene_;
+  double frame_;
   Rigid3 cam_from_world_;
   std::vector<Eigen::Vector3d> vertices_in_world_;
   std::vector<Candidate> candidates_;

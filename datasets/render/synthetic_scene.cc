@@ -68,6 +68,7 @@ std::string SceneFile::Text() const {
       "  \"width_px\": {},\n"
       "  \"height_px\": {},\n"
       "  \"focal_px\": {},\n"
+      "{}"
       "  \"seed\": \"{}\",\n"
       "  \"first_frame\": {},\n"
       "  \"frame_step\": {}\n"
@@ -79,6 +80,7 @@ std::string SceneFile::Text() const {
       options.width_px,
       options.height_px,
       options.focal_px,
+      options.readout > 0.0 ? fmt::format("  \"readout\": {},\n", options.readout) : "",
       options.seed,  // as text: cv::FileStorage reads integers of 31 bits
       first_frame,
       frame_step);
@@ -101,6 +103,8 @@ std::optional<SceneFile> ReadSceneFile(const std::filesystem::path& folder) {
     scene.options.width_px = static_cast<int>(file["width_px"]);
     scene.options.height_px = static_cast<int>(file["height_px"]);
     scene.options.focal_px = static_cast<double>(file["focal_px"]);
+    const cv::FileNode readout = file["readout"];  // not there: a global shutter
+    if (!readout.empty()) scene.options.readout = static_cast<double>(readout);
     const std::string seed = file["seed"].string();
     if (std::from_chars(seed.data(), seed.data() + seed.size(), scene.options.seed).ec !=
         std::errc()) {

@@ -31,6 +31,7 @@ struct SyntheticSceneOptions {
   int width_px = 640;
   int height_px = 480;
   double focal_px = 525.0;
+  double readout = 0.0;  // rolling shutter: share of the time between frames, first row to last
   unsigned seed = 1;
 
   template <typename Self, typename Visitor>
@@ -52,6 +53,14 @@ struct SyntheticSceneOptions {
              20000.0,
              "The focal length [px]; a longer one sees less of the scene, but larger.",
              Tier::kCommon);
+    v.Number("readout",
+             o.readout,
+             0.0,
+             1.0,
+             "Rolling shutter: the share of the time between frames that passes from the first "
+             "row's exposure to the last one's, some 0.5 to 0.9 for phones; the true pose of a "
+             "frame is that of its middle row. 0: all rows at once.",
+             Tier::kCommon);
     v.Number("seed",
              o.seed,
              0U,
@@ -67,6 +76,8 @@ using Progress = std::function<void(std::size_t done, std::size_t total)>;
 
 // Renders a clip into a folder in TUM layout with exact truth: rgb/, depth/ (to 13.1 m),
 // calibration.txt, groundtruth.txt, and scene.json, from which track_truth.h rebuilds the scene.
+// With a rolling shutter (`readout`) poses and time stamps are the middle row's, and a row of a
+// depth picture is as deep as that row's camera sees it.
 // Whole or not at all; the bytes do not depend on `threads` (0: one a core).
 void RenderSequence(const SyntheticSceneOptions& options,
                     const std::filesystem::path& out,

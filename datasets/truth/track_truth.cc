@@ -95,12 +95,11 @@ class SceneTruth final : public TrackTruth {
 
   std::optional<TruePosition> Locate(const Anchor& anchor, FrameIndex frame) override {
     const SceneMoment& moment = MomentAt(frame);
-    const Eigen::Vector3d x_in_cam = moment.PointInCam(anchor.on_surface);
-    const auto xy = scene_.camera().Project(x_in_cam);
-    if (!xy) return std::nullopt;
-    TruePosition position{*xy, scene_.camera().Contains(*xy), false};
-    position.visible = position.in_image && !masks_.Cover(frame, *xy) &&
-                       moment.InverseDepth(*xy) * x_in_cam.z() < 1.001;
+    const auto sight = moment.Locate(anchor.on_surface);
+    if (!sight) return std::nullopt;
+    TruePosition position{sight->xy, scene_.camera().Contains(sight->xy), false};
+    position.visible = position.in_image && !masks_.Cover(frame, sight->xy) &&
+                       moment.InverseDepth(sight->xy) * sight->depth < 1.001;
     return position;
   }
 

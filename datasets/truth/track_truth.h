@@ -41,8 +41,9 @@ class TrackTruth {
 };
 
 // The best truth that `input` has; `sequence` is `input`, and must outlive the result:
-// - exact where it holds a scene.json, also of what moves and deforms; visible is the nearest
-//   surface on its ray, to 1 mm in 1 m; a jump is 2 % of the depth from pixel to pixel;
+// - exact where it holds a scene.json, also of what moves and deforms and under a rolling shutter;
+//   visible is the nearest surface on its ray, to 1 mm in 1 m; a jump is 2 % of the depth from pixel
+//   to pixel;
 // - else from depth pictures and true poses, for rigid scenes: depth between four neighbours that
 //   agree to 2 %; visible where the depth picture agrees to 3 % + 2 cm; a jump is 5 %;
 // - none without these. Masks of a foreground occluder count in both.

@@ -27,7 +27,7 @@ struct Feature {
   bool open = true;       // the other features could not say where it is
   bool confirmed = true;  // by the image, in the last frame
   int unexplained_frames = 0;  // in a row: not confirmed, and hidden by nothing
-  // Where Lucas-Kanade finds an open feature in this frame, if it finds back from there.
+  // Where Lucas-Kanade finds it in this frame, if it finds back from there.
   std::optional<Eigen::Vector2d> returned_xy;
 };
 

@@ -16,7 +16,8 @@ std::vector<Eigen::Vector2d> StartsOf(std::span<const Feature> features,
                                       const Eigen::Matrix2Xd& guide) {
   std::vector<Eigen::Vector2d> starts;
   for (std::size_t f = 0; f < features.size(); ++f) {
-    starts.push_back(features[f].returned_xy.value_or(guide.col(static_cast<Eigen::Index>(f))));
+    const Eigen::Vector2d start = guide.col(static_cast<Eigen::Index>(f));
+    starts.push_back(features[f].open ? features[f].returned_xy.value_or(start) : start);
   }
   return starts;
 }

@@ -68,22 +68,22 @@ std::optional<double> DataWeight(const SubspaceOptions& options,
 LevelEnergy::LevelEnergy(const Pyramid& current,
                          int level,
                          std::span<const Feature> features,
-                         const std::optional<Eigen::MatrixXd>& history,
-                         const Eigen::VectorXd& data_weights,
+                         const GuidePast& past,
                          const SubspaceOptions& options)
     : options_(options),
       patches_(PatchesOf(features, level)),
-      trajectories_(history ? std::optional<TrajectoryMatrix>(std::in_place,
-                                                              std::ldexp(1.0, -level) * *history,
-                                                              !options.uncentered)
-                            : std::nullopt),
+      trajectories_(past.history
+                        ? std::optional<TrajectoryMatrix>(std::in_place,
+                                                          std::ldexp(1.0, -level) * *past.history,
+                                                          !options.uncentered)
+                        : std::nullopt),
       penalty_(PenaltyOf(options, features.size(), std::ldexp(1.0, -level))),
       energy_(current.levels[static_cast<std::size_t>(level)],
               patches_,
               options.template_px,
-              data_weights,
-              history ? &*trajectories_ : nullptr,
-              history ? &penalty_ : nullptr) {}
+              past.data_weights,
+              past.history ? &*trajectories_ : nullptr,
+              past.history ? &penalty_ : nullptr) {}
 
 OptimizerResult LevelEnergy::Minimize(const Eigen::Matrix2Xd& x) const {
   const SubspaceOptions& o = options_;
@@ -132,11 +132,13 @@ Eigen::Matrix2Xd JointGuide::Start(const Pyramid& current) const {
 OptimizerResult JointGuide::Minimize(const Pyramid& current,
                                      std::span<const Feature> features,
                                      const Eigen::Matrix2Xd& start) const {
+  const GuidePast past = Past(features);
   OptimizerResult all;
   all.x = start;
   for (int level = static_cast<int>(current.levels.size()) - 1; level >= 0; --level) {
     const double scale = std::ldexp(1.0, -level);
-    const OptimizerResult one = Energy(current, level, features).Minimize(scale * all.x);
+    const LevelEnergy energy(current, level, features, past, options_);
+    const OptimizerResult one = energy.Minimize(scale * all.x);
     all.x = one.x / scale;
     all.energy = one.energy;
     all.iterations += one.iterations;
@@ -145,28 +147,19 @@ OptimizerResult JointGuide::Minimize(const Pyramid& current,
   return all;
 }
 
-LevelEnergy JointGuide::Energy(const Pyramid& current,
-                               int level,
-                               std::span<const Feature> features) const {
+GuidePast JointGuide::Past(std::span<const Feature> features) const {
   const auto F = static_cast<Eigen::Index>(features.size());
+  GuidePast past{std::nullopt, Eigen::VectorXd::Ones(F)};
   const std::optional<double> share = DataWeight(options_, contrast_, F);
-  Eigen::VectorXd data_weights = Eigen::VectorXd::Ones(F);
-  std::optional<Eigen::MatrixXd> history;
-  if (share) {
-    history = HistoryMatrix();
-    for (Eigen::Index f = 0; f < F; ++f) {
-      data_weights[f] = features[static_cast<std::size_t>(f)].confirmed ? *share : 0.0;
-    }
-  }
-  return {current, level, features, history, data_weights, options_};
-}
-
-Eigen::MatrixXd JointGuide::HistoryMatrix() const {
-  Eigen::MatrixXd history(2 * static_cast<Eigen::Index>(history_.size()), history_.front().cols());
+  if (!share) return past;
+  past.history.emplace(2 * static_cast<Eigen::Index>(history_.size()), F);
   for (std::size_t l = 0; l < history_.size(); ++l) {
-    history.middleRows(2 * static_cast<Eigen::Index>(l), 2) = history_[l];
+    past.history->middleRows(2 * static_cast<Eigen::Index>(l), 2) = history_[l];
   }
-  return history;
+  for (Eigen::Index f = 0; f < F; ++f) {
+    past.data_weights[f] = features[static_cast<std::size_t>(f)].confirmed ? *share : 0.0;
+  }
+  return past;
 }
 
 void JointGuide::Remember(const Pyramid& current,

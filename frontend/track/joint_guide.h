@@ -125,17 +125,21 @@ std::optional<double> DataWeight(const SubspaceOptions& options,
                                  double contrast,
                                  Eigen::Index features);
 
+// What the levels of one frame's pyramid share.
+struct GuidePast {
+  std::optional<Eigen::MatrixXd> history;  // 2 L x F [px], newest first; none: no penalty
+  Eigen::VectorXd data_weights;            // a_f, F
+};
+
 // The total energy on one level of the pyramid, with all that it refers to, and how it is
 // minimised. Positions are those of the level.
 class LevelEnergy {
  public:
-  // `history`: 2 L x F at full resolution, newest first; none: no penalty, every feature for
-  // itself. `current` and `features` must outlive this.
+  // `current` and `features` must outlive this.
   LevelEnergy(const Pyramid& current,
               int level,
               std::span<const Feature> features,
-              const std::optional<Eigen::MatrixXd>& history,
-              const Eigen::VectorXd& data_weights,
+              const GuidePast& past,
               const SubspaceOptions& options);
   LevelEnergy(const LevelEnergy&) = delete;
   LevelEnergy& operator=(const LevelEnergy&) = delete;
@@ -185,13 +189,15 @@ class JointGuide {
   OptimizerResult Minimize(const Pyramid& current,
                            std::span<const Feature> features,
                            const Eigen::Matrix2Xd& start) const;
-  LevelEnergy Energy(const Pyramid& current, int level, std::span<const Feature> features) const;
+  LevelEnergy Energy(const Pyramid& current, int level, std::span<const Feature> features) const {
+    return {current, level, features, Past(features), options_};
+  }
 
   // `x` becomes the past.
   void Remember(const Pyramid& current, Eigen::Matrix2Xd x, std::span<const Feature> features);
 
  private:
-  Eigen::MatrixXd HistoryMatrix() const;  // 2 L x F, newest first
+  GuidePast Past(std::span<const Feature> features) const;
 
   SubspaceOptions options_;
   History history_;  // L at most

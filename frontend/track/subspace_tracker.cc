@@ -57,10 +57,12 @@ std::vector<Move> SubspaceMover::MoveFeatures(const Pyramid& current) {
   Pyramid smooth = SmoothPyramid(current, patch.denoise_sigma_px);
 
   // 1. The guide.
-  const Eigen::Matrix2Xd guide = guide_.Minimize(current, features_, guide_.Start(current)).x;
+  const Eigen::Matrix2Xd joint = guide_.Minimize(current, features_, guide_.Start(current)).x;
   const Eigen::Matrix2Xd& before = guide_.history().front();
-  DeformAnchors(CommonSimilarity(before, guide, features_), patch.warp_noise, features_);
   there_and_back_.Track(current, before, features_);
+  const Eigen::Matrix2Xd guide =
+      ThereAndBack::BetterStarts(current, joint, features_, options_.template_px);
+  DeformAnchors(CommonSimilarity(before, guide, features_), patch.warp_noise, features_);
 
   // 2. A large patch, from the guide; then against what the other features say.
   FrameMeasurement frame(smooth, features_, patch, there_and_back_, calibration_, guide);

@@ -3,43 +3,61 @@
 #include <cmath>
 #include <utility>
 
+#include "frontend/energy/patch_energy.h"
 #include "frontend/track/lucas_kanade.h"
 
 namespace cohort {
 namespace {
 
-// As tracker klt is by default.
-constexpr int kWindowPx = 21;
+// The wider of the windows that KLT is compared with: on four levels it reaches 120 px.
+constexpr int kWindowPx = 31;
 constexpr int kMaxLevel = 3;
 constexpr double kReturnPx = 1.0;
 
 }  // namespace
 
 void ThereAndBack::Begin(const Pyramid& picture) {
-  if (max_open_px_ > 0.0) previous_ = LkPyramid(picture, kWindowPx, kMaxLevel);
+  previous_ = LkPyramid(picture, kWindowPx, kMaxLevel);
 }
 
 void ThereAndBack::Track(const Pyramid& current,
                          const Eigen::Matrix2Xd& newest,
                          std::span<Feature> features) {
   for (Feature& feature : features) feature.returned_xy.reset();
-  if (!(max_open_px_ > 0.0)) return;
   std::vector<cv::Mat> picture = LkPyramid(current, kWindowPx, kMaxLevel);
-  std::vector<Feature*> open;
+  std::vector<Feature*> tracked;
   std::vector<cv::Point2f> starts;
   for (std::size_t f = 0; f < features.size(); ++f) {
-    if (!features[f].open || !features[f].confirmed) continue;
+    if (!features[f].confirmed) continue;
     const Eigen::Vector2f xy = newest.col(static_cast<Eigen::Index>(f)).cast<float>();
-    open.push_back(&features[f]);
+    tracked.push_back(&features[f]);
     starts.emplace_back(xy.x(), xy.y());
   }
   const LkResult returned =
       TrackThereAndBack(previous_, picture, starts, kWindowPx, kMaxLevel, kReturnPx);
-  for (std::size_t i = 0; i < open.size(); ++i) {
+  for (std::size_t i = 0; i < tracked.size(); ++i) {
     if (returned.found[i] == 0) continue;
-    open[i]->returned_xy = Eigen::Vector2d(returned.ends[i].x, returned.ends[i].y);
+    tracked[i]->returned_xy = Eigen::Vector2d(returned.ends[i].x, returned.ends[i].y);
   }
   previous_ = std::move(picture);
+}
+
+Eigen::Matrix2Xd ThereAndBack::BetterStarts(const Pyramid& current,
+                                            const Eigen::Matrix2Xd& guide,
+                                            std::span<const Feature> features,
+                                            int n) {
+  constexpr double kElsewherePx = 3.0;
+  Eigen::Matrix2Xd starts = guide;
+  for (std::size_t f = 0; f < features.size(); ++f) {
+    const auto& returned = features[f].returned_xy;
+    auto start = starts.col(static_cast<Eigen::Index>(f));
+    if (!returned || (*returned - start).norm() <= kElsewherePx) continue;
+    const auto unlike = [&](const Eigen::Vector2d& xy) {
+      return PatchEnergy(current.levels[0], xy, features[f].templates[0], n);
+    };
+    if (unlike(*returned) < unlike(start)) start = *returned;
+  }
+  return starts;
 }
 
 bool ThereAndBack::IsOpen(const TrajectoryModel::Estimate& predicted) const {

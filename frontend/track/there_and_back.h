@@ -11,6 +11,9 @@
 
 namespace cohort {
 
+// Lucas-Kanade from the last picture and back, as a plain tracker would: beside the joint guide, a
+// second opinion of where each feature went, which reaches further (BetterStarts).
+//
 // Where the camera moves fast, the other features cannot say where a new one is, and alignment may
 // end at any similar pattern nearby. So what they leave open by more than `max_open_px` must be
 // where Lucas-Kanade finds it and finds back from. 0: nothing is open.
@@ -21,6 +24,13 @@ class ThereAndBack {
   void Begin(const Pyramid& picture);
   // Sets returned_xy of all features. `newest`: 2 x F, where they were in the last picture.
   void Track(const Pyramid& current, const Eigen::Matrix2Xd& newest, std::span<Feature> features);
+
+  // The guide, but where Lucas-Kanade is elsewhere and the picture looks more like the template
+  // there: a camera too fast for the guide. `n`: side of the templates.
+  static Eigen::Matrix2Xd BetterStarts(const Pyramid& current,
+                                       const Eigen::Matrix2Xd& guide,
+                                       std::span<const Feature> features,
+                                       int n);
 
   bool IsOpen(const TrajectoryModel::Estimate& predicted) const;
 

@@ -1,10 +1,10 @@
 #include "frontend/track/track_loop.h"
 
 #include <algorithm>
-#include <chrono>
 #include <utility>
 
 #include "frontend/core/error.h"
+#include "frontend/core/stopwatch.h"
 #include "frontend/detect/corners.h"
 
 namespace cohort {
@@ -102,11 +102,10 @@ void TrackLoop::DetectFeatures(const Pyramid& pyramid,
                                FrameResult& result) {
   std::vector<Eigen::Vector2d> occupied;
   for (const Feature& feature : features_) occupied.push_back(feature.xy);
-  const auto start = std::chrono::steady_clock::now();
+  const Stopwatch stopwatch;
   const std::vector<Eigen::Vector2d> born = DetectCorners(
       pyramid.levels.front(), occupied, mask_, kBirthBorderPx, max_new, options_.detector);
-  const std::chrono::duration<double, std::milli> ms = std::chrono::steady_clock::now() - start;
-  result.detect_ms = ms.count();
+  result.detect_ms = stopwatch.Milliseconds();
   for (const Eigen::Vector2d& xy : born) {
     features_.push_back({FeatureId{next_id_++}, xy, 0});
     result.observations.push_back(

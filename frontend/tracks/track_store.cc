@@ -23,7 +23,8 @@ constexpr const char* kSchema = R"(
     width_px INTEGER NOT NULL, height_px INTEGER NOT NULL,
     fx REAL NOT NULL, fy REAL NOT NULL, cx REAL NOT NULL, cy REAL NOT NULL,
     k1 REAL NOT NULL, k2 REAL NOT NULL, p1 REAL NOT NULL, p2 REAL NOT NULL,
-    known INTEGER NOT NULL);
+    known INTEGER NOT NULL,
+    model TEXT NOT NULL, k3 REAL NOT NULL, k4 REAL NOT NULL, k5 REAL NOT NULL, k6 REAL NOT NULL);
   CREATE TABLE frames(
     "index" INTEGER PRIMARY KEY NOT NULL, name TEXT NOT NULL, timestamp_ns INTEGER NOT NULL);
   CREATE TABLE observations(
@@ -70,11 +71,14 @@ void CreateSchema(SqliteDatabase& db, const TrackFile& header, std::string_view 
   PutMeta(db, "status", status);
   if (header.camera) {
     const Camera& camera = *header.camera;
-    auto insert = db.Prepare("INSERT INTO camera VALUES(?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)");
+    auto insert =
+        db.Prepare("INSERT INTO camera VALUES(?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)");
     insert.Bind(1, std::int64_t{camera.width_px}).Bind(2, std::int64_t{camera.height_px});
     insert.Bind(3, camera.fx).Bind(4, camera.fy).Bind(5, camera.cx).Bind(6, camera.cy);
     insert.Bind(7, camera.k1).Bind(8, camera.k2).Bind(9, camera.p1).Bind(10, camera.p2);
-    insert.Bind(11, std::int64_t{camera.known}).Run();
+    insert.Bind(11, std::int64_t{camera.known});
+    insert.Bind(12, NameOf(kCameraModelNames, camera.model));
+    insert.Bind(13, camera.k3).Bind(14, camera.k4).Bind(15, camera.k5).Bind(16, camera.k6).Run();
   }
 }
 
@@ -152,9 +156,21 @@ int ReadSize(const std::string& text, const fs::path& path) {
   return value;
 }
 
-std::optional<Camera> ReadCamera(SqliteDatabase& db) {
-  auto row =
-      db.Prepare("SELECT width_px, height_px, fx, fy, cx, cy, k1, k2, p1, p2, known FROM camera");
+CameraModel ReadCameraModel(std::string_view name, const fs::path& path) {
+  for (const auto& [text, model] : kCameraModelNames) {
+    if (text == name) return model;
+  }
+  ThrowError("{} has a camera of model '{}', which this program does not know: use a newer one",
+             path.string(),
+             name);
+}
+
+std::optional<Camera> ReadCamera(SqliteDatabase& db, const fs::path& path) {
+  // Files of version 0.1 end with `known`.
+  auto with_model = db.Prepare("SELECT 1 FROM pragma_table_info('camera') WHERE name = 'model'");
+  const char* more = with_model.Step() ? "model, k3, k4, k5, k6" : "'pinhole', 0, 0, 0, 0";
+  auto row = db.Prepare(fmt::format(
+      "SELECT width_px, height_px, fx, fy, cx, cy, k1, k2, p1, p2, known, {} FROM camera", more));
   if (!row.Step()) return std::nullopt;
   return Camera{.width_px = static_cast<int>(row.Int(0)),
                 .height_px = static_cast<int>(row.Int(1)),
@@ -166,6 +182,11 @@ std::optional<Camera> ReadCamera(SqliteDatabase& db) {
                 .k2 = row.Real(7),
                 .p1 = row.Real(8),
                 .p2 = row.Real(9),
+                .k3 = row.Real(12),
+                .k4 = row.Real(13),
+                .k5 = row.Real(14),
+                .k6 = row.Real(15),
+                .model = ReadCameraModel(row.Text(11), path),
                 .known = row.Int(10) != 0};
 }
 
@@ -347,7 +368,7 @@ TrackFile ReadTrackFile(const fs::path& path) {
   file.width_px = ReadSize(take("width_px"), path);
   file.height_px = ReadSize(take("height_px"), path);
   file.complete = take("status") == kComplete;
-  file.camera = ReadCamera(db);
+  file.camera = ReadCamera(db, path);
   auto frames = db.Prepare("SELECT \"index\", name, timestamp_ns FROM frames ORDER BY \"index\"");
   while (frames.Step()) {
     file.frames.push_back({.index = FrameIndex{ReadId(frames.Int(0), path, "frame")},

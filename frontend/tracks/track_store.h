@@ -32,7 +32,7 @@ struct TrackFile {
   bool complete = true;  // false: tracking still runs, or was ended before the last frame
 };
 
-// Writes a .tracks file (SQLite; schema in frontend/README.md) while tracking. Every AppendFrame is
+// Writes a .tracks file (SQLite; schema in docs/files.md) while tracking. Every AppendFrame is
 // a transaction: whatever ends the program, the frames appended before are kept. `header` gives all
 // but frames and tracks.
 //

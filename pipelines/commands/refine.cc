@@ -41,8 +41,8 @@ void RunRefine(const RefineCommandOptions& options) {
   WriteTrackFile(options.out, second.file);
 
   const SecondPassFigures& figures = second.figures;
-  if (figures.Confirmed() < options.second_pass.min_confirmed) {
-    spdlog::warn("only {}: the scene is not as the model has it", figures.Brief());
+  if (figures.left > figures.replaced) {
+    spdlog::warn("{}: the scene is not as the model has it", figures.Brief());
   }
   if (!options.json.empty()) {
     WriteJsonFile(options.json,

@@ -1,13 +1,13 @@
 #include "pipelines/experiment/cell_jobs.h"
 
 #include <array>
-#include <chrono>
 #include <nlohmann/json.hpp>
 #include <opencv2/core/utility.hpp>
 
 #include "backend/colmap/model_io.h"
 #include "datasets/truth/track_truth.h"
 #include "frontend/core/output.h"
+#include "frontend/core/stopwatch.h"
 #include "pipelines/evaluation/halves.h"
 #include "pipelines/experiment/ceiling.h"
 #include "pipelines/experiment/named_trackers.h"
@@ -53,6 +53,9 @@ Json TrackCeiling(const ExperimentOptions& options, const TrackCell& cell) {
   if (!cell.condition.IsDegraded()) {
     return NotAvailable("the noise of a clip as it is is not known: give --levels");
   }
+  if (cell.condition.Recipe() == DegradeRecipe::kPhone) {
+    return NotAvailable("what noise a phone's denoising and encoder leave is not known");
+  }
   if (!cell.condition.clip.has_track_truth) return NotAvailable("no truth of tracks");
   const auto clip = OpenInput(ClipInput(options, cell.condition));
   const InputOptions frames = cell.frames;
@@ -79,10 +82,10 @@ Json RunPaperProtocol(const InputOptions& clip_input,
   const auto points = ChoosePoints(*clip, *truth, tracker.detector, options);
   const auto frames = OpenInput(frames_input);
   const auto next = [&frames] { return frames->Next(); };
-  const auto start = std::chrono::steady_clock::now();
+  const Stopwatch stopwatch;
   const TrajectoryRun trajectories = RunTrajectories(
       *MakeMover(tracker), next, points, static_cast<std::size_t>(options.window_frames));
-  const std::chrono::duration<double, std::milli> ms = std::chrono::steady_clock::now() - start;
+  const double ms = stopwatch.Milliseconds();
   if (trajectories.features == 0) {
     ThrowError("{}: no corner of its first frame stays visible for {} frames",
                clip_input.input,
@@ -94,7 +97,7 @@ Json RunPaperProtocol(const InputOptions& clip_input,
   return {{"features", trajectories.features},
           {"l1_error_px", trajectories.mean_l1_px},
           {"lost_of_features", trajectories.lost},
-          {"ms_per_frame", ms.count() / options.window_frames},
+          {"ms_per_frame", ms / options.window_frames},
           {"feature_frames", life.frames},
           {"reinitializations", life.reinitializations},
           {"lost", life.lost},

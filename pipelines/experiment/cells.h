@@ -1,9 +1,12 @@
 #pragma once
 
+#include <algorithm>
+#include <array>
 #include <filesystem>
 #include <string>
 #include <string_view>
 
+#include "datasets/degrade/degrade.h"
 #include "frontend/core/options.h"
 #include "frontend/track/tracker_options.h"
 #include "pipelines/sfm/input.h"
@@ -21,8 +24,25 @@ struct GridClip {
 };
 
 inline constexpr std::string_view kAsIs = "as-is";
-inline constexpr std::string_view kSensor = "sensor";  // the recipe, at:
-inline constexpr const char* kSensorLevel = "hard";
+
+// Levels of the grid that are another recipe than the paper's, at a level of it.
+struct RecipeLevel {
+  std::string_view name;
+  DegradeRecipe recipe;
+  const char* level;
+};
+inline constexpr std::array<RecipeLevel, 3> kRecipeLevels{
+    {{"sensor", DegradeRecipe::kSensor, "hard"},
+     {"phone", DegradeRecipe::kPhone, "hard"},
+     {"phone-medium", DegradeRecipe::kPhone, "medium"}}};
+
+// None: `level` is one of recipe paper, or as-is.
+inline const RecipeLevel* FindRecipeLevel(std::string_view level) {
+  const auto found = std::find_if(kRecipeLevels.begin(),
+                                  kRecipeLevels.end(),
+                                  [&](const RecipeLevel& r) { return r.name == level; });
+  return found == kRecipeLevels.end() ? nullptr : &*found;
+}
 
 // Everything of one clip, level and seed lies in one folder.
 struct Condition {
@@ -32,7 +52,14 @@ struct Condition {
   std::filesystem::path folder;
 
   bool IsDegraded() const { return level != kAsIs; }
-  std::string DegradeLevel() const { return level == kSensor ? kSensorLevel : level; }
+  DegradeRecipe Recipe() const {
+    const RecipeLevel* const other = FindRecipeLevel(level);
+    return other != nullptr ? other->recipe : DegradeRecipe::kPaper;
+  }
+  std::string DegradeLevel() const {  // of the recipe
+    const RecipeLevel* const other = FindRecipeLevel(level);
+    return other != nullptr ? other->level : level;
+  }
   std::filesystem::path Frames() const {
     return IsDegraded() ? folder / "frames" : std::filesystem::path(clip.input);
   }

@@ -45,6 +45,7 @@ struct ExperimentOptions {
   SiftOptions sift;
   PaperProtocolOptions paper;
 
+  // Long because it is a list: a statement an option.
   template <typename Self, typename Visitor>
   static void Visit(Self& o, Visitor& v) {
     v.List("inputs", o.inputs, "The clips, given as `cohort track` takes them.", Tier::kCommon);
@@ -77,7 +78,8 @@ struct ExperimentOptions {
     v.List("levels",
            o.levels,
            "How dark `cohort degrade` makes the clips: clean, medium, hard, a number; "
-           "sensor: its recipe sensor at hard; as-is: not at all.",
+           "sensor, phone: its recipe of that name at hard; phone-medium: recipe phone at "
+           "medium; as-is: not at all.",
            Tier::kCommon);
     v.List("seeds",
            o.seeds,
@@ -112,7 +114,7 @@ struct ExperimentOptions {
            Tier::kCommon);
     v.Text("camera",
            o.camera,
-           "The camera of all inputs, fx,fy,cx,cy[,k1,k2,p1,p2] in pixels, as in `cohort "
+           "The camera of all inputs: fx,fy,cx,cy in pixels, and its distortion, as in `cohort "
            "track`.",
            Tier::kCommon);
     v.Group("tracking", o.tracking, "all trackers", Tier::kExpert);

@@ -87,7 +87,7 @@ ExperimentPlan PlanWithoutClips(const ExperimentOptions& options) {
   for (const std::string& text : options.backends) plan.backends.push_back(ParseBackend(text));
   for (const std::string& seed : options.seeds) plan.seeds.push_back(ParseSeed(seed));
   for (const std::string& level : options.levels) {
-    if (level != kAsIs && level != kSensor) ParseLevel(level);
+    if (level != kAsIs && FindRecipeLevel(level) == nullptr) ParseLevel(level);
   }
   for (const std::string& name : options.trackers) {
     plan.trackers.push_back(NamedGridTracker(name, options.tracking, options.second_pass.mode));
@@ -168,7 +168,7 @@ InputOptions ClipInput(const ExperimentOptions& options, const Condition& condit
 DegradeOptions DegradationOf(const Condition& condition) {
   DegradeOptions degrade;
   degrade.seed = condition.seed;
-  if (condition.level == kSensor) degrade.recipe = DegradeRecipe::kSensor;
+  degrade.recipe = condition.Recipe();
   degrade.level = ParseLevel(condition.DegradeLevel());
   return degrade;
 }

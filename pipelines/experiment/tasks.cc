@@ -8,7 +8,6 @@
 #include <unistd.h>
 
 #include <cerrno>
-#include <chrono>
 #include <cstdio>
 #include <cstring>
 #include <map>
@@ -16,6 +15,7 @@
 #include <optional>
 
 #include "frontend/core/error.h"
+#include "frontend/core/stopwatch.h"
 #include "pipelines/console/interrupt.h"
 #include "pipelines/console/progress_bar.h"
 #include "pipelines/experiment/file_lock.h"
@@ -27,7 +27,6 @@ namespace {
 
 namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
-using Clock = std::chrono::steady_clock;
 
 void WriteResult(const Task& task, const Json& figures, const Json& error, double seconds) {
   WriteJsonFile(task.result,
@@ -53,7 +52,7 @@ bool IsDone(const Task& task) {
     dup2(descriptor, STDOUT_FILENO);
     dup2(descriptor, STDERR_FILENO);
   }
-  const auto start = Clock::now();
+  const Stopwatch stopwatch;
   int exit_code = 0;
   try {
     std::optional<FileLock> lock;
@@ -66,8 +65,7 @@ bool IsDone(const Task& task) {
       } catch (const std::exception& e) {
         error = e.what();
       }
-      WriteResult(
-          task, figures, error, std::chrono::duration<double>(Clock::now() - start).count());
+      WriteResult(task, figures, error, stopwatch.Seconds());
     }
   } catch (const std::exception& e) {
     fmt::print(stderr, "cohort: error: {}\n", e.what());

@@ -96,7 +96,7 @@ Json EvaluateTrackFile(const std::string& path,
 
 // The frames that a model was to have: summary.json says so; of another program's model all that
 // have a true pose.
-std::vector<FrameIndex> FramesOfModel(const fs::path& folder, const Sequence& truth) {
+std::vector<FrameIndex> FramesOfModel(const fs::path& folder, const ModelTruth& truth) {
   std::vector<FrameIndex> frames;
   const fs::path summary = folder / "summary.json";
   if (fs::exists(summary)) {
@@ -109,11 +109,16 @@ std::vector<FrameIndex> FramesOfModel(const fs::path& folder, const Sequence& tr
       return frames;
     }
   }
-  for (const auto& [frame, pose] : truth.TrueCamFromWorld()) frames.push_back(frame);
+  for (const auto& [frame, pose] : truth.cam_from_world) frames.push_back(frame);
   return frames;
 }
 
-Json EvaluateModelFolder(const fs::path& folder, const Sequence& sequence, TrackTruth* truth) {
+bool IsModelFolder(const fs::path& folder) {
+  return fs::exists(folder / "images.bin") || fs::exists(folder / "images.txt");
+}
+
+// Of a clip, or of another model: then in its unit of length.
+ModelTruth TruthOfPoses(const Sequence& sequence, TrackTruth* truth) {
   ModelTruth model_truth;
   model_truth.cam_from_world = sequence.TrueCamFromWorld();
   if (model_truth.cam_from_world.empty()) {
@@ -128,12 +133,17 @@ Json EvaluateModelFolder(const fs::path& folder, const Sequence& sequence, Track
       return anchor->x_in_world;
     };
   }
+  return model_truth;
+}
+
+Json EvaluateModelFolder(const fs::path& folder, const ModelTruth& truth) {
   const ModelEvaluation figures =
-      EvaluateModel(ReadReconstruction(folder), FramesOfModel(folder, sequence), model_truth);
+      EvaluateModel(ReadReconstruction(folder), FramesOfModel(folder, truth), truth);
   Json json{{"registered", figures.registered},
             {"frames", figures.frames},
             {"failed", TooFewRegistered(figures.registered, figures.frames)},
             {"ate_m", OrNull(figures.ate_m)},
+            {"ate_share", OrNull(figures.ate_share)},
             {"rpe_rot_deg", OrNull(figures.rpe_rot_deg)},
             {"rpe_trans_m", OrNull(figures.rpe_trans_m)},
             {"point_error_median_m", OrNull(figures.point_error_median_m)},
@@ -152,11 +162,19 @@ Json RunEvaluateJob(const EvaluateJobOptions& options) {
   if (!fs::exists(options.subject)) {
     ThrowError("there is no .tracks file or model folder {}", options.subject);
   }
-  const auto sequence = OpenSequence(options.truth, options.layout);
-  const auto truth = OpenTrackTruth(*sequence, options.truth);
-  Json figures = fs::is_directory(options.subject)
-                     ? EvaluateModelFolder(options.subject, *sequence, truth.get())
-                     : EvaluateTrackFile(options.subject, *sequence, truth.get(), options.edge_px);
+  const bool is_model = fs::is_directory(options.subject);
+  Json figures;
+  if (is_model && IsModelFolder(options.truth)) {
+    ModelTruth other;
+    other.cam_from_world = ReadReconstruction(options.truth).cam_from_world;
+    figures = EvaluateModelFolder(options.subject, other);
+  } else {
+    const auto sequence = OpenSequence(options.truth, options.layout);
+    const auto truth = OpenTrackTruth(*sequence, options.truth);
+    figures = is_model
+                  ? EvaluateModelFolder(options.subject, TruthOfPoses(*sequence, truth.get()))
+                  : EvaluateTrackFile(options.subject, *sequence, truth.get(), options.edge_px);
+  }
   if (!options.json.empty()) WriteJsonFile(options.json, figures);
   return figures;
 }

@@ -20,7 +20,8 @@ struct EvaluateJobOptions {
     v.Text("subject", o.subject, "The .tracks file or the model folder to measure.", Tier::kCommon);
     v.Text("truth",
            o.truth,
-           "The clip with true poses and, for the errors of tracks and points, true depth.",
+           "The clip with true poses and, for the errors of tracks and points, true depth. A model "
+           "can be measured against another model of the same frames too.",
            Tier::kCommon);
     v.Choice("layout",
              o.layout,

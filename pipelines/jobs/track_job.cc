@@ -2,10 +2,10 @@
 
 #include <spdlog/spdlog.h>
 
-#include <chrono>
 #include <nlohmann/json.hpp>
 #include <opencv2/core/utility.hpp>
 
+#include "frontend/core/stopwatch.h"
 #include "pipelines/console/interrupt.h"
 #include "pipelines/console/progress_bar.h"
 #include "pipelines/console/version.h"
@@ -17,11 +17,6 @@ namespace cohort {
 namespace {
 
 namespace fs = std::filesystem;
-using Clock = std::chrono::steady_clock;
-
-double MsSince(Clock::time_point start) {
-  return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
-}
 
 void Count(const TrackFile& file, TrackFigures& figures) {
   figures.frames = file.frames.size();
@@ -98,11 +93,11 @@ void TrackFrames(SequenceTracker& tracker,
     ++figures.frames;
     // A resumed run tracks the finished frames once more, for the tracker's memory: the file
     // becomes the same as without the interruption.
-    const Clock::time_point start = Clock::now();
+    const Stopwatch stopwatch;
     if (!last_written || frame.info.index > *last_written) {
       writer.AppendFrame(frame.info, frame.result.observations, frame.result.ends);
     }
-    figures.write_ms += MsSince(start);
+    figures.write_ms += stopwatch.Milliseconds();
     progress.Advance();
   }
   if (tracker.HasNext()) {
@@ -155,10 +150,10 @@ std::optional<TrackFigures> RunTrackJob(const TrackJobOptions& options) {
   figures.track_ms = tracker.track_ms();
   TrackFile file = ReadTrackFile(options.out);
   if (header.meta.at("second_pass") == kSecondPassAsked) {
-    const Clock::time_point start = Clock::now();
+    const Stopwatch stopwatch;
     file = RunSecondPass(std::move(file), *sequence, mask, options.second_pass);
     WriteTrackFile(options.out, file);
-    figures.second_pass_ms = MsSince(start);
+    figures.second_pass_ms = stopwatch.Milliseconds();
   }
   Count(file, figures);
   if (!options.json.empty()) WriteJsonFile(options.json, FiguresToJson(figures, options));

@@ -42,16 +42,19 @@ Json NotesOf(const std::vector<CellNote>& notes) {
   return list;
 }
 
-// What a level does to the frames, and its place on the axis of darkness (none: as-is, sensor).
+// What a level does to the frames, and its place on the axis of darkness (none: as-is, other recipes).
 Json LevelOf(const std::string& level) {
   if (level == kAsIs) return {{"name", level}, {"about", "the clips as they are"}};
-  if (level == kSensor) {
-    const SensorLevel sensor = SensorLevelAt(ParseLevel(kSensorLevel));
+  if (const RecipeLevel* const other = FindRecipeLevel(level)) {
+    const SensorLevel sensor = SensorLevelAt(ParseLevel(other->level));
     return {{"name", level},
             {"about",
              fmt::format("a camera sensor at {:.0f} % of the light: photon and read noise, gain, "
-                         "motion blur",
-                         100.0 * sensor.gain)}};
+                         "motion blur{}",
+                         100.0 * sensor.gain,
+                         other->recipe == DegradeRecipe::kPhone
+                             ? "; then a phone's denoising, exposure in steps and H.264"
+                             : "")}};
   }
   const PaperLevel paper = PaperLevelAt(ParseLevel(level));
   std::string about = fmt::format("{:.0f} % of the light, noise of {:.1f} % of the full range",

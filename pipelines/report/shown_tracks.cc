@@ -37,7 +37,8 @@ std::optional<Frame> DarkestFrame(Sequence& sequence) {
 std::vector<const TrackCell*> ShowcaseCells(const ExperimentResults& results) {
   const auto darkness = [](const Condition& condition) {
     if (!condition.IsDegraded()) return -1.0;
-    return condition.level == kSensor ? 1.5 : ParseLevel(condition.level);
+    if (condition.Recipe() == DegradeRecipe::kPaper) return ParseLevel(condition.level);
+    return 0.75 * ParseLevel(condition.DegradeLevel());  // brighter than the paper's
   };
   const Condition* shown = nullptr;
   for (const TrackCell& cell : results.cells) {

@@ -1,43 +1,29 @@
 #include "pipelines/sfm/input.h"
 
-#include <array>
-#include <charconv>
-#include <cmath>
+#include <algorithm>
 #include <opencv2/imgcodecs.hpp>
+#include <vector>
+
+#include "frontend/geometry/camera_text.h"
 
 namespace cohort {
 namespace {
 
 Camera ParseCamera(const std::string& text, int width_px, int height_px) {
-  std::array<double, 8> values{};
-  std::size_t count = 0;
-  const char* at = text.data();
-  const char* const end = at + text.size();
-  while (count < values.size()) {
-    const auto [stop, error] = std::from_chars(at, end, values[count]);
-    if (error != std::errc() || !std::isfinite(values[count])) break;
-    ++count;
-    at = stop;
-    if (at == end || *at != ',') break;
-    ++at;
+  std::vector<std::string> words;
+  for (std::size_t at = 0; at <= text.size();) {
+    const std::size_t comma = std::min(text.find(',', at), text.size());
+    words.push_back(text.substr(at, comma - at));
+    at = comma + 1;
   }
-  if (at != end || (count != 4 && count != 8)) {
-    ThrowUsageError("--camera '{}' is no camera: give fx,fy,cx,cy or fx,fy,cx,cy,k1,k2,p1,p2",
-                    text);
+  try {
+    Camera camera = CameraFromWords(words);
+    camera.width_px = width_px;
+    camera.height_px = height_px;
+    return camera;
+  } catch (const Error& error) {
+    ThrowUsageError("--camera '{}': {}", text, error.what());
   }
-  if (!(values[0] > 0.0 && values[1] > 0.0)) {
-    ThrowUsageError("--camera '{}': fx and fy must be above 0", text);
-  }
-  return {.width_px = width_px,
-          .height_px = height_px,
-          .fx = values[0],
-          .fy = values[1],
-          .cx = values[2],
-          .cy = values[3],
-          .k1 = values[4],
-          .k2 = values[5],
-          .p1 = values[6],
-          .p2 = values[7]};
 }
 
 }  // namespace

@@ -38,9 +38,11 @@ struct InputOptions {
            Tier::kCommon);
     v.Text("camera",
            o.camera,
-           "The camera, fx,fy,cx,cy[,k1,k2,p1,p2] in pixels: OpenCV's model, (0, 0) is the"
-           " centre of the top-left pixel. Without it, what the input says; a camera that "
-           "is not known is guessed and refined, and the reconstruction is less sure.",
+           "The camera, fx,fy,cx,cy in pixels, with 1, 2, 4, 5 or 8 distortion coefficients "
+           "behind them if it has any: OpenCV's k1,k2,p1,p2,k3,k4,k5,k6. A fisheye lens is "
+           "fx,fy,cx,cy,fisheye,k1,k2,k3,k4. (0, 0) is the centre of the top-left pixel. Without "
+           "it, what the input says; a camera that is not known is guessed and refined, and the "
+           "reconstruction is less sure.",
            Tier::kCommon);
   }
 };

@@ -74,12 +74,14 @@ std::optional<Eigen::Vector2d> ModelPredictions::InPicture(FeatureId feature,
                                                            FrameIndex frame) const {
   const auto xy = Project(model_.points.at(feature).in_world, frame);
   if (!xy || !model_.camera.Contains(*xy, kBorderPx)) return std::nullopt;
-  if (!mask_.empty()) {
-    const auto x = static_cast<int>(std::lround(xy->x()));
-    const auto y = static_cast<int>(std::lround(xy->y()));
-    if (mask_.at<std::uint8_t>(y, x) == 0) return std::nullopt;
-  }
+  if (IsMasked(*xy)) return std::nullopt;
   return xy;
+}
+
+bool ModelPredictions::IsMasked(const Eigen::Vector2d& xy) const {
+  if (mask_.empty()) return false;
+  return mask_.at<std::uint8_t>(static_cast<int>(std::lround(xy.y())),
+                                static_cast<int>(std::lround(xy.x()))) == 0;
 }
 
 std::optional<Eigen::Vector2d> ModelPredictions::Project(const Eigen::Vector3d& in_world,

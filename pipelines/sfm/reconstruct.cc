@@ -48,8 +48,10 @@ ReconstructResult ReconstructByCeres(const TrackFile& file, const MapperOptions&
           std::move(model.summary),
           std::move(model.warnings),
           CeresFindings{std::move(model.without_point),
-                        std::move(model.other_components),
+                        std::move(model.other_parts),
                         model.noise,
+                        model.depth_uncertainty,
+                        model.unexplained_parallax,
                         model.better_camera,
                         std::move(model.camera_covariances),
                         std::move(model.point_covariances)}};
@@ -106,31 +108,43 @@ void WriteFindings(const CeresFindings& findings, const TrackFile& file, const f
   }
   WriteBytes(folder / "tracks_without_point.csv", without_point);
   if (!findings.camera_covariances.empty()) WriteCovariances(findings, folder);
+  for (std::size_t i = 0; i < findings.other_parts.size(); ++i) {
+    const fs::path part = folder / "other_parts" / fmt::format("{}", i + 1);
+    fs::create_directories(part);
+    WriteReconstructionFiles(part, findings.other_parts[i]);
+  }
 }
 
 Json CameraToJson(const Camera& c) {
-  return {{"fx", c.fx},
+  return {{"model", NameOf(kCameraModelNames, c.model)},
+          {"fx", c.fx},
           {"fy", c.fy},
           {"cx", c.cx},
           {"cy", c.cy},
           {"k1", c.k1},
           {"k2", c.k2},
           {"p1", c.p1},
-          {"p2", c.p2}};
+          {"p2", c.p2},
+          {"k3", c.k3},
+          {"k4", c.k4},
+          {"k5", c.k5},
+          {"k6", c.k6}};
 }
 
 Json FindingsToJson(const CeresFindings& findings, const Reconstruction& reconstruction) {
   Json json{{"tracks_without_point", findings.without_point.size()}};
   if (!reconstruction.cam_from_world.empty()) {
+    json["depth_uncertainty"] = findings.depth_uncertainty;
+    json["unexplained_parallax"] = findings.unexplained_parallax;
     json["noise"] = findings.noise;
     json["camera"] = CameraToJson(reconstruction.camera);
   }
   if (findings.better_camera) json["better_camera"] = CameraToJson(*findings.better_camera);
-  for (const OtherComponent& part : findings.other_components) {
-    json["other_parts"].push_back({{"first_frame", ToInt(part.first)},
-                                   {"last_frame", ToInt(part.last)},
-                                   {"registered", part.registered},
-                                   {"points", part.points}});
+  for (const Reconstruction& part : findings.other_parts) {
+    json["other_parts"].push_back({{"first_frame", ToInt(part.cam_from_world.begin()->first)},
+                                   {"last_frame", ToInt(part.cam_from_world.rbegin()->first)},
+                                   {"registered", part.cam_from_world.size()},
+                                   {"points", part.points.size()}});
   }
   return json;
 }

@@ -43,8 +43,10 @@ struct ReconstructOptions {
 // What Ceres alone says beside the model; as in MapperResult.
 struct CeresFindings {
   std::vector<FeatureId> without_point;
-  std::vector<OtherComponent> other_components;
+  std::vector<Reconstruction> other_parts;
   double noise = 0.0;
+  double depth_uncertainty = 0.0;
+  double unexplained_parallax = 0.0;
   std::optional<Camera> better_camera;
   std::map<FrameIndex, Eigen::Matrix<double, 6, 6>> camera_covariances;
   std::map<FeatureId, Eigen::Matrix3d> point_covariances;

@@ -7,11 +7,16 @@
 #include <map>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <set>
 #include <string_view>
 #include <vector>
 
 #include "backend/geometry/triangulation.h"
 #include "backend/scene/mapper.h"
+#include "frontend/core/statistics.h"
+#include "frontend/image/exposure.h"
+#include "frontend/track/companion_tracker.h"
+#include "frontend/tracks/companions.h"
 #include "pipelines/json/option_list.h"
 #include "pipelines/sfm/model_predictions.h"
 
@@ -65,6 +70,42 @@ PixelCovariance MeanCovariance(const std::vector<Observation>& sightings) {
   return mean;
 }
 
+// The features of which at least `min_confirmed` of the first pass's observations were measured
+// again, where the model knows them.
+std::set<FeatureId> FoundAgain(const TrackFile& file,
+                               const ModelPredictions& predictions,
+                               const std::vector<Observation>& measured,
+                               double min_confirmed,
+                               SecondPassFigures& figures) {
+  struct Count {
+    std::size_t before = 0;
+    std::size_t kept = 0;
+    std::size_t regained = 0;
+  };
+  std::map<FeatureId, Count> counts;
+  for (const Observation& o : file.tracks.observations()) {
+    if (!predictions.Knows(o.feature, o.frame)) continue;
+    Count& count = counts[o.feature];
+    if (IsObserved(o) && !predictions.IsMasked(o.xy)) ++count.before;
+  }
+  for (const Observation& o : measured) {
+    const Observation* before = file.tracks.Find(o.feature, o.frame);
+    const bool was_observed = before != nullptr && IsObserved(*before);
+    ++(was_observed ? counts[o.feature].kept : counts[o.feature].regained);
+  }
+  std::set<FeatureId> found;
+  for (const auto& [feature, count] : counts) {
+    if (static_cast<double>(count.kept) < min_confirmed * static_cast<double>(count.before)) {
+      ++figures.left;
+      continue;
+    }
+    found.insert(feature);
+    figures.Add(
+        {.before = count.before, .kept = count.kept, .regained = count.regained, .replaced = 1});
+  }
+  return found;
+}
+
 // What no image confirms, where the model has it: the frames between a feature's sightings, and
 // those of the first pass. As uncertain as the mean of its sightings.
 void AddPredictions(const TrackFile& file,
@@ -115,6 +156,30 @@ std::vector<TrackEnd> EndsAfter(const TrackFile& file,
   return ends;
 }
 
+// Does the new model have many points elsewhere in the pictures, so far that features were looked for
+// in wrong places?
+bool HaveMoved(const Reconstruction& before,
+               const Reconstruction& now,
+               const SecondPassOptions& options) {
+  constexpr double kQuantile = 0.9;
+  constexpr double kFar = 0.5;  // of how far a feature is looked for
+  std::vector<double> distances_px;
+  for (const auto& [feature, point] : now.points) {
+    const auto old_point = before.points.find(feature);
+    if (old_point == before.points.end()) continue;
+    for (const auto& [frame, cam_from_world] : now.cam_from_world) {
+      const auto old_pose = before.cam_from_world.find(frame);
+      if (old_pose == before.cam_from_world.end()) continue;
+      const auto xy = now.camera.Project(cam_from_world * point.in_world);
+      const auto old_xy = before.camera.Project(old_pose->second * old_point->second.in_world);
+      if (!xy || !old_xy || !now.camera.Contains(*xy)) continue;
+      distances_px.push_back((*xy - *old_xy).norm());
+    }
+  }
+  return Quantile(std::move(distances_px), kQuantile) >
+         kFar * options.measurement.patch.max_distance_px;
+}
+
 }  // namespace
 
 bool MovesOtherwise(std::span<const Observation> track,
@@ -146,12 +211,24 @@ double SecondPassFigures::Confirmed() const {
   return before == 0 ? 0.0 : static_cast<double>(kept) / static_cast<double>(before);
 }
 
+void SecondPassFigures::Add(const SecondPassFigures& other) {
+  before += other.before;
+  kept += other.kept;
+  regained += other.regained;
+  replaced += other.replaced;
+  left += other.left;
+  movers += other.movers;
+}
+
 std::string SecondPassFigures::Brief() const {
   return fmt::format(
-      "{} of {} observations measured again, {} regained, {} tracks dropped that move otherwise",
+      "{} tracks measured again, with {} of {} observations and {} more; {} tracks not found again "
+      "stay as they were, {} that move otherwise are dropped",
+      replaced,
       kept,
       before,
       regained,
+      left,
       movers);
 }
 
@@ -163,20 +240,23 @@ SecondPass MeasureAgain(const TrackFile& file,
                         const StageProgress& progress) {
   const ModelPredictions predictions(file, model, mask, options.measurement.template_frames);
   SecondPassMeasurer measurer(options.measurement);
-  ForEachFrame(file, sequence, "learn", progress, [&](const Frame& frame) {
+  Exposure exposure;
+  std::map<FrameIndex, LightChange> lights;
+  ForEachFrame(file, sequence, "learn", progress, [&](Frame& frame) {
+    const LightChange& light = lights[frame.index] = exposure.Follow(frame.gray);
+    frame.gray = WithoutLight(frame.gray, light);
     measurer.Learn(frame, predictions.ForTemplates(frame.index));
   });
-  ForEachFrame(file, sequence, "measure", progress, [&](const Frame& frame) {
+  ForEachFrame(file, sequence, "measure", progress, [&](Frame& frame) {
+    frame.gray = WithoutLight(frame.gray, lights.at(frame.index));
     measurer.Measure(frame, predictions.InSight(frame.index));
   });
 
   SecondPass second{file, {}, {}};
   std::vector<Observation> observations = measurer.Finish();
-  for (const Observation& o : observations) {
-    const Observation* before = file.tracks.Find(o.feature, o.frame);
-    const bool was_observed = before != nullptr && IsObserved(*before);
-    ++(was_observed ? second.figures.kept : second.figures.regained);
-  }
+  const std::set<FeatureId> replaced =
+      FoundAgain(file, predictions, observations, options.min_confirmed, second.figures);
+  std::erase_if(observations, [&](const auto& o) { return !replaced.contains(o.feature); });
   AddPredictions(file, predictions, observations);
   for (const FeatureId feature : file.tracks.features()) {
     const auto track = file.tracks.Track(feature);
@@ -186,18 +266,23 @@ SecondPass MeasureAgain(const TrackFile& file,
       continue;
     }
     for (const Observation& o : track) {
-      if (!predictions.Knows(o.feature, o.frame)) {
+      if (!replaced.contains(feature) || !predictions.Knows(feature, o.frame)) {
         observations.push_back(o);
-      } else if (IsObserved(o)) {
-        ++second.figures.before;
       }
     }
   }
   std::vector<TrackEnd> ends = EndsAfter(file, observations);
   second.file.tracks = TrackSet::Build(std::move(observations), std::move(ends));
   second.file.meta["second_pass"] = "done";
-  second.file.meta["second_pass_options"] = ToJson(options).dump();
+  second.file.meta["second_pass_options"] = SecondPassOptionsText(options);
   return second;
+}
+
+std::string SecondPassOptionsText(const SecondPassOptions& options) {
+  SecondPassOptions copy = options;
+  OptionLister lister;
+  SecondPassOptions::VisitMeasurement(copy, lister);
+  return OptionsToJson(lister.Take()).dump();
 }
 
 SecondPass WithSecondPass(TrackFile file,
@@ -205,19 +290,41 @@ SecondPass WithSecondPass(TrackFile file,
                           const cv::Mat& mask,
                           const SecondPassOptions& options,
                           const StageProgress& progress) {
-  const MapperResult model = ReconstructWithCeres(file, {});
-  const auto without = [&file](const std::string& reason, const SecondPassFigures& figures) {
-    file.meta["second_pass"] = "none: " + reason;
-    return SecondPass{std::move(file), figures, reason};
-  };
-  if (model.summary.Failed()) {
-    return without("the tracks do not reconstruct: " + model.summary.Brief(), {});
+  // Two pixels: of what is nearer the patches are nearly the same.
+  constexpr double kTwinsWithinPx = 2.0;
+  // A bound on time: where the model is far off at first, each round brings it nearer.
+  constexpr int kMostRounds = 3;
+  std::optional<FeatureId> first_companion;
+  if (file.meta.contains("companion")) {
+    CompanionTracks both =
+        JoinCompanions({std::move(file.tracks), kFirstCompanion}, kTwinsWithinPx);
+    file.tracks = std::move(both.tracks);
+    first_companion = both.first_companion;
   }
-  SecondPass second = MeasureAgain(file, model.reconstruction, sequence, mask, options, progress);
-  if (second.figures.Confirmed() < options.min_confirmed) {
-    return without(
-        fmt::format("only {}: the scene is not as the model has it", second.figures.Brief()),
-        second.figures);
+  SecondPass second{std::move(file), {}, {}};
+  std::vector<Reconstruction> models;
+  for (int round = 0; round < kMostRounds; ++round) {
+    MapperResult result = ReconstructWithCeres(second.file, {});
+    if (result.summary.registered == 0) {
+      if (round > 0) break;
+      second.none_because = "the tracks do not reconstruct: " + result.summary.termination;
+      second.file.meta["second_pass"] = "none: " + second.none_because;
+      break;
+    }
+    if (round > 0 && !HaveMoved(models.front(), result.reconstruction, options)) break;
+    models = std::move(result.other_parts);
+    models.insert(models.begin(), std::move(result.reconstruction));
+    second.figures = {};
+    for (const Reconstruction& model : models) {
+      SecondPass next = MeasureAgain(second.file, model, sequence, mask, options, progress);
+      next.figures.Add(second.figures);
+      second = std::move(next);
+    }
+    if (first_companion) {
+      // What has been measured at the same place has become one.
+      second.file.tracks =
+          DropTwins({std::move(second.file.tracks), *first_companion}, kTwinsWithinPx);
+    }
   }
   return second;
 }

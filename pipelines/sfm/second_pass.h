@@ -18,7 +18,8 @@ inline constexpr ChoiceNames<SecondPassMode, 3> kSecondPassModeNames{
 
 struct SecondPassOptions {
   SecondPassMode mode = SecondPassMode::kAuto;
-  double min_confirmed = 0.78;
+  bool companion = false;
+  double min_confirmed = 0.5;
   bool drop_movers = true;
   SecondPassMeasurementOptions measurement;
 
@@ -32,19 +33,24 @@ struct SecondPassOptions {
              "through the video again; auto does it for the tracker subspace, strong and "
              "measured.",
              Tier::kCommon);
+    v.Flag("companion",
+           o.companion,
+           "Let KLT track features of its own beside the tracker subspace until the second pass, "
+           "which measures all alike: for clips whose camera is too fast for one of them. In slow "
+           "clips it makes points worse.",
+           Tier::kCommon);
     VisitMeasurement(o, v);
   }
 
-  // All but the mode, for who has decided already.
+  // All but what the first pass is, for who has it already.
   template <typename Self, typename Visitor>
   static void VisitMeasurement(Self& o, Visitor& v) {
     v.Number("min_confirmed",
              o.min_confirmed,
              0.0,
              1.0,
-             "The share of the first pass's observations that must be found again; with "
-             "less, the scene is not as the model has it: `track` then keeps the first pass,"
-             " `refine` warns.",
+             "The share of a feature's observations that must be found again where the model "
+             "says; of a feature with less, the track stays as the first pass had it.",
              Tier::kCommon);
     v.Flag("drop_movers",
            o.drop_movers,
@@ -56,12 +62,15 @@ struct SecondPassOptions {
 };
 
 struct SecondPassFigures {
-  std::size_t before = 0;    // observations of the tracks that have a point
+  std::size_t before = 0;    // observations of the tracks that are replaced
   std::size_t kept = 0;      // of them, measured again
   std::size_t regained = 0;  // observations where the first pass had none
+  std::size_t replaced = 0;  // tracks
+  std::size_t left = 0;      // tracks that have a point, but were not found again
   std::size_t movers = 0;    // tracks dropped
 
   double Confirmed() const;  // kept, as a share
+  void Add(const SecondPassFigures& other);
   std::string Brief() const;
 };
 
@@ -70,6 +79,10 @@ struct SecondPass {
   SecondPassFigures figures;
   std::string none_because;  // of WithSecondPass: why `file` is the first pass's; empty: it is not
 };
+
+// TrackFile::meta["second_pass_options"]: all but mode and companion, so that a file begun with `auto` is
+// resumed with `on`.
+std::string SecondPassOptionsText(const SecondPassOptions& options);
 
 // TrackFile::meta["second_pass"]: not wanted, or still to come; then "done", or "none: " and why.
 inline constexpr const char* kSecondPassOff = "off";
@@ -83,8 +96,9 @@ bool MovesOtherwise(std::span<const Observation> track,
 
 // Tracks and their model -> tracks measured anew where the model's points are seen
 // (SecondPassMeasurer). Where a feature is not seen between its sightings, or the first pass had
-// it, the model predicts it. Tracks without a point, and frames without a pose, keep what they had;
-// but tracks that MovesOtherwise are dropped: they are on something that crosses before the scene.
+// it, the model predicts it. Tracks without a point or of which too little is found again, and
+// frames without a pose, keep what they had; but tracks that MovesOtherwise are dropped: they are on
+// something that crosses before the scene.
 // `sequence`: the clip, rewound here; nothing is measured where `mask` (may be empty) is black.
 // Throws Error where clip, model and tracks do not belong together.
 SecondPass MeasureAgain(const TrackFile& file,
@@ -94,8 +108,8 @@ SecondPass MeasureAgain(const TrackFile& file,
                         const SecondPassOptions& options,
                         const StageProgress& progress = {});
 
-// The same with a model of its own, by Ceres; where none succeeds, or too little is found again,
-// `file` itself, whose meta["second_pass"] says why.
+// The same with a model of its own, by Ceres, or one of each part of a clip that breaks; where there
+// is none, `file` itself, whose meta["second_pass"] says why.
 SecondPass WithSecondPass(TrackFile file,
                           Sequence& sequence,
                           const cv::Mat& mask,

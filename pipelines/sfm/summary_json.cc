@@ -29,7 +29,9 @@ nlohmann::ordered_json SummaryToJson(const ReconstructionSummary& summary,
           {"mean_track_length", summary.mean_track_length},
           {"mean_reprojection_px", summary.mean_reprojection_px},
           {"seconds", summary.seconds},
-          {"termination", summary.termination}};
+          {"termination", summary.termination},
+          {"quality", NameOf(kModelQualityNames, summary.Quality())},
+          {"reasons", summary.reasons}};
 }
 
 }  // namespace cohort

@@ -1,20 +1,31 @@
 #include "pipelines/sfm/track_sequence.h"
 
-#include <chrono>
 #include <nlohmann/json.hpp>
 #include <utility>
 #include <vector>
 
+#include "frontend/core/stopwatch.h"
+#include "frontend/track/companion_tracker.h"
+#include "frontend/track/steady_light_tracker.h"
 #include "pipelines/json/option_list.h"
 #include "pipelines/sfm/input.h"
 
 namespace cohort {
 namespace {
 
-using Clock = std::chrono::steady_clock;
-
-double MsSince(Clock::time_point start) {
-  return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
+std::unique_ptr<Tracker> MakeTrackers(const TrackSequenceOptions& options) {
+  auto tracker = MakeTracker(options.tracker, options.mask);
+  if (options.tracker.tracker != TrackerKind::kSubspace) return tracker;
+  if (!WantsCompanion(options.second_pass, options.tracker)) {
+    return std::make_unique<SteadyLightTracker>(std::move(tracker));
+  }
+  // The wider of the windows that baselines are compared with: it reaches further.
+  constexpr int kWindowPx = 31;
+  TrackerOptions klt = options.tracker;
+  klt.tracker = TrackerKind::kKlt;
+  klt.klt.window_px = kWindowPx;
+  return std::make_unique<SteadyLightTracker>(
+      std::make_unique<CompanionTracker>(std::move(tracker), MakeTracker(klt, options.mask)));
 }
 
 }  // namespace
@@ -33,8 +44,13 @@ bool WantsSecondPass(SecondPassMode mode, const TrackerOptions& tracker) {
   return false;
 }
 
+bool WantsCompanion(const SecondPassOptions& second_pass, const TrackerOptions& tracker) {
+  return second_pass.companion && tracker.tracker == TrackerKind::kSubspace &&
+         WantsSecondPass(second_pass.mode, tracker);
+}
+
 SequenceTracker::SequenceTracker(Sequence& sequence, const TrackSequenceOptions& options)
-    : sequence_(sequence), tracker_(MakeTracker(options.tracker, options.mask)) {
+    : sequence_(sequence), tracker_(MakeTrackers(options)) {
   if (!HasNext()) {
     const std::string name = options.source.empty() ? sequence.Name() : options.source.string();
     ThrowError("{}: no frame to track. {}", name, sequence.Warning());
@@ -48,25 +64,26 @@ SequenceTracker::SequenceTracker(Sequence& sequence, const TrackSequenceOptions&
   header_.meta = {{"tracker", std::string(NameOf(kTrackerNames, options.tracker.tracker))},
                   {"second_pass", second_pass ? kSecondPassAsked : kSecondPassOff},
                   {"options", ToJson(options.tracker).dump()}};
-  if (second_pass) header_.meta["second_pass_options"] = ToJson(options.second_pass).dump();
+  if (WantsCompanion(options.second_pass, options.tracker)) header_.meta["companion"] = "klt";
+  if (second_pass) header_.meta["second_pass_options"] = SecondPassOptionsText(options.second_pass);
 }
 
 bool SequenceTracker::HasNext() {
   if (!next_ && !ended_) {
-    const Clock::time_point start = Clock::now();
+    const Stopwatch stopwatch;
     next_ = sequence_.Next();
     ended_ = !next_.has_value();
-    decode_ms_ += MsSince(start);
+    decode_ms_ += stopwatch.Milliseconds();
   }
   return !ended_;
 }
 
 TrackedFrame SequenceTracker::TrackNext() {
   Check(HasNext(), "there is a frame to track");
-  const Clock::time_point start = Clock::now();
+  const Stopwatch stopwatch;
   TrackedFrame frame{{next_->index, next_->name, next_->timestamp_ns}, tracker_->Track(*next_)};
   detect_ms_ += frame.result.detect_ms;
-  track_ms_ += MsSince(start) - frame.result.detect_ms;
+  track_ms_ += stopwatch.Milliseconds() - frame.result.detect_ms;
   next_.reset();
   return frame;
 }

@@ -78,6 +78,9 @@ class SequenceTracker {
   double track_ms_ = 0.0;
 };
 
+// Does KLT ride along? Where the tracker is subspace and a second pass is to come.
+bool WantsCompanion(const SecondPassOptions& second_pass, const TrackerOptions& tracker);
+
 // Is there to be a second pass? Mode auto: for the tracker subspace, strong and measured.
 bool WantsSecondPass(SecondPassMode mode, const TrackerOptions& tracker);
 

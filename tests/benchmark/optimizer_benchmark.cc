@@ -372,76 +372,93 @@ std::string RunTable(const Benchmark& b, const LevelResults& results) {
   return text;
 }
 
-// What the tables say, from the same numbers.
-std::string InShort(const Benchmark& b, const LevelResults& results) {
-  std::vector<Pair> all;
-  double least_ratio = INFINITY;
-  double largest_ratio = 0.0;
+// How often each optimiser's runs froze or drifted, and where.
+struct Failures {
   std::size_t runs = 0;
   std::array<std::size_t, 2> failed{};
-  std::array<std::vector<std::string>, 2> failures;
-  std::string levels;
+  std::array<std::vector<std::string>, 2> where;
+};
+
+Failures CountFailures(const Benchmark& b, const LevelResults& results) {
+  Failures failures;
   for (const std::string& level : b.levels) {
-    std::vector<Pair> pairs;
-    std::vector<double> logs;
     for (std::size_t c = 0; c < kCases.size(); ++c) {
       const Results& r = results.at(level)[c];
-      pairs.insert(pairs.end(), r.pairs.begin(), r.pairs.end());
-      least_ratio = std::min(least_ratio, TimeRatio(r));
-      largest_ratio = std::max(largest_ratio, TimeRatio(r));
-      runs += r.runs[0].size();
-      for (std::size_t i = 0; i < r.runs[0].size(); ++i) {
-        logs.push_back(std::log(r.runs[0][i].l1_px / r.runs[1][i].l1_px));
-      }
+      failures.runs += r.runs[0].size();
       for (std::size_t o = 0; o < 2; ++o) {
         const auto count = static_cast<std::size_t>(
             std::count_if(r.runs[o].begin(), r.runs[o].end(), [](const Run& run) {
               return run.Frozen() || run.Drifted();
             }));
-        failed[o] += count;
-        if (count > 0) {
-          failures[o].push_back(fmt::format("{}, {}: {}", level, kCases[c].Name(), count));
-        }
+        failures.failed[o] += count;
+        if (count == 0) continue;
+        failures.where[o].push_back(fmt::format("{}, {}: {}", level, kCases[c].Name(), count));
       }
     }
-    const auto overshoots = [](const Pair& p) {
-      return std::max(p[0].energy, p[1].energy) < p[0].truth;
-    };
-    levels += fmt::format("| {} | {:.0f} | {:.0f} | {:.0f} | {:.2f} |\n",
-                          level,
-                          100.0 * ShareOf(pairs, [](const Pair& p) { return IsLower(p, 0); }),
-                          100.0 * ShareOf(pairs, [](const Pair& p) { return IsLower(p, 1); }),
-                          100.0 * ShareOf(pairs, overshoots),
-                          std::exp(InterpolatedMedian(logs)));
-    all.insert(all.end(), pairs.begin(), pairs.end());
   }
-  std::string text = fmt::format(
-      "| level | lower with `algorithm-1` | with `joint-newton` | both below the truth's | L1 "
-      "error |\n"
-      "|---|---|---|---|---|\n{}\n",
-      levels);
+  return failures;
+}
+
+// One row a level: who reaches the lower energy, and the error.
+std::string LevelRow(const std::string& level, const std::vector<Results>& cases) {
+  std::vector<Pair> pairs;
+  std::vector<double> logs;
+  for (const Results& r : cases) {
+    pairs.insert(pairs.end(), r.pairs.begin(), r.pairs.end());
+    for (std::size_t i = 0; i < r.runs[0].size(); ++i) {
+      logs.push_back(std::log(r.runs[0][i].l1_px / r.runs[1][i].l1_px));
+    }
+  }
+  const auto overshoots = [](const Pair& p) {
+    return std::max(p[0].energy, p[1].energy) < p[0].truth;
+  };
+  return fmt::format("| {} | {:.0f} | {:.0f} | {:.0f} | {:.2f} |\n",
+                     level,
+                     100.0 * ShareOf(pairs, [](const Pair& p) { return IsLower(p, 0); }),
+                     100.0 * ShareOf(pairs, [](const Pair& p) { return IsLower(p, 1); }),
+                     100.0 * ShareOf(pairs, overshoots),
+                     std::exp(InterpolatedMedian(logs)));
+}
+
+// What the tables say, from the same numbers.
+std::string InShort(const Benchmark& b, const LevelResults& results) {
+  std::vector<Pair> all;
+  std::vector<double> time_ratios;
+  std::string levels;
+  for (const std::string& level : b.levels) {
+    levels += LevelRow(level, results.at(level));
+    for (const Results& r : results.at(level)) {
+      all.insert(all.end(), r.pairs.begin(), r.pairs.end());
+      time_ratios.push_back(TimeRatio(r));
+    }
+  }
+  const auto [least, largest] = std::minmax_element(time_ratios.begin(), time_ratios.end());
   const auto evaluations = [&](std::size_t o) {
     return MedianOf(all, [o](const Pair& p) { return static_cast<double>(p[o].evaluations); });
   };
-  text += fmt::format(
-      "Shares of frames in which the energy is lower [%]; in the others the energies differ by "
-      "less "
-      "than {:.1f} %.\nL1 error of a run: `algorithm-1` / `joint-newton`, median. `joint-newton` "
-      "evaluates the energy {:.0f} times a frame,\n`algorithm-1` {:.0f} times (medians); by "
-      "penalty "
-      "and level it is {:.1f} to {:.1f} times as fast.\n\n",
+  std::string text = fmt::format(
+      R"(| level | lower with `algorithm-1` | with `joint-newton` | both below the truth's | L1 error |
+|---|---|---|---|---|
+{}
+Shares of frames in which the energy is lower [%]; in the others the energies differ by less than {:.1f} %.
+L1 error of a run: `algorithm-1` / `joint-newton`, median. `joint-newton` evaluates the energy {:.0f} times a frame,
+`algorithm-1` {:.0f} times (medians); by penalty and level it is {:.1f} to {:.1f} times as fast.
+
+)",
+      levels,
       100.0 * kSameEnergy,
       evaluations(1),
       evaluations(0),
-      least_ratio,
-      largest_ratio);
+      *least,
+      *largest);
+  const Failures failures = CountFailures(b, results);
   for (std::size_t o = 0; o < 2; ++o) {
-    text +=
-        fmt::format("Of {} whole runs with `{}` {} freeze or drift{}.\n",
-                    runs,
-                    NameOf(kOptimizerNames, kOptimizers[o]),
-                    failed[o],
-                    failures[o].empty() ? "" : fmt::format(" ({})", fmt::join(failures[o], ";\n")));
+    const auto& where = failures.where[o];
+    text += fmt::format("Of {} whole runs with `{}` {} freeze or drift{}.\n",
+                        failures.runs,
+                        NameOf(kOptimizerNames, kOptimizers[o]),
+                        failures.failed[o],
+                        where.empty() ? "" : fmt::format(" ({})", fmt::join(where, ";\n")));
   }
   return text;
 }
@@ -459,6 +476,7 @@ std::string Sections(const Benchmark& b) {
   return text;
 }
 
+// Long because it is a page: text, and the numbers in it.
 std::string Page(const Benchmark& b) {
   std::vector<std::string> names;
   for (const std::string& clip : b.clips) names.push_back(fs::path(clip).filename().string());

@@ -382,7 +382,7 @@ Ratios of the averages over the eight clips.
 ## Beyond affine
 
 The paper's subspace is that of an affine camera and one rigid body: three dimensions when centred. Perspective, motion
-ahead and further bodies need more. The trajectory model (`frontend/README.md`) has two answers: projective cameras
+ahead and further bodies need more. The trajectory model (`docs/how_it_works.md`) has two answers: projective cameras
 (`--measurement.perspective`), and coordinates that start at two and are added whenever the residuals hold a direction
 that noise would not; `--measurement.max-rank` is the most, 3 or 8. `subspace-fused` with each, seeds {},
 averages over the clips. L1 error, then frames between re-initialisations:

@@ -18,6 +18,7 @@
 #include "backend/colmap/program.h"
 #include "backend/scene/mapper.h"
 #include "frontend/core/output.h"
+#include "tests/support/cameras.h"
 #include "tests/support/synthetic_tracks.h"
 #include "tests/support/temp_dir.h"
 
@@ -125,6 +126,21 @@ TEST(ColmapMapper, KeepsAKnownCameraWithDistortion) {
   EXPECT_EQ(result.summary.registered, 15u) << result.summary.Brief();
   EXPECT_EQ(result.reconstruction.camera.k1, -0.2);
   EXPECT_EQ(result.reconstruction.camera.cx, 319.5);
+  EXPECT_LT(AbsoluteTrajectoryError(result.reconstruction.cam_from_world, scene.cam_from_world),
+            0.02);
+}
+
+TEST(ColmapMapper, KeepsAKnownFisheye) {
+  const TempDir dir;
+  SyntheticTracksOptions options;
+  options.path = CameraPath::kLateral;
+  options.frames = 15;
+  options.camera = test::FisheyeCamera();
+  const SyntheticTracks scene = MakeSyntheticTracks(options);
+  const ColmapResult result = ReconstructWithColmap(scene.file, {}, dir / "work");
+  EXPECT_EQ(result.summary.registered, 15u) << result.summary.Brief();
+  EXPECT_EQ(result.reconstruction.camera.model, CameraModel::kFisheye);
+  EXPECT_EQ(result.reconstruction.camera.k4, options.camera.k4);
   EXPECT_LT(AbsoluteTrajectoryError(result.reconstruction.cam_from_world, scene.cam_from_world),
             0.02);
 }
@@ -291,6 +307,70 @@ TEST(ModelFolder, IsReadByColmap) {
   EXPECT_LT(AbsoluteTrajectoryError(adjusted.cam_from_world, result.reconstruction.cam_from_world),
             1e-3);
   EXPECT_EQ(adjusted.points.size(), result.reconstruction.points.size());
+}
+
+// A true model without noise is adjusted by COLMAP and stays: its formulas and order are ours.
+TEST(ModelFolder, CamerasOfManyCoefficientsAreWhatColmapTakesThemFor) {
+  for (const Camera& camera :
+       {test::FreiburgCamera(), test::RationalCamera(), test::FisheyeCamera()}) {
+    const TempDir dir;
+    SyntheticTracksOptions options;
+    options.path = CameraPath::kLateral;
+    options.frames = 8;
+    options.points = 150;
+    options.noise_px = 0.0;
+    options.camera = camera;
+    const SyntheticTracks scene = MakeSyntheticTracks(options);
+    Reconstruction truth;
+    truth.camera = camera;
+    truth.cam_from_world = scene.cam_from_world;
+    for (const auto& [feature, in_world] : scene.points_in_world) {
+      if (scene.file.tracks.Track(feature).size() < 2) continue;  // COLMAP's adjuster aborts
+      truth.points[feature].in_world = in_world;
+      for (const Observation& o : scene.file.tracks.Track(feature)) {
+        truth.points[feature].views.push_back({o.frame, o.xy});
+      }
+    }
+    const auto folder = [&](const char* name) {
+      std::filesystem::create_directory(dir / name);
+      return (dir / name).string();
+    };
+    const std::string model = folder("model");
+    WriteColmapModel(model, ToColmapModel(truth), ColmapModelFormat::kText);
+    const std::string converted = folder("converted");
+    const std::string adjusted = folder("adjusted");
+    const auto log = dir / "log";
+    ColmapProgram program;
+    EXPECT_EQ(program.Run("model_analyzer", {{{"path"}, model, true}}, log).exit_code, 0);
+    EXPECT_THAT(ReadBytes(log), HasSubstr("Registered images: 8"));
+    EXPECT_EQ(program
+                  .Run("model_converter",
+                       {{{"input_path"}, model, true},
+                        {{"output_path"}, converted, true},
+                        {{"output_type"}, "BIN", true}},
+                       log)
+                  .exit_code,
+              0);
+    EXPECT_EQ(program
+                  .Run("bundle_adjuster",
+                       {{{"input_path"}, converted, true},
+                        {{"output_path"}, adjusted, true},
+                        {{"BundleAdjustment.refine_focal_length"}, "0"},
+                        {{"BundleAdjustment.refine_extra_params"}, "0"}},
+                       log)
+                  .exit_code,
+              0);
+    EXPECT_THAT(ReadBytes(log), Not(HasSubstr("WARNING")));
+    const Reconstruction result = FromColmapModel(ReadColmapModel(adjusted));
+    EXPECT_EQ(result.camera.model, camera.model);
+    EXPECT_EQ(result.camera.k3, camera.k3);
+    EXPECT_EQ(result.camera.k6, camera.k6);
+    EXPECT_EQ(result.points.size(), truth.points.size());
+    for (const auto& [frame, pose] : truth.cam_from_world) {
+      EXPECT_LT(AngleBetween(pose.rotation, result.cam_from_world.at(frame).rotation), 1e-7);
+    }
+    EXPECT_LT(AbsoluteTrajectoryError(result.cam_from_world, truth.cam_from_world), 1e-6);
+  }
 }
 
 // What the Ceres backend writes goes on in COLMAP: both formats, adjusted and triangulated anew.

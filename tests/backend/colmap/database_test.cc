@@ -11,6 +11,7 @@
 #include "backend/colmap/tracks_to_database.h"
 #include "frontend/core/output.h"
 #include "frontend/core/sqlite.h"
+#include "tests/support/cameras.h"
 #include "tests/support/synthetic_tracks.h"
 #include "tests/support/temp_dir.h"
 
@@ -175,6 +176,15 @@ TEST(ColmapDatabase, CameraIsPinholeOpencvOrAGuess) {
   EXPECT_EQ(BuildColmapDatabase(file).camera.model, ColmapCameraModel::kOpencv);
   EXPECT_THAT(BuildColmapDatabase(file).camera.params,
               ElementsAre(500, 500, 320, 240, -0.1, 0, 0, 0.01));
+  file.camera->k3 = 0.2;
+  EXPECT_EQ(BuildColmapDatabase(file).camera.model, ColmapCameraModel::kFullOpencv);
+  EXPECT_THAT(BuildColmapDatabase(file).camera.params,
+              ElementsAre(500, 500, 320, 240, -0.1, 0, 0, 0.01, 0.2, 0, 0, 0));
+  file.camera->model = CameraModel::kFisheye;
+  EXPECT_EQ(BuildColmapDatabase(file).camera.model, ColmapCameraModel::kOpencvFisheye);
+  EXPECT_THAT(BuildColmapDatabase(file).camera.params,
+              ElementsAre(500, 500, 320, 240, -0.1, 0, 0.2, 0));
+  EXPECT_TRUE(BuildColmapDatabase(file).camera.prior_focal_length);
   file.camera.reset();
   EXPECT_EQ(BuildColmapDatabase(file).camera.model, ColmapCameraModel::kSimpleRadial);
   EXPECT_THAT(BuildColmapDatabase(file).camera.params, ElementsAre(768, 320, 240, 0));
@@ -199,6 +209,37 @@ TEST(ColmapDatabase, CamerasComeBackFromTheirColmapForm) {
               ThrowsMessage<Error>(HasSubstr("7 parameters instead of 8")));
   EXPECT_THAT([] { ColmapModelFromName("FISHEYE"); },
               ThrowsMessage<Error>(HasSubstr("FISHEYE is not supported")));
+}
+
+TEST(ColmapDatabase, CamerasOfAllModelsComeBackFromTheirColmapForm) {
+  for (const Camera& camera :
+       {test::FreiburgCamera(), test::RationalCamera(), test::FisheyeCamera()}) {
+    const Camera back = FromColmapCamera(ToColmapCamera(camera));
+    EXPECT_EQ(back.model, camera.model);
+    for (const auto number : test::kCameraNumbers) {
+      EXPECT_EQ(back.*number, camera.*number);
+    }
+  }
+}
+
+TEST(ColmapDatabase, ReadsFisheyesOfOneFocalLength) {
+  EXPECT_EQ(ColmapModelFromName("SIMPLE_RADIAL_FISHEYE"), ColmapCameraModel::kSimpleRadialFisheye);
+  ColmapCamera colmap{.model = ColmapCameraModel::kRadialFisheye,
+                      .width_px = 640,
+                      .height_px = 480,
+                      .params = {300, 320, 240, 0.1, 0.2}};
+  const Camera camera = FromColmapCamera(colmap);
+  EXPECT_EQ(camera.model, CameraModel::kFisheye);
+  EXPECT_EQ(camera.fx, 300);
+  EXPECT_EQ(camera.fy, 300);
+  EXPECT_EQ(camera.cx, 319.5);
+  EXPECT_EQ(camera.cy, 239.5);
+  EXPECT_EQ(camera.k1, 0.1);
+  EXPECT_EQ(camera.k2, 0.2);
+  colmap.model = static_cast<ColmapCameraModel>(7);
+  EXPECT_THAT([&] { FromColmapCamera(colmap); },
+              ThrowsMessage<Error>(HasSubstr("model 7 is not supported: use one of "
+                                             "SIMPLE_PINHOLE, PINHOLE")));
 }
 
 TEST(ColmapDatabase, PairIdsComeBackUpToTheLargest) {

@@ -7,6 +7,7 @@
 #include <cstring>
 
 #include "frontend/core/output.h"
+#include "tests/support/cameras.h"
 #include "tests/support/synthetic_tracks.h"
 #include "tests/support/temp_dir.h"
 
@@ -39,20 +40,29 @@ Reconstruction TrueReconstruction(const SyntheticTracks& scene) {
   return reconstruction;
 }
 
-SyntheticTracks SmallScene() {
+SyntheticTracks SmallScene(const Camera& camera) {
   SyntheticTracksOptions options;
+  options.camera = camera;
   options.frames = 5;
   options.points = 20;
   options.first_frame = 7;
   options.frame_stride = 2;
-  options.camera.k1 = -0.1;
   return MakeSyntheticTracks(options);
+}
+
+SyntheticTracks SmallScene() {
+  Camera camera = SyntheticTracksOptions::DefaultCamera();
+  camera.k1 = -0.1;
+  return SmallScene(camera);
 }
 
 void ExpectSame(const Reconstruction& a, const Reconstruction& b) {
   EXPECT_EQ(a.camera.fx, b.camera.fx);
   EXPECT_EQ(a.camera.cx, b.camera.cx);
   EXPECT_EQ(a.camera.k1, b.camera.k1);
+  EXPECT_EQ(a.camera.k3, b.camera.k3);
+  EXPECT_EQ(a.camera.k6, b.camera.k6);
+  EXPECT_EQ(a.camera.model, b.camera.model);
   EXPECT_EQ(a.frame_names, b.frame_names);
   ASSERT_EQ(a.cam_from_world.size(), b.cam_from_world.size());
   for (const auto& [frame, pose] : a.cam_from_world) {
@@ -73,15 +83,20 @@ void ExpectSame(const Reconstruction& a, const Reconstruction& b) {
 }
 
 TEST(ColmapModel, MemoryTextAndBinaryAgree) {
-  const TempDir dir;
-  const Reconstruction truth = TrueReconstruction(SmallScene());
-  const ColmapModel model = ToColmapModel(truth);
-  ExpectSame(FromColmapModel(model), truth);
-  for (const auto format : {ColmapModelFormat::kText, ColmapModelFormat::kBinary}) {
-    const auto folder = dir / (format == ColmapModelFormat::kText ? "txt" : "bin");
-    std::filesystem::create_directory(folder);
-    WriteColmapModel(folder, model, format);
-    ExpectSame(FromColmapModel(ReadColmapModel(folder)), truth);
+  for (const SyntheticTracks& scene : {SmallScene(),
+                                       SmallScene(test::FreiburgCamera()),
+                                       SmallScene(test::RationalCamera()),
+                                       SmallScene(test::FisheyeCamera())}) {
+    const TempDir dir;
+    const Reconstruction truth = TrueReconstruction(scene);
+    const ColmapModel model = ToColmapModel(truth);
+    ExpectSame(FromColmapModel(model), truth);
+    for (const auto format : {ColmapModelFormat::kText, ColmapModelFormat::kBinary}) {
+      const auto folder = dir / (format == ColmapModelFormat::kText ? "txt" : "bin");
+      std::filesystem::create_directory(folder);
+      WriteColmapModel(folder, model, format);
+      ExpectSame(FromColmapModel(ReadColmapModel(folder)), truth);
+    }
   }
 }
 

@@ -6,6 +6,7 @@
 #include <fstream>
 #include <vector>
 
+#include "tests/support/cameras.h"
 #include "tests/support/synthetic_tracks.h"
 #include "tests/support/temp_dir.h"
 
@@ -58,12 +59,18 @@ double LargestError(const std::string& path, std::size_t* observation_count) {
 
 TEST(Bal, ObservationsAreWhereTheFormatProjectsThePoints) {
   const test::TempDir dir;
-  for (const double p1 : {0.0, 0.001}) {
+  Camera radial = test::SyntheticTracksOptions::DefaultCamera();
+  radial.k1 = -0.1;
+  radial.k2 = 0.02;
+  Camera tangential = radial;
+  tangential.p1 = 0.001;
+  Camera sixth_order = radial;
+  sixth_order.k3 = 0.03;
+  for (const Camera& camera :
+       {radial, tangential, sixth_order, test::RationalCamera(), test::FisheyeCamera()}) {
     test::SyntheticTracksOptions options;
     options.noise_px = 0.0;
-    options.camera.k1 = -0.1;
-    options.camera.k2 = 0.02;
-    options.camera.p1 = p1;
+    options.camera = camera;
     const Reconstruction model = TrueModel(test::MakeSyntheticTracks(options));
     WriteBal(dir / "problem.txt", model);
     std::size_t observations = 0;

@@ -7,6 +7,7 @@
 
 #include "backend/scene/reprojection.h"
 #include "frontend/core/random_stream.h"
+#include "tests/support/cameras.h"
 
 namespace cohort {
 namespace {
@@ -48,10 +49,15 @@ struct Scene {
   BundleProblem truth;
   BundleProblem problem;  // measured with noise, started away from the truth
 };
-Scene MakeScene(int cameras, int points, double noise_px, double start_error, std::uint64_t seed) {
+Scene MakeScene(int cameras,
+                int points,
+                double noise_px,
+                double start_error,
+                std::uint64_t seed,
+                const Camera& camera = DistortedCamera()) {
   RandomStream random(seed, "bundle_adjustment_test");
   Scene scene;
-  scene.truth.intrinsics = DistortedCamera();
+  scene.truth.intrinsics = camera;
   for (int i = 0; i < cameras; ++i) {
     const double angle = 0.6 * (i / (cameras - 1.0) - 0.5);
     const Vector3d center =
@@ -122,8 +128,17 @@ TEST(Reprojection, DerivativesMatchCentralDifferences) {
   }
 }
 
-TEST(Reprojection, PixelDerivativesMatchCentralDifferences) {
-  const Camera camera = DistortedCamera();
+class ReprojectionOf : public testing::TestWithParam<Camera> {};
+
+INSTANTIATE_TEST_SUITE_P(Cameras,
+                         ReprojectionOf,
+                         testing::Values(DistortedCamera(),
+                                         test::FreiburgCamera(),
+                                         test::RationalCamera(),
+                                         test::FisheyeCamera()));
+
+TEST_P(ReprojectionOf, PixelDerivativesMatchCentralDifferences) {
+  const Camera camera = GetParam();
   for (const Vector2d& n : {Vector2d(0.3, -0.2), Vector2d(-0.5, 0.4), Vector2d(0.01, 0.02)}) {
     const PixelProjection p = ProjectPixel(camera, n);
     EXPECT_LT((p.xy - *camera.Project(n.homogeneous())).norm(), 1e-12);
@@ -144,6 +159,61 @@ TEST(Reprojection, PixelDerivativesMatchCentralDifferences) {
       EXPECT_LT((p.d_intrinsics.col(k) - numeric).norm(), 1e-6) << "intrinsic " << k;
     }
   }
+}
+
+// Of the whole chain, from a pose and a point to the pixel.
+TEST_P(ReprojectionOf, DerivativesByPoseAndPointMatchCentralDifferences) {
+  const Camera camera = GetParam();
+  RandomStream random(4, "reprojection_test");
+  constexpr double kStep = 1e-6;
+  for (int trial = 0; trial < 10; ++trial) {
+    const CameraPose pose{Rotation(RandomVector(random, 1.0)), RandomVector(random, 1.0)};
+    const Vector3d in_cam = Vector3d(0, 0, 3) + RandomVector(random, 1.0);
+    const Vector3d x = pose.rotation.conjugate() * in_cam + pose.center;
+    const auto pixel = [&](const CameraPose& p, const Vector3d& point) {
+      return *camera.Project(p.rotation * (point - p.center));
+    };
+    const NormalisedProjection normalised = ProjectNormalised(pose, x);
+    const Eigen::Matrix2d d_n = ProjectPixel(camera, normalised.n).d_n;
+    for (int k = 0; k < 6; ++k) {
+      Eigen::Matrix<double, 6, 1> delta = Eigen::Matrix<double, 6, 1>::Zero();
+      delta[k] = kStep;
+      const Vector2d numeric =
+          (pixel(Moved(pose, delta), x) - pixel(Moved(pose, -delta), x)) / (2 * kStep);
+      EXPECT_LT((d_n * normalised.d_pose.col(k) - numeric).norm(), 1e-5) << "pose " << k;
+    }
+    for (int k = 0; k < 3; ++k) {
+      const Vector3d delta = kStep * Vector3d::Unit(k);
+      const Vector2d numeric = (pixel(pose, x + delta) - pixel(pose, x - delta)) / (2 * kStep);
+      EXPECT_LT((d_n * normalised.d_point.col(k) - numeric).norm(), 1e-5) << "point " << k;
+    }
+  }
+}
+
+// Focal length, k1 and k2 found again, the other coefficients as they were given.
+TEST_P(ReprojectionOf, BundleAdjustmentRefinesFocalLengthAndTwoCoefficients) {
+  const Camera truth = GetParam();
+  Scene scene = MakeScene(8, 80, 0.0, 0.02, 6, truth);
+  scene.problem.intrinsics.fx *= 1.05;
+  scene.problem.intrinsics.fy *= 1.05;
+  scene.problem.intrinsics.k1 += 0.02;
+  scene.problem.intrinsics.k2 -= 0.02;
+  BundleOptions options;
+  options.loss = RobustLoss::kNone;
+  options.refine_focal = options.refine_radial = true;
+  options.focal_prior_log_sigma = 1e3;
+  options.max_iterations = 200;
+  options.function_tolerance = 1e-16;
+  const BundleResult result = AdjustBundle(scene.problem, options);
+  const Camera& found = result.solution.intrinsics;
+  EXPECT_NEAR(found.fx, truth.fx, 0.01) << result.Brief();
+  EXPECT_NEAR(found.fy, truth.fy, 0.01);
+  EXPECT_NEAR(found.k1, truth.k1, 1e-3);
+  EXPECT_NEAR(found.k2, truth.k2, 1e-3);
+  for (const auto held : {&Camera::p1, &Camera::p2, &Camera::k3, &Camera::k4, &Camera::k5}) {
+    EXPECT_EQ(found.*held, truth.*held);
+  }
+  EXPECT_EQ(found.model, truth.model);
 }
 
 TEST(BundleAdjustment, RecoversANoiseFreeScene) {

@@ -18,28 +18,30 @@ TEST(Judgement, ATrueModelIsWorthReturningAndLeavesTheTracksNoise) {
   const WhitenedTracks whitened(scene.file, {});
   const std::vector<int> keyframes{0, 4, 8, 12, 16, 20};
   WorkingModel model = TrueModel(scene, whitened, AllFrames(whitened));
-  EXPECT_FALSE(RefuseModel(model, *scene.file.camera, keyframes));
+  const Judgement judgement = JudgeModel(model, *scene.file.camera, keyframes);
+  EXPECT_FALSE(judgement.worthless);
+  EXPECT_TRUE(judgement.doubts.empty());
   EXPECT_LT(UnexplainedParallax(model, keyframes), 0.2);
   EXPECT_NEAR(NoiseLeftPx(model), 0.5, 0.1);
   EXPECT_EQ(DescribeExcessNoise(model, true), "");
 }
 
-TEST(Judgement, AModelWithoutDepthIsRefused) {
+TEST(Judgement, AModelWithoutDepthIsWorthless) {
   SyntheticTracks scene = LateralScene(0.5);
   const WhitenedTracks whitened(scene.file, {});
   WorkingModel model(whitened, *scene.file.camera);
   const Rigid3 still = scene.cam_from_world.at(whitened.frames()[0].index);
   for (int f = 0; f < whitened.frame_count(); ++f) model.SetPose(f, still);
-  EXPECT_TRUE(RefuseModel(model, *scene.file.camera, {0, 8, 16}));
+  EXPECT_TRUE(JudgeModel(model, *scene.file.camera, {0, 8, 16}).worthless);
 }
 
-TEST(Judgement, AClipWithParallaxIsNotRefusedAndAStillOneIs) {
+TEST(Judgement, SaysWhyAClipHasNoParallax) {
   const auto judge = [](CameraPath path) {
     test::SyntheticTracksOptions options;
     options.path = path;
     const SyntheticTracks scene = MakeSyntheticTracks(options);
     const WhitenedTracks whitened(scene.file, {});
-    return RefuseClipWithoutParallax(
+    return DescribeClipWithoutParallax(
         whitened, *scene.file.camera, RankPairs(whitened, *scene.file.camera, {0, 8, 16}));
   };
   EXPECT_FALSE(judge(CameraPath::kLateral));

@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <cstdlib>
 #include <opencv2/imgproc.hpp>
 
 #include "datasets/open_sequence.h"
@@ -265,13 +266,71 @@ TEST_F(DegradeClip, KeepsTruthAndWritesTheOccludersMask) {
 }
 
 TEST_F(DegradeClip, BytesDoNotDependOnThreads) {
-  const DegradeOptions options = Options(DegradeRecipe::kSensor, 2.0);
-  Degrade(options, "one", 1);
-  Degrade(options, "three", 3);
-  for (int i = 0; i < 4; ++i) {
-    const std::string name = fmt::format("rgb/{:06}.png", i);
-    EXPECT_EQ(ReadBytes(dir_ / "one" / name), ReadBytes(dir_ / "three" / name));
+  for (const auto& [recipe, one, three] :
+       {std::tuple(DegradeRecipe::kSensor, "one", "three"),
+        std::tuple(DegradeRecipe::kPhone, "phone_one", "phone_three")}) {
+    const DegradeOptions options = Options(recipe, 2.0);
+    Degrade(options, one, 1);
+    Degrade(options, three, 3);
+    for (int i = 0; i < 4; ++i) {
+      const std::string name = fmt::format("rgb/{:06}.png", i);
+      EXPECT_EQ(ReadBytes(dir_ / one / name), ReadBytes(dir_ / three / name));
+    }
   }
+}
+
+// The truth beside a phone's video is as with any recipe, and of the video nothing stays.
+TEST_F(DegradeClip, PhoneVideoIsDecodedBesideItsTruth) {
+  DegradeOptions options = Options(DegradeRecipe::kPhone, 1.0);
+  options.occluder_px_per_frame = 60.0;
+  Degrade(options, "phone");
+  options.recipe = DegradeRecipe::kSensor;
+  Degrade(options, "sensor");
+  const auto phone = OpenSequence(dir_ / "phone");
+  const auto sensor = OpenSequence(dir_ / "sensor");
+  const std::vector<Frame> frames = test::ReadAll(*phone);
+  const std::vector<Frame> others = test::ReadAll(*sensor);
+  ASSERT_EQ(frames.size(), 4u);
+  for (std::size_t i = 0; i < 4; ++i) {
+    const FrameIndex frame{static_cast<std::uint32_t>(i)};
+    EXPECT_EQ(frames[i].timestamp_ns, others[i].timestamp_ns);
+    EXPECT_EQ(frames[i].gray.size(), others[i].gray.size());
+    EXPECT_NEAR(cv::mean(frames[i].gray)[0], cv::mean(others[i].gray)[0], 6.0);
+    EXPECT_EQ(cv::norm(*phone->TrueDepth(frame), *sensor->TrueDepth(frame)), 0.0);
+    EXPECT_EQ(cv::norm(*phone->OccluderMask(frame), *sensor->OccluderMask(frame)), 0.0);
+    cv::Mat change;
+    cv::Mat noise;
+    cv::Laplacian(frames[i].gray, change, CV_32F);
+    cv::Laplacian(others[i].gray, noise, CV_32F);
+    EXPECT_LT(MeanAndSpread(change).sigma, 0.5 * MeanAndSpread(noise).sigma);  // denoised
+  }
+  EXPECT_EQ(ReadBytes(dir_ / "phone/groundtruth.txt"), ReadBytes(dir_ / "sensor/groundtruth.txt"));
+  EXPECT_EQ(ReadBytes(dir_ / "phone/scene.json"), ReadBytes(dir_ / "clip/scene.json"));
+  EXPECT_FALSE(fs::exists(dir_ / "phone/phone.mp4"));
+  EXPECT_FALSE(fs::exists(dir_ / "phone/phone.mp4.raw"));
+}
+
+TEST_F(DegradeClip, PhoneWithoutItsEncoderLeavesNothing) {
+  const std::string path = std::getenv("PATH");
+  setenv("PATH", dir_.path().c_str(), 1);
+  EXPECT_THAT([&] { Degrade(Options(DegradeRecipe::kPhone, 1.0), "phone"); },
+              ThrowsMessage<Error>(HasSubstr("apt install ffmpeg")));
+  setenv("PATH", path.c_str(), 1);
+  EXPECT_FALSE(fs::exists(dir_ / "phone"));
+  EXPECT_FALSE(fs::exists(dir_ / "phone.partial"));
+}
+
+// Half the bits, and less of the picture is left.
+TEST_F(DegradeClip, PhoneLosesMoreAtALowerBitRate) {
+  const auto error = [&](const char* out, int bitrate_kbit) {
+    DegradeOptions options = Options(DegradeRecipe::kPhone, 0.0);
+    options.bitrate_kbit = bitrate_kbit;
+    Degrade(options, out);
+    const auto clip = OpenSequence(dir_ / "clip");
+    const auto phone = OpenSequence(dir_ / out);
+    return cv::norm(test::ReadAll(*clip)[0].gray, test::ReadAll(*phone)[0].gray);
+  };
+  EXPECT_GT(error("low", 20), 1.2 * error("high", 20000));
 }
 
 // Truth stays right for a part of a clip, and for a part of that.

@@ -83,8 +83,23 @@ TEST_F(Tum, ReadsCalibrationWithAndWithoutDistortion) {
   EXPECT_EQ(camera->p1, 0.003);
   EXPECT_EQ(camera->p2, -0.004);
 
-  for (const char* text :
-       {"", "535 320 240", "535 535 320 240 0.1", "a b c d", "0 535 320 240", "535 nan 320 240"}) {
+  WriteText(dir_ / "calibration.txt", "517.3 516.5 318.6 255.3 0.2624 -0.9531 -0.0054 0.0026 1.16");
+  camera = OpenSequence(dir_.path())->KnownCamera();
+  EXPECT_EQ(camera->p2, 0.0026);
+  EXPECT_EQ(camera->k3, 1.16);
+  WriteText(dir_ / "calibration.txt", "300 301 320 240 fisheye 0.1 0.2 0.3 0.4");
+  camera = OpenSequence(dir_.path())->KnownCamera();
+  EXPECT_EQ(camera->model, CameraModel::kFisheye);
+  EXPECT_EQ(camera->width_px, test::kWidth);
+  EXPECT_EQ(camera->k4, 0.4);
+
+  for (const char* text : {"",
+                           "535 320 240",
+                           "535 535 320 240 0.1 0.2 0.3",
+                           "535 535 320 240 fisheye 0.1",
+                           "a b c d",
+                           "0 535 320 240",
+                           "535 nan 320 240"}) {
     WriteText(dir_ / "calibration.txt", text);
     EXPECT_THAT([&] { OpenSequence(dir_.path()); },
                 ThrowsMessage<Error>(HasSubstr("calibration.txt")));
@@ -236,6 +251,22 @@ TEST_F(Euroc, ReadsImagesTimesAndCalibration) {
   }
 }
 
+TEST_F(Euroc, ReadsAnEquidistantLensAsFisheye) {
+  std::string sensor = kSensor;
+  const std::string radtan = "radial-tangential";
+  sensor.replace(sensor.find(radtan), radtan.size(), "equidistant");
+  WriteText(mav_ / "cam0/sensor.yaml", sensor);
+  const auto camera = OpenSequence(mav_.parent_path())->KnownCamera();
+  ASSERT_TRUE(camera.has_value());
+  EXPECT_EQ(camera->model, CameraModel::kFisheye);
+  EXPECT_EQ(camera->width_px, 64);
+  EXPECT_EQ(camera->k1, -0.28340811);
+  EXPECT_EQ(camera->k2, 0.07395907);
+  EXPECT_EQ(camera->p1, 0.0);
+  EXPECT_EQ(camera->k3, 0.00019359);
+  EXPECT_EQ(camera->k4, 1.76187114e-05);
+}
+
 TEST_F(Euroc, CamerasStandWhereTheBodyCarriesThem) {
   // The first row is 2 ms before image 0; image 1 has none within 20 ms.
   const Eigen::Quaterniond& q = kWorldFromCam.rotation;
@@ -278,8 +309,11 @@ TEST_F(Euroc, SaysWhatIsWrongWithTheSensorFile) {
     WriteText(mav_ / "cam0/sensor.yaml", sensor);
     return [this] { OpenSequence(mav_.parent_path()); };
   };
-  EXPECT_THAT(with("radial-tangential", "equidistant"),
-              ThrowsMessage<Error>(AllOf(HasSubstr("sensor.yaml"), HasSubstr("'equidistant'"))));
+  EXPECT_THAT(with("radial-tangential", "fov"),
+              ThrowsMessage<Error>(AllOf(HasSubstr("sensor.yaml"), HasSubstr("'fov'"))));
+  EXPECT_THAT(with(", 1.76187114e-05", ""),
+              ThrowsMessage<Error>(
+                  AllOf(HasSubstr("sensor.yaml"), HasSubstr("3 distortion coefficients"))));
   EXPECT_THAT(with("intrinsics:", "intrinsic:"), ThrowsMessage<Error>(HasSubstr("intrinsics")));
   EXPECT_THAT(with("458.654, ", ""), ThrowsMessage<Error>(HasSubstr("intrinsics")));
   EXPECT_THAT(with("458.654", "f"), ThrowsMessage<Error>(HasSubstr("intrinsics")));

@@ -10,6 +10,7 @@
 #include "datasets/open_sequence.h"
 #include "frontend/core/error.h"
 #include "tests/datasets/fixtures.h"
+#include "tests/support/cameras.h"
 #include "tests/support/child_process.h"
 #include "tests/support/closed_form_image.h"
 #include "tests/support/temp_dir.h"
@@ -75,6 +76,22 @@ TEST(TumWriter, WritesWhatReadTumReads) {
   EXPECT_FLOAT_EQ(depth.at<float>(0, 0), 2.5F);
   EXPECT_EQ(depth.at<float>(3, 4), 0.0F);
   EXPECT_EQ(cv::countNonZero(*sequence->OccluderMask(FrameIndex{1})), 64 * 48);
+}
+
+TEST(TumWriter, WritesCamerasOfAllModels) {
+  for (Camera camera : {test::FreiburgCamera(), test::RationalCamera(), test::FisheyeCamera()}) {
+    const TempDir dir;
+    TumWriter writer(dir / "clip");
+    writer.WriteCamera(camera);
+    writer.Write(0, Record(0));
+    writer.Finish();
+    const Camera read = OpenSequence(dir / "clip")->KnownCamera().value();
+    EXPECT_EQ(read.model, camera.model);
+    EXPECT_EQ(read.k2, camera.k2);
+    EXPECT_EQ(read.p1, camera.p1);
+    EXPECT_EQ(read.k3, camera.k3);
+    EXPECT_EQ(read.k6, camera.k6);
+  }
 }
 
 // A limit on the size of files stands in for a disk that is full.

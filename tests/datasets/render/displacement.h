@@ -105,12 +105,12 @@ inline TruthErrors CompareTruthWithPictures(const SyntheticSceneOptions& options
       for (int x = -kRadius; x <= kRadius; ++x) {
         const Eigen::Vector2d p = xy + Eigen::Vector2d(x, y);
         reference.push_back(before.at<float>(static_cast<int>(p.y()), static_cast<int>(p.x())));
-        at.push_back(*scene.camera().Project(to.PointInCam(*from.Pick(p))));
+        at.push_back(to.Locate(*from.Pick(p))->xy);
       }
     }
     const Eigen::Vector2d middle = at[at.size() / 2];
     if (!scene.camera().Contains(middle, kRadius + 6)) continue;
-    const double depth = to.PointInCam(*from.Pick(xy)).z();
+    const double depth = to.Locate(*from.Pick(xy))->depth;
     if (to.InverseDepth(middle) * depth > 1.001) continue;  // hidden by now
     if (IsUneven(from, xy, kRadius + 1) || IsUneven(to, middle, kRadius + 2)) continue;
     const Eigen::Vector2d displacement = Displacement(reference, after, at);

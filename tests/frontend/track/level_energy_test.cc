@@ -41,7 +41,7 @@ TEST_P(LevelEnergyOfTwenty, GradientMatchesCentralDifferences) {
   for (const auto& [name, penalty] : kPenaltyNames) {
     SubspaceOptions options;
     options.penalty = penalty;
-    const LevelEnergy energy(picture_, GetParam(), features_, history_, weights_, options);
+    const LevelEnergy energy(picture_, GetParam(), features_, {history_, weights_}, options);
     const Eigen::Matrix2Xd gradient = energy.total().Gradient(OnLevel());
     const Eigen::Matrix2Xd numeric = test::NumericGradient(
         [&](const Eigen::Matrix2Xd& x) { return energy.total().Value(x); }, OnLevel(), 1e-4);
@@ -53,7 +53,7 @@ TEST_P(LevelEnergyOfTwenty, GradientMatchesCentralDifferences) {
 TEST_P(LevelEnergyOfTwenty, MinimumIsLowerAndNearerToTheTruth) {
   Eigen::Matrix2Xd truth = test::GridOfTwenty().colwise() + Eigen::Vector2d(1.3, -0.8);
   truth *= std::ldexp(1.0, -GetParam());
-  const LevelEnergy energy(picture_, GetParam(), features_, history_, weights_, {});
+  const LevelEnergy energy(picture_, GetParam(), features_, {history_, weights_}, {});
   const OptimizerResult result = energy.Minimize(OnLevel());
   EXPECT_LT(energy.total().Value(result.x), energy.total().Value(OnLevel()));
   EXPECT_LT((result.x - truth).norm(), 0.5 * (OnLevel() - truth).norm());
@@ -66,11 +66,11 @@ TEST(LevelEnergy, WithoutHistoryEveryFeatureIsForItself) {
   const Eigen::Matrix2Xd x = test::GridOfTwenty();
   const std::vector<Feature> features = test::FeaturesAt(test::ShiftedNoise({0, 0}), x);
   const Eigen::VectorXd weights = Eigen::VectorXd::Ones(20);
-  const LevelEnergy all(picture, 0, features, std::nullopt, weights, {});
+  const LevelEnergy all(picture, 0, features, {std::nullopt, weights}, {});
   const Eigen::Matrix2Xd together = all.Minimize(x).x;
   for (std::size_t f = 0; f < features.size(); ++f) {
     const std::span<const Feature> one(&features[f], 1);
-    const LevelEnergy energy(picture, 0, one, std::nullopt, weights.head(1), {});
+    const LevelEnergy energy(picture, 0, one, {std::nullopt, weights.head(1)}, {});
     const auto column = static_cast<Eigen::Index>(f);
     EXPECT_EQ(energy.Minimize(x.col(column)).x, together.col(column));
   }

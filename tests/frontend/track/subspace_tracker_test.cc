@@ -62,6 +62,8 @@ struct Errors {
 
 Errors TrackScene(const TrackerOptions& options, int frames, bool dark) {
   const test::PlaneScene scene;
+  // Rendering takes longer than tracking: each picture once for all trackers of a test.
+  static std::map<std::pair<int, bool>, cv::Mat> pictures;
   const auto tracker = MakeTracker(options);
   struct Truth {
     Eigen::Vector3d point;
@@ -71,8 +73,12 @@ Errors TrackScene(const TrackerOptions& options, int frames, bool dark) {
   Errors errors;
   for (int t = 0; t < frames; ++t) {
     const Rigid3 cam_from_world = test::PlaneScene::CamFromWorld(t);
-    const cv::Mat image = scene.Render(cam_from_world);
-    const FrameResult result = tracker->Track(FrameOf(t, dark ? Darken(image, t) : image));
+    cv::Mat& picture = pictures[{t, dark}];
+    if (picture.empty()) {
+      picture = scene.Render(cam_from_world);
+      if (dark) picture = Darken(picture, t);
+    }
+    const FrameResult result = tracker->Track(FrameOf(t, picture));
     for (const Observation& o : result.observations) {
       const auto [it, born] = truth.try_emplace(o.feature);
       if (born) {
@@ -118,7 +124,7 @@ TEST(SubspaceTracker, BeatsKltInTheDark) {
 }
 
 TEST(SubspaceTracker, EveryPenaltyModeAndOptimizerTracksInTheDark) {
-  const Errors klt = TrackScene(OptionsOf(TrackerKind::kKlt), 15, true);
+  const Errors klt = TrackScene(OptionsOf(TrackerKind::kKlt), 10, true);
   for (const auto& [penalty_name, penalty] : kPenaltyNames) {
     for (const auto& [constraint_name, constraint] : kConstraintNames) {
       for (const auto& [optimizer_name, optimizer] : kOptimizerNames) {
@@ -126,7 +132,7 @@ TEST(SubspaceTracker, EveryPenaltyModeAndOptimizerTracksInTheDark) {
         options.subspace.penalty = penalty;
         options.subspace.constraint = constraint;
         options.subspace.optimizer = optimizer;
-        const Errors errors = TrackScene(options, 15, true);
+        const Errors errors = TrackScene(options, 10, true);
         EXPECT_LT(Quantile(errors.observed, 0.5), Quantile(klt.observed, 0.5))
             << penalty_name << ", " << constraint_name << ", " << optimizer_name;
       }

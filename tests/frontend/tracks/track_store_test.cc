@@ -12,6 +12,7 @@
 #include "frontend/core/error.h"
 #include "frontend/core/output.h"
 #include "frontend/core/sqlite.h"
+#include "tests/support/cameras.h"
 #include "tests/support/child_process.h"
 #include "tests/support/temp_dir.h"
 
@@ -91,6 +92,12 @@ void ExpectSame(const TrackFile& a, const TrackFile& b) {
     EXPECT_EQ(a.camera->fx, b.camera->fx);
     EXPECT_EQ(a.camera->cy, b.camera->cy);
     EXPECT_EQ(a.camera->k1, b.camera->k1);
+    EXPECT_EQ(a.camera->p2, b.camera->p2);
+    EXPECT_EQ(a.camera->k3, b.camera->k3);
+    EXPECT_EQ(a.camera->k4, b.camera->k4);
+    EXPECT_EQ(a.camera->k5, b.camera->k5);
+    EXPECT_EQ(a.camera->k6, b.camera->k6);
+    EXPECT_EQ(a.camera->model, b.camera->model);
     EXPECT_EQ(a.camera->known, b.camera->known);
   }
   ASSERT_EQ(a.frames.size(), b.frames.size());
@@ -145,6 +152,33 @@ TEST(TrackStore, ReadsBackWhatWasWrittenToTheLastBit) {
   TrackFile bare;
   WriteTrackFile(dir / "bare.tracks", bare);
   ExpectSame(ReadTrackFile(dir / "bare.tracks"), bare);
+}
+
+TEST(TrackStore, HoldsCamerasOfAllModels) {
+  const test::TempDir dir;
+  TrackFile file = Example(1);
+  for (const Camera& camera :
+       {test::FreiburgCamera(), test::RationalCamera(), test::FisheyeCamera()}) {
+    file.camera = camera;
+    WriteTrackFile(dir / "a.tracks", file);
+    ExpectSame(ReadTrackFile(dir / "a.tracks"), file);
+  }
+  SqliteDatabase::Open(dir / "a.tracks", SqliteDatabase::Mode::kWrite)
+      .Execute("UPDATE camera SET model = 'mirror'");
+  EXPECT_THAT([&] { ReadTrackFile(dir / "a.tracks"); },
+              ThrowsMessage<Error>(AllOf(HasSubstr("a.tracks"), HasSubstr("'mirror'"))));
+}
+
+// Version 0.1 had no model and no k3 to k6.
+TEST(TrackStore, ReadsAFileWhoseCameraEndsWithKnown) {
+  const test::TempDir dir;
+  const TrackFile file = Example(2);
+  WriteTrackFile(dir / "a.tracks", file);
+  for (const char* column : {"model", "k3", "k4", "k5", "k6"}) {
+    SqliteDatabase::Open(dir / "a.tracks", SqliteDatabase::Mode::kWrite)
+        .Execute(fmt::format("ALTER TABLE camera DROP COLUMN {}", column));
+  }
+  ExpectSame(ReadTrackFile(dir / "a.tracks"), file);
 }
 
 TEST(TrackStore, WrittenFrameByFrameIsTheSameFile) {

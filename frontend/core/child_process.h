@@ -1,0 +1,48 @@
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace cohort {
+
+// A file descriptor, closed at the end of the scope.
+class Descriptor {
+ public:
+  explicit Descriptor(int fd) : fd_(fd) {}
+  Descriptor(const Descriptor&) = delete;
+  Descriptor& operator=(const Descriptor&) = delete;
+  ~Descriptor() { Close(); }
+  int get() const { return fd_; }
+  void Close();
+
+ private:
+  int fd_;
+};
+
+struct ProgramEnd {
+  int exit_code = 0;
+  int signal = 0;  // that ended it; 0: none
+
+  std::string Brief() const;  // "exit code 1", "killed by signal 9"
+};
+
+// A path, or a name that is looked up in PATH; none if there is no such program.
+std::optional<std::filesystem::path> FindProgram(const std::string& program);
+
+// Runs a program to its end: without a shell, without standard input, without a display; it dies
+// with us. All that it prints goes to the descriptor `output`. Throws Error if it cannot be started.
+ProgramEnd RunProgram(const std::filesystem::path& program,
+                      std::vector<std::string> arguments,
+                      int output);
+
+// The same with what it printed as text.
+struct ProgramOutput {
+  ProgramEnd end;
+  std::string text;
+};
+ProgramOutput RunProgramForText(const std::filesystem::path& program,
+                                std::vector<std::string> arguments);
+
+}  // namespace cohort

@@ -1,0 +1,58 @@
+#include "frontend/image/exposure.h"
+
+#include <gtest/gtest.h>
+
+#include <opencv2/core.hpp>
+
+#include "tests/frontend/track/moving_picture.h"
+
+namespace cohort {
+namespace {
+
+cv::Mat InLight(const cv::Mat& picture, double gain, double offset) {
+  return gain * picture + offset;
+}
+
+TEST(Exposure, FindsGainAndOffsetAlsoWhereTheCameraMoves) {
+  const cv::Mat first = test::ShiftedNoise({0, 0}).levels[0];
+  for (const Eigen::Vector2d& motion : {Eigen::Vector2d(0, 0), Eigen::Vector2d(8, -8)}) {
+    const cv::Mat second = InLight(test::ShiftedNoise(motion).levels[0], 0.6, 0.05);
+    const auto change = EstimateLightChange(BuildPyramid(first), BuildPyramid(second));
+    ASSERT_TRUE(change);
+    EXPECT_NEAR(change->gain, 0.6, 0.02);
+    EXPECT_NEAR(change->offset, 0.05, 0.01);
+  }
+}
+
+TEST(Exposure, BringsEveryFrameToTheLightOfTheFirst) {
+  Exposure exposure;
+  const cv::Mat first = test::ShiftedNoise({0, 0}).levels[0];
+  exposure.Follow(first);
+  for (const double gain : {0.8, 0.5, 0.7}) {
+    const cv::Mat dimmed = InLight(first, gain, 0.1);
+    const cv::Mat steady = WithoutLight(dimmed, exposure.Follow(dimmed));
+    EXPECT_LT(cv::norm(steady, first, cv::NORM_INF), 0.02) << gain;
+  }
+}
+
+TEST(Exposure, SteadyLightKeepsThePictures) {
+  Exposure exposure;
+  for (const Eigen::Vector2d& motion : {Eigen::Vector2d(0, 0), Eigen::Vector2d(3, 2)}) {
+    const cv::Mat picture = test::ShiftedNoise(motion).levels[0];
+    const cv::Mat steady = WithoutLight(picture, exposure.Follow(picture));
+    EXPECT_EQ(steady.data, picture.data);
+  }
+}
+
+// A black frame tells of no light, and is none to bring the others to.
+TEST(Exposure, ABlackFrameChangesNothing) {
+  Exposure exposure;
+  const cv::Mat picture = test::ShiftedNoise({0, 0}).levels[0];
+  exposure.Follow(cv::Mat(picture.size(), CV_32F, cv::Scalar(0.001)));
+  const LightChange light = exposure.Follow(picture);
+  EXPECT_EQ(light.gain, 1.0);
+  EXPECT_EQ(light.offset, 0.0);
+}
+
+}  // namespace
+}  // namespace cohort

@@ -1,0 +1,85 @@
+#include "frontend/tracks/companions.h"
+
+#include <gtest/gtest.h>
+
+#include "frontend/core/random_stream.h"
+
+namespace cohort {
+namespace {
+
+constexpr FeatureId kFirstOfSecond{1000};
+constexpr double kWithinPx = 2.0;
+
+void AddTrack(std::uint32_t feature,
+              std::uint32_t first,
+              std::uint32_t end,
+              const Eigen::Vector2d& xy,
+              std::vector<Observation>& observations) {
+  for (std::uint32_t f = first; f < end; ++f) {
+    Observation& o = observations.emplace_back();
+    o.feature = FeatureId{feature};
+    o.frame = FrameIndex{f};
+    o.xy = xy + Eigen::Vector2d(3.0 * f, 1.0 * f);
+  }
+}
+
+TEST(Companions, ATwinIsLeftOutAndWhatOutlivesTheOtherStays) {
+  std::vector<Observation> observations;
+  AddTrack(3, 0, 20, {50, 50}, observations);
+  AddTrack(4, 0, 5, {100, 50}, observations);       // lost early
+  AddTrack(1000, 0, 18, {50.8, 50}, observations);  // of 3
+  AddTrack(1001, 0, 20, {100, 50.5}, observations);
+  AddTrack(1002, 2, 20, {200, 90}, observations);
+  const CompanionTracks both{
+      TrackSet::Build(std::move(observations), {{FeatureId{1001}, FrameIndex{19}}}),
+      kFirstOfSecond};
+
+  const CompanionTracks joined = JoinCompanions(both, kWithinPx);
+  ASSERT_EQ(joined.tracks.features().size(), 4u);
+  EXPECT_EQ(joined.first_companion, FeatureId{5});
+  EXPECT_EQ(joined.tracks.Track(FeatureId{5}).size(), 20u) << "outlives feature 4";
+  EXPECT_EQ(joined.tracks.Track(FeatureId{6}).size(), 18u);
+  ASSERT_EQ(joined.tracks.ends().size(), 1u);
+  EXPECT_EQ(joined.tracks.ends()[0].feature, FeatureId{5});
+  // Too few twins say nothing of how good the companion is.
+  EXPECT_FALSE(joined.tracks.Track(FeatureId{5})[0].covariance);
+}
+
+TEST(Companions, TwinsTellHowGoodTheOthersAre) {
+  constexpr double kSigmaPx = 0.6;
+  std::vector<Observation> observations;
+  for (std::uint32_t i = 0; i < 30; ++i) {
+    AddTrack(i, 0, 20, {20.0 + 15.0 * i, 40}, observations);
+    AddTrack(1000 + i, 0, 20, {20.5 + 15.0 * i, 40}, observations);
+  }
+  AddTrack(1100, 0, 20, {40, 200}, observations);
+  RandomStream noise(1, "companions_test");
+  for (Observation& o : observations) {
+    if (o.feature < kFirstOfSecond) continue;
+    const double x = noise.Gaussian();
+    const double y = noise.Gaussian();
+    o.xy += kSigmaPx * Eigen::Vector2d(x, y);
+  }
+  const CompanionTracks joined =
+      JoinCompanions({TrackSet::Build(std::move(observations)), kFirstOfSecond}, kWithinPx);
+  ASSERT_EQ(joined.tracks.features().size(), 31u);
+  const auto track = joined.tracks.Track(joined.first_companion);
+  ASSERT_TRUE(track[0].covariance);
+  EXPECT_NEAR(std::sqrt(track[0].covariance->xx), kSigmaPx, 0.1);
+  EXPECT_FALSE(joined.tracks.Track(FeatureId{0})[0].covariance);
+}
+
+// Two features that go beside each other for a few frames are two.
+TEST(Companions, WhatCrossesIsNoTwin) {
+  std::vector<Observation> observations;
+  AddTrack(0, 0, 20, {50, 50}, observations);
+  AddTrack(1000, 0, 20, {20, 40}, observations);
+  for (Observation& o : observations) {
+    if (o.feature == FeatureId{1000}) o.xy += 3.0 * ToInt(o.frame) * Eigen::Vector2d(1, 0.33);
+  }
+  const TrackSet left = DropTwins({TrackSet::Build(std::move(observations)), kFirstOfSecond}, 2.0);
+  EXPECT_EQ(left.features().size(), 2u);
+}
+
+}  // namespace
+}  // namespace cohort

@@ -1,0 +1,43 @@
+// Levels of the grid: which recipe at which level each of them is.
+#include "pipelines/experiment/plan.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "frontend/core/error.h"
+
+namespace cohort {
+namespace {
+
+using testing::HasSubstr;
+using testing::ThrowsMessage;
+
+TEST(DegradationOf, NamesOfLevelsAreRecipesAndTheirLevels) {
+  for (const auto& [name, recipe, level] :
+       {std::tuple("clean", DegradeRecipe::kPaper, 0.0),
+        std::tuple("1.5", DegradeRecipe::kPaper, 1.5),
+        std::tuple("hard", DegradeRecipe::kPaper, 2.0),
+        std::tuple("sensor", DegradeRecipe::kSensor, 2.0),
+        std::tuple("phone", DegradeRecipe::kPhone, 2.0),
+        std::tuple("phone-medium", DegradeRecipe::kPhone, 1.0)}) {
+    Condition condition;
+    condition.level = name;
+    condition.seed = 7;
+    const DegradeOptions degrade = DegradationOf(condition);
+    EXPECT_EQ(degrade.recipe, recipe) << name;
+    EXPECT_EQ(degrade.level, level) << name;
+    EXPECT_EQ(degrade.seed, 7u);
+  }
+}
+
+TEST(PlanWithoutClips, TakesTheLevelsOfOtherRecipesAndNoUnknownOnes) {
+  ExperimentOptions options;
+  options.levels = {"as-is", "medium", "sensor", "phone", "phone-medium"};
+  EXPECT_NO_THROW(PlanWithoutClips(options));
+  options.levels = {"phone-dark"};
+  EXPECT_THAT([&] { PlanWithoutClips(options); },
+              ThrowsMessage<UsageError>(HasSubstr("'phone-dark'")));
+}
+
+}  // namespace
+}  // namespace cohort
