@@ -25,8 +25,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// A fenced block: ```sh is run, a ```text right after it is what it prints; lines of ```console that
-// begin with $ are commands for developers.
+// A fenced block: ```sh is run, a ```text right after it is what it prints; lines of ```console
+// that begin with $ are commands for developers.
 struct Block {
   std::string kind;
   std::string text;
@@ -121,13 +121,19 @@ void ExpectRuns(const std::string& line) {
   const std::string in_source = fmt::format("cd {} && ", test::SourceDir().string());
   if (program == "ctest" || program == "cmake") {
     const test::TempDir dir;
-    // The tests that it names, by their list; the configuration that it makes, in another folder.
-    const std::string command =
-        program == "ctest"
-            ? std::regex_replace(
-                  line, std::regex("--test-dir \\S+"), "--test-dir " COHORT_BUILD_DIR) +
-                  " -N"
-            : std::regex_replace(line, std::regex("&&.*"), "") + " -B " + dir.path().string();
+    // The tests that it names, by their list; what it builds, without building; the configuration
+    // that it makes, in another folder.
+    std::string command;
+    if (program == "ctest") {
+      command =
+          std::regex_replace(line, std::regex("--test-dir \\S+"), "--test-dir " COHORT_BUILD_DIR) +
+          " -N";
+    } else if (line.starts_with("cmake --build")) {
+      command = std::regex_replace(line, std::regex("--build \\S+"), "--build " COHORT_BUILD_DIR) +
+                " -- -n";
+    } else {
+      command = std::regex_replace(line, std::regex("&&.*"), "") + " -B " + dir.path().string();
+    }
     const test::ProgramEnd end = test::RunShell(in_source + command);
     EXPECT_EQ(end.exit_code, 0) << line << "\n" << end.err;
     EXPECT_EQ(end.out.find("Total Tests: 0"), std::string::npos) << line;

@@ -41,7 +41,8 @@ void AdjustPoints(WorkingModel& model);
 std::optional<Camera> FindBetterCamera(const WorkingModel& model,
                                        const std::vector<int>& keyframes);
 
-// Scaled by the noise that the model found: of (omega [rad], centre), see CameraPose, and of points.
+// Scaled by the noise that the model found: of (omega [rad], centre), see CameraPose, and of
+// points.
 struct ModelCovariances {
   std::map<FrameIndex, Eigen::Matrix<double, 6, 6>> cameras;
   std::map<FeatureId, Eigen::Matrix3d> points;

@@ -31,6 +31,8 @@ class Adjuster {
         options_(options),
         intrinsics_(ToIntrinsicVector(problem_.intrinsics)) {
     CheckIndices();
+    Check(!(options.refine_shift && options.RefinesIntrinsics()),
+          "either the shift or intrinsics are refined");
     for (const BundleCamera& camera : problem_.cameras) {
       const Rigid3 world_from_cam = camera.cam_from_world.Inverse();
       Eigen::Matrix<double, kPoseSize, 1> pose;
@@ -155,8 +157,14 @@ class Adjuster {
         ceres_->AddResidualBlock(&refining_.back(), loss_.get(), pose, point, intrinsics_.data());
       } else {
         const Eigen::Vector2d n = problem_.intrinsics.Unproject(o.xy);
-        calibrated_.emplace_back(n, whitening * ProjectPixel(problem_.intrinsics, n).d_n);
-        ceres_->AddResidualBlock(&calibrated_.back(), loss_.get(), pose, point);
+        const Eigen::Matrix2d d_n = ProjectPixel(problem_.intrinsics, n).d_n;
+        if (options_.refine_shift) {
+          shifted_.emplace_back(n, d_n.inverse() * o.d_shift, whitening * d_n);
+          ceres_->AddResidualBlock(&shifted_.back(), loss_.get(), pose, point, &problem_.shift);
+        } else {
+          calibrated_.emplace_back(n, whitening * d_n);
+          ceres_->AddResidualBlock(&calibrated_.back(), loss_.get(), pose, point);
+        }
       }
     }
     for (std::size_t i = 0; i < poses_.size(); ++i) {
@@ -206,6 +214,7 @@ class Adjuster {
       if (point_used_[i]) ordering->AddElementToGroup(problem_.points_in_world[i].data(), 0);
     }
     if (!refining_.empty()) ordering->AddElementToGroup(intrinsics_.data(), 1);
+    if (!shifted_.empty()) ordering->AddElementToGroup(&problem_.shift, 1);
     solver.linear_solver_ordering = ordering;
     // Tracks of a video are short against the clip, so the reduced camera matrix is a band and its
     // sparse factor stays small far beyond the sizes that unordered photographs allow.
@@ -281,6 +290,7 @@ class Adjuster {
   std::unique_ptr<ceres::SubsetManifold> intrinsic_manifold_;
   std::unique_ptr<FocalPrior> focal_prior_;
   std::deque<CalibratedCost> calibrated_;  // Ceres points into it
+  std::deque<ShiftedCost> shifted_;
   std::deque<RefiningCost> refining_;
   std::vector<bool> has_observation_;
   std::vector<bool> point_used_;

@@ -14,11 +14,14 @@ namespace cohort {
 
 // What bundle adjustment minimises over cameras, points and (if asked) intrinsics:
 //   sum_k rho(|W_k (xy_k - projection of point_k in camera_k)|^2),  W_k^T W_k = covariance_k^-1
+// With a shift, an unknown that all observations share, xy_k + shift d_shift_k is in the place of
+// xy_k (to first order where the lens distorts).
 struct BundleObservation {
   int camera = 0;                                // index into BundleProblem::cameras
   int point = 0;                                 // index into BundleProblem::points_in_world
   Eigen::Vector2d xy = Eigen::Vector2d::Zero();  // pixels
   Eigen::Matrix2d covariance_px2 = Eigen::Matrix2d::Identity();
+  Eigen::Vector2d d_shift = Eigen::Vector2d::Zero();  // pixels; read with refine_shift
 };
 
 struct BundleCamera {
@@ -31,6 +34,7 @@ struct BundleProblem {
   std::vector<BundleCamera> cameras;
   std::vector<Eigen::Vector3d> points_in_world;
   std::vector<BundleObservation> observations;
+  double shift = 0.0;
 };
 
 enum class RobustLoss : std::uint8_t {
@@ -49,6 +53,7 @@ struct BundleOptions {
   bool refine_focal = false;
   bool refine_principal_point = false;
   bool refine_radial = false;
+  bool refine_shift = false;  // not with intrinsics
   // A guess of the focal length counts as one observation of log(f / guess) with this standard
   // deviation: it decides only where the tracks say nothing. Only with refine_focal.
   double focal_prior_log_sigma = 1.0;
@@ -65,6 +70,7 @@ struct BundleOptions {
     v.Flag("refine_focal", o.refine_focal, "refine the focal length");
     v.Flag("refine_principal_point", o.refine_principal_point, "refine the principal point");
     v.Flag("refine_radial", o.refine_radial, "refine k1 and k2");
+    v.Flag("refine_shift", o.refine_shift, "refine the shift that all observations share");
     v.Number("focal_prior_log_sigma",
              o.focal_prior_log_sigma,
              1e-3,

@@ -89,6 +89,29 @@ class CalibratedCost final : public ceres::SizedCostFunction<2, kPoseSize, 3> {
   Eigen::Matrix2d whitening_;
 };
 
+// The same where the observation moves with an unknown that all share: W (n(x) - n - shift d_shift).
+class ShiftedCost final : public ceres::SizedCostFunction<2, kPoseSize, 3, 1> {
+ public:
+  ShiftedCost(const Eigen::Vector2d& n,
+              const Eigen::Vector2d& d_shift,
+              const Eigen::Matrix2d& whitening)
+      : unshifted_(n, whitening), whitened_d_shift_(whitening * d_shift) {}
+  bool Evaluate(double const* const* parameters,
+                double* residuals,
+                double** jacobians) const override {
+    unshifted_.Evaluate(parameters, residuals, jacobians);
+    for (int i = 0; i < 2; ++i) residuals[i] -= parameters[2][0] * whitened_d_shift_[i];
+    if (jacobians != nullptr && jacobians[2] != nullptr) {
+      for (int i = 0; i < 2; ++i) jacobians[2][i] = -whitened_d_shift_[i];
+    }
+    return true;
+  }
+
+ private:
+  CalibratedCost unshifted_;
+  Eigen::Vector2d whitened_d_shift_;
+};
+
 class RefiningCost final : public ceres::SizedCostFunction<2, kPoseSize, 3, kIntrinsicSize> {
  public:
   RefiningCost(const Camera* camera, const Eigen::Vector2d& xy, const Eigen::Matrix2d& whitening)

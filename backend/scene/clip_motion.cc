@@ -95,6 +95,10 @@ std::vector<Camera> CamerasToTry(const Camera& camera) {
   return cameras;
 }
 
+namespace {
+
+// The largest parallax of the pairs of most motion, under the one of CamerasToTry that leaves
+// least.
 double LargestParallaxPx(const WhitenedTracks& whitened,
                          const Camera& camera,
                          const std::vector<FramePairMotion>& pairs) {
@@ -110,6 +114,8 @@ double LargestParallaxPx(const WhitenedTracks& whitened,
   }
   return least_px;
 }
+
+}  // namespace
 
 ClipMotion ClassifyMotion(const WhitenedTracks& whitened,
                           const Camera& camera,

@@ -14,11 +14,6 @@ double EstimateNoise(const WhitenedTracks& whitened);
 // The camera itself if it is known, else with focal lengths from half to twice its guess.
 std::vector<Camera> CamerasToTry(const Camera& camera);
 
-// The largest parallax of the pairs of most motion, under the one of CamerasToTry that leaves least.
-double LargestParallaxPx(const WhitenedTracks& whitened,
-                         const Camera& camera,
-                         const std::vector<FramePairMotion>& pairs);
-
 enum class ClipMotion { kParallax, kRotation, kStatic };
 // Whether any of these pairs shows parallax beyond the noise. Where the camera is a guess, its
 // focal length is varied from half to twice, so that no wrong guess passes a turning camera off as

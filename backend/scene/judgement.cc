@@ -76,18 +76,19 @@ MapperEnd ExplainMissingModel(const WhitenedTracks& whitened,
 Judgement JudgeModel(const WorkingModel& model,
                      const Camera& camera,
                      const std::vector<int>& keyframes) {
-  // Depths that can be a third off show little of a scene; by their whole length, nothing. Chosen by
-  // eye on the tuning clips.
+  // Depths that can be a third off show little of a scene; by their whole length, nothing. Chosen
+  // by eye on the tuning clips.
   constexpr double kWeakDepth = 0.3;
   constexpr double kWorthlessDepth = 1.0;
   // Half of a drift is across the epipolar lines, where no depth explains it: of it alone a median
   // of 0.57 (= 0.6745 / 1.1774) of the whole is left at least, and more as a track has one depth in
-  // all frames. Noise is left likewise, so the darker the clip the more. On real clips models as good
-  // as those of the clip in daylight had up to 0.71 (a hand that turns the camera fast, degraded);
-  // tracks that drift before a real picture that only turns gave none at all, or 0.81 and more. In
-  // between nobody can tell: such a model is returned with its doubt.
+  // all frames. Noise is left likewise, so the darker the clip the more. On real clips models as
+  // good as those of the clip in daylight had up to 0.71 (a hand that turns the camera fast,
+  // degraded) and, without the bend of the rolling shutter, 1.16; tracks that drift before a real
+  // picture that only turns gave none at all, or 0.81 to 2.7. Where nobody can tell, a model is
+  // returned with its doubt; what fits much worse than a rotation helps nobody.
   constexpr double kMuchUnexplained = 0.6;
-  constexpr double kMostUnexplained = 0.95;
+  constexpr double kMostUnexplained = 1.5;
   const double uncertainty = model.MedianDepthUncertainty();
   const double unexplained = UnexplainedParallax(model, keyframes);
   Judgement judgement{uncertainty, unexplained, std::nullopt, {}};

@@ -10,8 +10,8 @@
 
 namespace cohort {
 
-// How a clip without parallax beyond its noise ends if it gives no model: its camera stands still or
-// only turns. None: it has parallax.
+// How a clip without parallax beyond its noise ends if it gives no model: its camera stands still
+// or only turns. None: it has parallax.
 std::optional<MapperEnd> DescribeClipWithoutParallax(const WhitenedTracks& whitened,
                                                      const Camera& camera,
                                                      const std::vector<FramePairMotion>& pairs);

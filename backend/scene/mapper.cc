@@ -1,14 +1,17 @@
 #include "backend/scene/mapper.h"
 
 #include <fmt/format.h>
+#include <spdlog/spdlog.h>
 
 #include <algorithm>
 #include <cmath>
+#include <deque>
 #include <limits>
 #include <span>
 
 #include "backend/scene/judgement.h"
 #include "backend/scene/parts.h"
+#include "backend/scene/rolling_shutter.h"
 #include "frontend/core/stopwatch.h"
 
 namespace cohort {
@@ -52,10 +55,14 @@ WhiteningOptions WhiteningOptionsFrom(const MapperOptions& options) {
   return result;
 }
 
-Reconstruction ToReconstruction(const WorkingModel& model) {
+// `observed`: the model's tracks as the pictures show them.
+Reconstruction ToReconstruction(const WorkingModel& model,
+                                const WhitenedTracks& observed,
+                                double readout) {
   const WhitenedTracks& whitened = model.whitened();
   Reconstruction result;
   result.camera = model.camera();
+  result.readout = readout;
   for (const int f : model.RegisteredFrames()) {
     const FrameInfo& info = whitened.frames()[f];
     result.cam_from_world[info.index] = model.Pose(f);
@@ -69,7 +76,7 @@ Reconstruction ToReconstruction(const WorkingModel& model) {
     const auto [first, last] = whitened.TrackRange(t);
     for (int o = first; o < last; ++o) {
       if (!model.IsInlier(o)) continue;
-      const WhitenedObservation& observation = whitened.observations()[o];
+      const WhitenedObservation& observation = observed.observations()[o];
       point.views.push_back({whitened.frames()[observation.frame].index, observation.xy});
     }
   }
@@ -101,7 +108,7 @@ MapperResult WithSummary(MapperResult result, const TrackFile& file, const Stopw
 std::string DescribeBetterCamera(const Camera& better, const Camera& given) {
   return fmt::format(
       "the tracks contradict the camera given: they ask for fx {:.1f} instead of {:.1f} px and k1 "
-      "{:.3f}, k2 {:.3f} instead of {:.3f}, {:.3f}",
+      "{:.3f}, k2 {:.3f} instead of {:.3f}, {:.3f}: give another --camera, or none",
       better.fx,
       given.fx,
       better.k1,
@@ -110,15 +117,73 @@ std::string DescribeBetterCamera(const Camera& better, const Camera& given) {
       given.k2);
 }
 
-// What there is to doubt of a model that is returned: a sentence each.
+// The parts of a clip and what is to be thought of them, in the same order.
+struct JudgedParts {
+  std::vector<MappedPart> parts;
+  std::vector<Judgement> judgements = {};
+  std::size_t chosen = 0;  // the largest of worth; if none is, the largest
+  double readout = 0.0;
+  std::deque<WhitenedTracks> corrected = {};  // the parts' tracks where the shutter rolls
+};
+
+// Adjusts the parts, all of one camera and so of one readout: the largest tells it.
+void AdjustParts(const MapperOptions& options,
+                 const CameraRefinement& refinement,
+                 JudgedParts& judged) {
+  for (MappedPart& part : judged.parts) AdjustUntilSettled(part.model, refinement, 3, 4);
+  WorkingModel& largest = judged.parts.front().model;
+  const WhitenedTracks& observed = largest.whitened();
+  const auto corrected = [&]() -> WhitenedTracks& {
+    return judged.corrected.emplace_back(observed);
+  };
+  judged.readout = options.readout;
+  if (options.estimate_readout) {
+    const ReadoutEstimate estimate = EstimateReadout(observed, largest, corrected());
+    judged.readout = estimate.IsRolling() ? estimate.readout : 0.0;
+    spdlog::debug("readout {:.4f} +- {:.4f}", estimate.readout, estimate.sigma);
+  }
+  for (MappedPart& part : judged.parts) {
+    if (judged.readout != 0.0) {
+      AdjustToReadout(observed, judged.readout, refinement, part.model, corrected());
+      AdjustUntilSettled(part.model, refinement, 3, 4);
+      AdjustToReadout(observed, judged.readout, refinement, part.model, corrected());
+    }
+    part.model.Normalise();
+  }
+}
+
+JudgedParts JudgeParts(PartResult first,
+                       const Camera& camera,
+                       const MapperOptions& options,
+                       const CameraRefinement& refinement,
+                       const std::vector<int>& keyframes) {
+  JudgedParts judged{.parts = MapRemainingParts(std::move(first), camera, refinement, keyframes)};
+  AdjustParts(options, refinement, judged);
+  for (const MappedPart& part : judged.parts) {
+    judged.judgements.push_back(JudgeModel(part.model, camera, keyframes));
+  }
+  const auto worth = std::find_if(judged.judgements.begin(),
+                                  judged.judgements.end(),
+                                  [](const Judgement& j) { return !j.worthless; });
+  if (worth != judged.judgements.end()) {
+    judged.chosen = static_cast<std::size_t>(worth - judged.judgements.begin());
+  }
+  return judged;
+}
+
+// What there is to doubt of the model that is returned: a sentence each.
 std::vector<std::string> DoubtModel(const MapperResult& result,
-                                    const WorkingModel& model,
+                                    const JudgedParts& judged,
                                     const Camera& camera) {
-  std::vector<std::string> doubts;
-  if (!result.other_parts.empty()) {
+  const WorkingModel& model = judged.parts[judged.chosen].model;
+  std::vector<std::string> doubts = judged.parts[judged.chosen].doubts;
+  const std::vector<std::string>& judged_doubts = judged.judgements[judged.chosen].doubts;
+  doubts.insert(doubts.end(), judged_doubts.begin(), judged_doubts.end());
+  if (judged.parts.size() > 1) {
     doubts.push_back(fmt::format(
-        "the clip breaks into {} parts, this is the largest: film what lies between them slower",
-        result.other_parts.size() + 1));
+        "the clip breaks into {} parts, this is the largest{}: film what lies between them slower",
+        judged.parts.size(),
+        judged.chosen > 0 ? " of worth" : ""));
   }
   if (result.better_camera) {
     doubts.push_back(DescribeBetterCamera(*result.better_camera, camera));
@@ -153,34 +218,19 @@ MapperResult MapTracks(const TrackFile& file, const MapperOptions& options) {
       SelectKeyframes(whitened, camera, kKeyframeParallaxPx, kMinKeyframes);
   PartResult first = MapPart(whitened, camera, refinement, keyframes);
   if (!first.model) return WithEnd(std::move(result), first.end);
-  std::vector<WorkingModel> parts =
-      MapRemainingParts(std::move(*first.model), camera, refinement, keyframes);
-  for (WorkingModel& part : parts) {
-    AdjustUntilSettled(part, refinement, 3, 4);
-    part.Normalise();
-  }
-  // The largest part of worth is the model.
-  std::vector<Judgement> judgements;
-  for (const WorkingModel& part : parts) judgements.push_back(JudgeModel(part, camera, keyframes));
-  const auto worth = std::find_if(
-      judgements.begin(), judgements.end(), [](const auto& j) { return !j.worthless; });
-  const Judgement& judgement = worth == judgements.end() ? judgements.front() : *worth;
+  JudgedParts judged = JudgeParts(std::move(first), camera, options, refinement, keyframes);
+  const Judgement& judgement = judged.judgements[judged.chosen];
   result.depth_uncertainty = judgement.depth_uncertainty;
   result.unexplained_parallax = judgement.unexplained_parallax;
-  if (worth == judgements.end()) {
-    return WithEnd(std::move(result), *judgements.front().worthless);
+  if (judgement.worthless) return WithEnd(std::move(result), *judgement.worthless);
+  for (std::size_t i = judged.chosen + 1; i < judged.parts.size(); ++i) {
+    if (judged.judgements[i].worthless) continue;
+    result.other_parts.push_back(ToReconstruction(judged.parts[i].model, whitened, judged.readout));
   }
-  const auto chosen = worth - judgements.begin();
-  for (std::size_t i = static_cast<std::size_t>(chosen) + 1; i < parts.size(); ++i) {
-    if (!judgements[i].worthless) result.other_parts.push_back(ToReconstruction(parts[i]));
-  }
-  WorkingModel& model = parts[static_cast<std::size_t>(chosen)];
+  WorkingModel& model = judged.parts[judged.chosen].model;
   result.noise = model.noise();
   if (camera.known) result.better_camera = FindBetterCamera(model, keyframes);
-  std::vector<std::string>& reasons = result.summary.reasons;
-  reasons = std::move(first.doubts);
-  reasons.insert(reasons.end(), judgement.doubts.begin(), judgement.doubts.end());
-  for (std::string& doubt : DoubtModel(result, model, camera)) reasons.push_back(std::move(doubt));
+  result.summary.reasons = DoubtModel(result, judged, camera);
   if (options.covariances) {
     if (auto covariances = AdjustWithCovariances(model, refinement)) {
       result.camera_covariances = std::move(covariances->cameras);
@@ -190,12 +240,12 @@ MapperResult MapTracks(const TrackFile& file, const MapperOptions& options) {
           "covariances could not be estimated: the problem is rank deficient");
     }
   }
-  result.reconstruction = ToReconstruction(model);
+  result.reconstruction = ToReconstruction(model, whitened, judged.readout);
   const bool partial =
       TooFewRegistered(static_cast<std::size_t>(model.registered()), file.frames.size());
-  return WithEnd(std::move(result),
-                 {partial ? MapperTermination::kPartial : MapperTermination::kSuccess,
-                  fmt::format("{}", fmt::join(result.summary.reasons, "; "))});
+  const MapperEnd end{partial ? MapperTermination::kPartial : MapperTermination::kSuccess,
+                      fmt::format("{}", fmt::join(result.summary.reasons, "; "))};
+  return WithEnd(std::move(result), end);
 }
 
 }  // namespace
@@ -230,7 +280,7 @@ MapperResult TriangulateWithCeres(const TrackFile& file,
   }
 
   MapperResult result;
-  result.reconstruction = ToReconstruction(model);
+  result.reconstruction = ToReconstruction(model, whitened, 0.0);
   result.noise = model.noise();
   result.summary.termination = "triangulated with given poses";
   result = WithSummary(std::move(result), file, stopwatch);

@@ -20,6 +20,8 @@ struct MapperOptions {
   bool refine_focal = true;
   bool refine_radial = true;
   bool refine_principal_point = false;
+  double readout = 0.0;
+  bool estimate_readout = true;
   bool covariances = false;
 
   template <typename Self, typename Visitor>
@@ -59,6 +61,18 @@ struct MapperOptions {
            "Refine the principal point of a guessed camera too, which needs a clip with "
            "much rotation.",
            Tier::kCommon);
+    v.Number("readout",
+             o.readout,
+             -1.0,
+             1.0,
+             "Rolling shutter: the share of the time between frames from the first row to the "
+             "last; negative from the bottom up. Where it is estimated, this is not read.",
+             Tier::kCommon);
+    v.Flag("estimate_readout",
+           o.estimate_readout,
+           "Find the rolling shutter's readout from the tracks, which is 0 where none is found; "
+           "off: --ceres.readout is taken as true.",
+           Tier::kCommon);
     v.Flag("covariances",
            o.covariances,
            "Estimate the covariances of cameras and points, which takes memory with the "
@@ -77,7 +91,7 @@ struct MapperResult {
   // Standard deviation of an observation's coordinate [px], robust; where covariances are used, in
   // units of theirs: 1 if they are right.
   double noise = 0.0;
-  // Of the largest part, whether or not it is returned: how well it knows depths (median of their
+  // Of the model returned, or, where none is of worth, of the largest part: how well it knows depths (median of their
   // deviations, relative), and how much of the parallax it leaves (UnexplainedParallax).
   double depth_uncertainty = 0.0;
   double unexplained_parallax = 0.0;

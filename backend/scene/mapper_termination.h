@@ -14,18 +14,16 @@ enum class MapperTermination : std::uint8_t {
   kStaticCamera,  // nothing moves by more than the noise
   kPureRotation,  // a rotation about the camera's centre explains all motion: no depth
   kNoStart,       // there is parallax, but no pair of frames gave a consistent model
-  kAmbiguous,     // two different models explain the tracks equally well (a plane, a mirror image)
   kWeakDepth,     // a model came out, but its depths are within their own uncertainty
   kNotRigid,      // a model came out, but it does not explain the parallax
 };
-inline constexpr ChoiceNames<MapperTermination, 9> kMapperTerminationNames{
+inline constexpr ChoiceNames<MapperTermination, 8> kMapperTerminationNames{
     {{"success", MapperTermination::kSuccess},
      {"partial", MapperTermination::kPartial},
      {"too few tracks", MapperTermination::kTooFewTracks},
      {"static camera", MapperTermination::kStaticCamera},
      {"pure rotation", MapperTermination::kPureRotation},
      {"no start", MapperTermination::kNoStart},
-     {"ambiguous", MapperTermination::kAmbiguous},
      {"weak depth", MapperTermination::kWeakDepth},
      {"not rigid", MapperTermination::kNotRigid}}};
 

@@ -65,26 +65,26 @@ PartResult MapPart(const WhitenedTracks& whitened,
                    start.windows_tried)})};
 }
 
-std::vector<WorkingModel> MapRemainingParts(WorkingModel first,
-                                            const Camera& camera,
-                                            const CameraRefinement& refinement,
-                                            std::vector<int> keyframes) {
-  const WhitenedTracks& whitened = first.whitened();
-  std::vector<WorkingModel> parts;
-  std::optional<WorkingModel> model(std::move(first));
-  while (model && parts.size() < kMaxParts) {
-    RegisterOtherFrames(*model);
+std::vector<MappedPart> MapRemainingParts(PartResult first,
+                                          const Camera& camera,
+                                          const CameraRefinement& refinement,
+                                          std::vector<int> keyframes) {
+  const WhitenedTracks& whitened = first.model->whitened();
+  std::vector<MappedPart> parts;
+  PartResult part = std::move(first);
+  while (part.model && parts.size() < kMaxParts) {
+    RegisterOtherFrames(*part.model);
     std::vector<int> rest;
     for (const int k : keyframes) {
-      if (!model->HasPose(k)) rest.push_back(k);
+      if (!part.model->HasPose(k)) rest.push_back(k);
     }
-    parts.push_back(std::move(*model));
+    parts.push_back({std::move(*part.model), std::move(part.doubts)});
     if (rest.size() < 2) break;
     keyframes = std::move(rest);
-    model = MapPart(whitened, camera, refinement, keyframes).model;
+    part = MapPart(whitened, camera, refinement, keyframes);
   }
-  std::stable_sort(parts.begin(), parts.end(), [](const WorkingModel& a, const WorkingModel& b) {
-    return a.registered() > b.registered();
+  std::stable_sort(parts.begin(), parts.end(), [](const MappedPart& a, const MappedPart& b) {
+    return a.model.registered() > b.model.registered();
   });
   return parts;
 }

@@ -15,19 +15,25 @@ struct PartResult {
   std::vector<std::string> doubts = {};  // of the model: sentences
 };
 
-// Finds a start among these keyframes and grows it over them; with it a rival, a start of equal cost
-// that is another scene. If all keyframes cannot tell the two apart, the one of the lower cost is
-// returned, with this doubt.
+// Finds a start among these keyframes and grows it over them; with it a rival, a start of equal
+// cost that is another scene. If all keyframes cannot tell the two apart, the one of the lower cost
+// is returned, with this doubt.
 PartResult MapPart(const WhitenedTracks& whitened,
                    const Camera& camera,
                    const CameraRefinement& refinement,
                    const std::vector<int>& keyframes);
 
-// Models of the clip's parts: `first` with the frames between its keyframes and, where the tracks
-// break off, models of what it left over. The one of most frames is first.
-std::vector<WorkingModel> MapRemainingParts(WorkingModel first,
-                                            const Camera& camera,
-                                            const CameraRefinement& refinement,
-                                            std::vector<int> keyframes);
+// A part of the clip, and what there was to doubt when it began (PartResult).
+struct MappedPart {
+  WorkingModel model;
+  std::vector<std::string> doubts;
+};
+
+// Models of the clip's parts: `first`, which has a model, with the frames between its keyframes and,
+// where the tracks break off, models of what it left over. The one of most frames is first.
+std::vector<MappedPart> MapRemainingParts(PartResult first,
+                                          const Camera& camera,
+                                          const CameraRefinement& refinement,
+                                          std::vector<int> keyframes);
 
 }  // namespace cohort

@@ -2,15 +2,20 @@
 
 #include <fmt/format.h>
 
+#include "backend/scene/row_poses.h"
+
 namespace cohort {
 
 void UpdateReprojectionErrors(Reconstruction& reconstruction) {
+  const RowPoses rows(
+      reconstruction.cam_from_world, reconstruction.readout, reconstruction.camera.height_px);
   for (auto& [feature, point] : reconstruction.points) {
     double sum = 0.0;
     for (const PointView& view : point.views) {
-      const Eigen::Vector3d x_in_cam =
-          reconstruction.cam_from_world.at(view.frame) * point.in_world;
-      const auto xy = reconstruction.camera.Project(x_in_cam);
+      const Rigid3 cam_from_world = reconstruction.readout == 0.0
+                                        ? reconstruction.cam_from_world.at(view.frame)
+                                        : rows.CamFromWorld(view.frame, view.xy.y());
+      const auto xy = reconstruction.camera.Project(cam_from_world * point.in_world);
       // Behind the camera there is no projection; such a view is a picture's width wrong.
       sum += xy ? (*xy - view.xy).norm() : reconstruction.camera.width_px;
     }

@@ -28,6 +28,9 @@ struct Point3D {
 // Points carry the id of the feature they come from.
 struct Reconstruction {
   Camera camera;
+  // Rolling shutter: the share of the time between frames from the first row to the last (< 0: from
+  // the bottom up; 0: a global one). A frame's pose is its middle row's (RowPoses).
+  double readout = 0.0;
   std::map<FrameIndex, Rigid3> cam_from_world;  // registered frames only
   std::map<FrameIndex, std::string> frame_names;
   std::map<FrameIndex, std::int64_t> timestamps_ns;

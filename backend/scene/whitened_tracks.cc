@@ -67,6 +67,13 @@ WhitenedTracks::WhitenedTracks(const TrackFile& file, const WhiteningOptions& op
   first_of_track_.push_back(static_cast<int>(observations_.size()));
 }
 
+WhitenedTracks WhitenedTracks::WithPositions(const std::vector<Eigen::Vector2d>& xy) const {
+  Check(xy.size() == observations_.size(), "every observation has a position");
+  WhitenedTracks moved(*this);
+  for (std::size_t i = 0; i < xy.size(); ++i) moved.observations_[i].xy = xy[i];
+  return moved;
+}
+
 std::optional<int> WhitenedTracks::FindObservation(int track, int frame) const {
   const auto [first, last] = TrackRange(track);
   // Most tracks have no gaps, so the place is known.

@@ -32,6 +32,9 @@ class WhitenedTracks {
   // Observed positions (and predicted ones, if asked) of tracks with at least min_track_length.
   WhitenedTracks(const TrackFile& file, const WhiteningOptions& options);
 
+  // The same observations elsewhere, in the order of observations().
+  WhitenedTracks WithPositions(const std::vector<Eigen::Vector2d>& xy) const;
+
   int frame_count() const { return static_cast<int>(frames_.size()); }
   int track_count() const { return static_cast<int>(features_.size()); }
   const std::vector<FrameInfo>& frames() const { return frames_; }

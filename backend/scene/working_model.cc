@@ -37,6 +37,11 @@ WorkingModel::WorkingModel(const WhitenedTracks& whitened, const Camera& camera)
   SetCamera(camera);
 }
 
+void WorkingModel::SetTracks(const WhitenedTracks& whitened) {
+  whitened_ = &whitened;
+  SetCamera(camera_);
+}
+
 void WorkingModel::SetCamera(const Camera& camera) {
   camera_ = camera;
   n_.resize(whitened_->observations().size());
@@ -143,7 +148,8 @@ int WorkingModel::TriangulateAllTracks() {
 
 ModelAdjustment WorkingModel::Adjust(std::span<const int> free,
                                      std::span<const int> fixed,
-                                     const BundleOptions& options) {
+                                     const BundleOptions& options,
+                                     const std::vector<Eigen::Vector2d>& d_shift) {
   BundleProblem problem;
   problem.intrinsics = camera_;
   std::vector<int> camera_of_frame(whitened_->frame_count(), -1);
@@ -177,6 +183,7 @@ ModelAdjustment WorkingModel::Adjust(std::span<const int> free,
       if (camera < 0 || !IsInlier(o)) continue;
       problem.observations.push_back(
           {camera, point_of_track[track], observation.xy, observation.covariance_px2});
+      if (!d_shift.empty()) problem.observations.back().d_shift = d_shift[o];
     }
   }
   if (problem.observations.empty()) return adjustment;

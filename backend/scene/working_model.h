@@ -29,6 +29,8 @@ class WorkingModel {
   WorkingModel(const WhitenedTracks& whitened, const Camera& camera);
 
   const WhitenedTracks& whitened() const { return *whitened_; }
+  // Goes on with the same observations elsewhere (WhitenedTracks::WithPositions).
+  void SetTracks(const WhitenedTracks& whitened);
   const Camera& camera() const { return camera_; }
   void SetCamera(const Camera& camera);
   // The normalised image point of an observation under the present camera.
@@ -71,10 +73,11 @@ class WorkingModel {
 
   // Bundle adjustment of the registered frames `free` and the points they see, from observations in
   // them and in the registered frames `fixed`, which keep their poses. Refined intrinsics become
-  // the model's.
+  // the model's. `d_shift`: of all observations, where options refine a shift.
   ModelAdjustment Adjust(std::span<const int> free,
                          std::span<const int> fixed,
-                         const BundleOptions& options);
+                         const BundleOptions& options,
+                         const std::vector<Eigen::Vector2d>& d_shift = {});
 
   // Takes for inliers what agrees with the model and no longer what does not: observations
   // further than max_error (whitened) or kMaxReprojectionPx off are none; points behind a

@@ -312,7 +312,7 @@ class SequenceDegrader {
     const std::size_t at_once = 4 * ThreadCount(threads);
     for (auto batch = NextJobs(at_once); !batch.empty(); batch = NextJobs(at_once)) {
       if (!encoder) {
-        if (batch.size() > 1) frames_per_second = FramesPerSecond(batch[0], batch[1]);
+        frames_per_second = FramesPerSecond(batch);
         camera.emplace(options_, frames_per_second);
         encoder.emplace(video, batch[0].frame.gray.size());
       }
@@ -385,8 +385,14 @@ class SequenceDegrader {
     return small;
   }
 
-  static double FramesPerSecond(const Job& first, const Job& second) {
-    const auto ns = static_cast<double>(second.frame.timestamp_ns - first.frame.timestamp_ns);
+  // Of most of these frames: some may be missing.
+  static double FramesPerSecond(const std::vector<Job>& jobs) {
+    std::vector<double> intervals_ns;
+    for (std::size_t i = 1; i < jobs.size(); ++i) {
+      intervals_ns.push_back(
+          static_cast<double>(jobs[i].frame.timestamp_ns - jobs[i - 1].frame.timestamp_ns));
+    }
+    const double ns = Median(std::move(intervals_ns));
     return ns > 0.0 ? std::clamp(1e9 / ns, 1.0, 1000.0) : kUsualFramesPerSecond;
   }
 

@@ -88,9 +88,9 @@ SensorLevel SensorLevelAt(double level);
 //   paper   g v + s1 n, Gaussian blur, + s2 n
 //   sensor  linear = gain v^2.2, blurred by motion, + noise of variance shot linear + read, digital
 //           gain, cut to 0..1, ^(1/2.2)
-// `motion` [px a frame, CV_32FC2] smears half forwards, half backwards, so that nothing is displaced;
-// empty: up to 5 px of the whole picture. Random numbers: RandomStream(seed, "degrade/noise"). Not
-// for phone, whose frames depend on those before: DegradeSequence.
+// `motion` [px a frame, CV_32FC2] smears half forwards, half backwards, so that nothing is
+// displaced; empty: up to 5 px of the whole picture. Random numbers: RandomStream(seed,
+// "degrade/noise"). Not for phone, whose frames depend on those before: DegradeSequence.
 cv::Mat DegradeFrame(const cv::Mat& gray,
                      const DegradeOptions& options,
                      std::uint32_t frame,

@@ -12,8 +12,8 @@ namespace cohort {
 // A phone's automatic exposure: looks at the light now and then and corrects in thirds of a stop,
 // late, and never quite settled.
 //   stops = round(3 log2(light of the first frame / light 0.2 s ago)) / 3 + hunting,
-// anew every 0.6 to 1.4 s, at most 1.5 either way; hunting is -1/3, 0 or 1/3, another one every time.
-// Random numbers: RandomStream(seed, "degrade/exposure").
+// anew every 0.6 to 1.4 s, at most 1.5 either way; hunting is -1/3, 0 or 1/3, another one every
+// time. Random numbers: RandomStream(seed, "degrade/exposure").
 class AutoExposure {
  public:
   AutoExposure(double frames_per_second, unsigned seed);

@@ -90,14 +90,15 @@ void VideoEncoder::Finish(VideoCodec codec, int bitrate_kbit, double frames_per_
   add({fmt::format("{}x{}", size_.width, size_.height),
        "-framerate",
        fmt::format("{:.6f}", frames_per_second)});
-  add({"-i", raw_file_.string(), "-an", "-sws_flags", "accurate_rnd+bitexact"});
+  // "file:": a colon in a name would be taken for a protocol.
+  add({"-i", "file:" + raw_file_.string(), "-an", "-sws_flags", "accurate_rnd+bitexact"});
   add({"-pix_fmt", "yuv420p", "-threads", "1", "-filter_threads", "1"});
   add(EncoderArguments(codec));
   // On average the bit rate; for a moment up to half as much again.
   add({"-g", std::to_string(key_frame_every), "-b:v", fmt::format("{}k", bitrate_kbit)});
   add({"-maxrate", fmt::format("{}k", bitrate_kbit + bitrate_kbit / 2)});
   add({"-bufsize", fmt::format("{}k", bitrate_kbit)});
-  add({"-fflags", "+bitexact", "-flags:v", "+bitexact", "-f", "mp4", file_.string()});
+  add({"-fflags", "+bitexact", "-flags:v", "+bitexact", "-f", "mp4", "file:" + file_.string()});
   const ProgramOutput result = RunProgramForText(ffmpeg_, std::move(arguments));
   if (result.end.exit_code != 0 || result.end.signal != 0) {
     ThrowError("{} cannot encode {} as {} ({}): {}",

@@ -13,9 +13,9 @@ inline constexpr ChoiceNames<VideoCodec, 2> kVideoCodecNames{
     {{"h264", VideoCodec::kH264}, {"hevc", VideoCodec::kHevc}}};
 
 // Encodes grey pictures into an MP4 as a phone's encoder does, with the program ffmpeg: a key frame
-// every second, no frames that look ahead, quick decisions, a bit rate that is held within a second.
-// One thread and no dates: the same pictures give the same bytes. The pictures wait in FILE.raw
-// until the end.
+// every second, no frames that look ahead, quick decisions, a bit rate that is held within a
+// second. One thread and no dates: the same pictures give the same bytes. The pictures wait in
+// FILE.raw until the end.
 //
 //   VideoEncoder encoder("clip.mp4", size);
 //   for (...) encoder.Add(gray);

@@ -62,6 +62,10 @@ CameraSensor ReadSensor(const fs::path& path) {
     }
     const auto resolution = Numbers(yaml["resolution"], "resolution", file, 2);
     const auto f = Numbers(yaml["intrinsics"], "intrinsics", file, 4);
+    if (!yaml["distortion_coefficients"].isSeq()) {
+      ThrowError("{}: distortion_coefficients is missing: give [] where there is no distortion",
+                 file);
+    }
     const auto d = Numbers(yaml["distortion_coefficients"], "distortion_coefficients", file);
     const auto t = Numbers(yaml["T_BS"]["data"], "T_BS", file, 16);
     sensor.camera = {.width_px = static_cast<int>(resolution[0]),

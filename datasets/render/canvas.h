@@ -14,8 +14,8 @@ namespace cohort {
 using Polygon = std::vector<cv::Point2d>;  // [texels]
 
 // A texture in the making, as the logarithm of its reflectance: what lies on a surface (dirt,
-// shades, worn paint) multiplies what is below. Lengths in m are the surface's; bare ones are texels.
-// Where a call takes several random arguments, draw them into variables first.
+// shades, worn paint) multiplies what is below. Lengths in m are the surface's; bare ones are
+// texels. Where a call takes several random arguments, draw them into variables first.
 class Canvas {
  public:
   Canvas(const TextureSpec& spec, RandomStream random);

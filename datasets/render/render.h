@@ -8,8 +8,8 @@
 
 namespace cohort {
 
-// CV_32FC1: depth along the optical axis at the pixels' centres [m]; 0 where there is nothing. With a
-// rolling shutter each row is as its own camera sees it.
+// CV_32FC1: depth along the optical axis at the pixels' centres [m]; 0 where there is nothing. With
+// a rolling shutter each row is as its own camera sees it.
 cv::Mat RenderDepth(const SyntheticScene& scene, double frame);
 
 // Renders a scene with a z-buffer, in linear light: every pixel is the mean of nine samples, placed

@@ -14,8 +14,8 @@ namespace cohort {
 // world_from_rest of a body in a frame.
 using BodyMotion = std::function<Rigid3(double frame)>;
 
-// Puts a scene together from surfaces, boxes and furniture. World: x right, y down, z ahead [m]; the
-// camera starts near the origin. Things draw their sizes and shades from one stream of random
+// Puts a scene together from surfaces, boxes and furniture. World: x right, y down, z ahead [m];
+// the camera starts near the origin. Things draw their sizes and shades from one stream of random
 // numbers, in the order in which they are added: where a call takes several random arguments, draw
 // them into variables first, as C++ leaves the order of arguments open.
 class SceneBuilder {

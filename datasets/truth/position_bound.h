@@ -13,8 +13,8 @@ namespace cohort {
 //   covariance = F^-1,   F = J^T C^-1 J,
 // with J (pixels x 2) the gradient of NoiseFreeSignal in the window and C the covariance of its
 // pixels' noise, rounding to 8 bits included (position_bound.cc). Clipping at black and white is
-// left out: it can only lose, so the bound stays one. Not for recipe phone, whose frames tell of those
-// before them.
+// left out: it can only lose, so the bound stays one. Not for recipe phone, whose frames tell of
+// those before them.
 class PositionBound {
  public:
   PositionBound(const DegradeOptions& options, int window_px);

@@ -32,7 +32,8 @@ struct ProgramEnd {
 std::optional<std::filesystem::path> FindProgram(const std::string& program);
 
 // Runs a program to its end: without a shell, without standard input, without a display; it dies
-// with us. All that it prints goes to the descriptor `output`. Throws Error if it cannot be started.
+// with us. All that it prints goes to the descriptor `output`. Throws Error if it cannot be
+// started.
 ProgramEnd RunProgram(const std::filesystem::path& program,
                       std::vector<std::string> arguments,
                       int output);

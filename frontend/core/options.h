@@ -13,9 +13,10 @@
 //   };
 //
 // A visitor has: Number(name, value, min, max, help) for int, unsigned, double (min, max
-// inclusive); Odd(name, value, min, max, help) for an int that must be odd; Flag(name, bool, help); Choice(name, enum, kNames, help); Text(name, std::string,
-// help); List(name, std::vector<std::string>, help); Group(name, nested_options, help). kNames is a
-// std::array of {text, enum value} pairs. Each takes a Tier as a last argument.
+// inclusive); Odd(name, value, min, max, help) for an int that must be odd; Flag(name, bool, help);
+// Choice(name, enum, kNames, help); Text(name, std::string, help); List(name,
+// std::vector<std::string>, help); Group(name, nested_options, help). kNames is a std::array of
+// {text, enum value} pairs. Each takes a Tier as a last argument.
 
 #include <array>
 #include <string>

@@ -6,7 +6,8 @@
 
 namespace cohort {
 
-// P(x) of paper section 3.2: a measure of the dimension of the trajectory matrix M, through its
+// P(x), eq. (4) of Poling, Lerman, Szlam (CVPR 2014), section 3.2: a measure of the dimension of the
+// trajectory matrix M (the features' positions in the last L frames; LevelEnergy), through its
 // singular values sigma_1 >= sigma_2 >= ...
 enum class PenaltyKind {
   kEmpiricalDimension,     // eq. (6): |sigma|_eps / |sigma|_(eps / (1 - eps)), any eps in (0, 1]
@@ -20,9 +21,10 @@ inline constexpr ChoiceNames<PenaltyKind, 3> kPenaltyNames{
 
 struct Penalty {
   PenaltyKind kind = PenaltyKind::kEmpiricalDimension;
-  double epsilon = 0.6;    // of the empirical dimension
-  int rank = 3;            // d of the explicit factorisation
-  double smoothing = 0.0;  // added to every eigenvalue [px^2]: rounds the cusp at sigma = 0
+  double epsilon = 0.6;  // of the empirical dimension
+  int rank = 3;          // d of the explicit factorisation; JointGuide sets it
+  double smoothing =
+      0.0;  // added to every eigenvalue [px^2]: rounds the cusp at sigma = 0; likewise
 
   // Of the eigenvalues of the Gram matrix G = M M', ascending: lambda_i = sigma_i^2.
   double Value(const Eigen::VectorXd& eigenvalues) const;

@@ -39,8 +39,12 @@ PixelPairs Overlap(const cv::Mat& previous, const cv::Mat& current, const Eigen:
   return pairs;
 }
 
-// Both noisy: the ratio of deviations; 0 where one has none.
-LightChange Fit(const PixelPairs& pairs) {
+struct LightFit {
+  LightChange change;
+  double correlation = 0.0;  // of the pairs that it was fit to
+};
+// Both noisy: the ratio of deviations; correlation 0 where one has none.
+LightFit Fit(const PixelPairs& pairs) {
   const auto n = static_cast<double>(pairs.previous.size());
   double mean_p = 0.0;
   double mean_c = 0.0;
@@ -50,14 +54,20 @@ LightChange Fit(const PixelPairs& pairs) {
   }
   double variance_p = 0.0;
   double variance_c = 0.0;
+  double covariance = 0.0;
   for (std::size_t i = 0; i < pairs.previous.size(); ++i) {
-    variance_p += std::pow(pairs.previous[i] - mean_p, 2) / n;
-    variance_c += std::pow(pairs.current[i] - mean_c, 2) / n;
+    const double p = pairs.previous[i] - mean_p;
+    const double c = pairs.current[i] - mean_c;
+    variance_p += p * p / n;
+    variance_c += c * c / n;
+    covariance += p * c / n;
   }
-  LightChange change;
-  change.gain = variance_p > 0.0 ? std::sqrt(variance_c / variance_p) : 0.0;
-  change.offset = mean_c - change.gain * mean_p;
-  return change;
+  LightFit fit;
+  if (!(variance_p > 0.0 && variance_c > 0.0)) return fit;
+  fit.change.gain = std::sqrt(variance_c / variance_p);
+  fit.change.offset = mean_c - fit.change.gain * mean_p;
+  fit.correlation = covariance / std::sqrt(variance_p * variance_c);
+  return fit;
 }
 
 // Without those that fit worse than most.
@@ -94,18 +104,20 @@ Pyramid Standardised(const Pyramid& pyramid) {
 std::optional<LightChange> EstimateLightChange(const Pyramid& previous, const Pyramid& current) {
   constexpr std::size_t kEnough = 200;  // pixels
   constexpr int kRounds = 2;
+  constexpr double kAlike = 0.95;  // correlation; by eye on the tuning clips
   const Eigen::Vector2d d = RegisterFrames(Standardised(previous), Standardised(current));
   const double scale = std::ldexp(1.0, -static_cast<int>(current.levels.size() - 1));
   const Eigen::Vector2i shift = (scale * d).array().round().cast<int>();
   PixelPairs pairs = Overlap(previous.levels.back(), current.levels.back(), shift);
-  LightChange change;
+  LightFit fit;
   for (int round = 0; round < kRounds; ++round) {
     if (pairs.previous.size() < kEnough) return std::nullopt;
-    change = Fit(pairs);
-    if (!(change.gain > 0.0)) return std::nullopt;
-    pairs = WithoutMisfits(pairs, change);
+    fit = Fit(pairs);
+    if (!(fit.correlation > 0.0)) return std::nullopt;
+    if (round + 1 < kRounds) pairs = WithoutMisfits(pairs, fit.change);
   }
-  return change;
+  if (fit.correlation < kAlike) return std::nullopt;
+  return fit.change;
 }
 
 const LightChange& Exposure::Follow(const cv::Mat& gray) {
@@ -116,18 +128,37 @@ const LightChange& Exposure::Follow(const cv::Mat& gray) {
   cv::Scalar deviation;
   cv::meanStdDev(picture.levels.back(), mean, deviation);
   if (deviation[0] < kLeastDeviation) return light_;
-  if (previous_) {
-    const auto change = EstimateLightChange(*previous_, picture);
-    const bool changed = change && (std::abs(std::log(change->gain)) > kLeastChange ||
-                                    std::abs(change->offset + (change->gain - 1.0) * mean[0]) >
-                                        kLeastChange * deviation[0]);
-    if (changed) {
-      light_.offset = change->gain * light_.offset + change->offset;
-      light_.gain *= change->gain;
+  const std::optional<LightChange> light = LightOf(picture);
+  if (light) {
+    // How the picture would differ from itself in the light of the last one.
+    const double gain = light->gain / light_.gain;
+    const double offset = light->offset - gain * light_.offset;
+    if (std::abs(std::log(gain)) > kLeastChange ||
+        std::abs(offset + (gain - 1.0) * mean[0]) > kLeastChange * deviation[0]) {
+      light_ = *light;
     }
   }
-  previous_ = std::move(picture);
+  last_ = {std::move(picture), light_};
+  if (!reference_) reference_ = last_;
   return light_;
+}
+
+// Against the reference; where that one is too far away the last picture becomes it.
+std::optional<LightChange> Exposure::LightOf(const Pyramid& picture) {
+  const auto against = [&](const Seen& seen) {
+    std::optional<LightChange> light = EstimateLightChange(seen.picture, picture);
+    if (light) {
+      light->offset += light->gain * seen.light.offset;
+      light->gain *= seen.light.gain;
+    }
+    return light;
+  };
+  if (!reference_) return std::nullopt;
+  if (auto light = against(*reference_)) return light;
+  reference_ = last_;
+  if (auto light = against(*reference_)) return light;
+  reference_.reset();  // nothing is known of what is before this picture
+  return std::nullopt;
 }
 
 cv::Mat WithoutLight(const cv::Mat& gray, const LightChange& light) {

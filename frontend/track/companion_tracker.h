@@ -10,8 +10,8 @@ namespace cohort {
 inline constexpr FeatureId kFirstCompanion{1U << 30U};
 
 // Two trackers beside each other on the same frames: what one loses, the other may hold. Their
-// features know nothing of each other; JoinCompanions (frontend/tracks/companions.h) makes one set of
-// both.
+// features know nothing of each other; JoinCompanions (frontend/tracks/companions.h) makes one set
+// of both.
 class CompanionTracker final : public Tracker {
  public:
   CompanionTracker(std::unique_ptr<Tracker> tracker, std::unique_ptr<Tracker> companion)

@@ -93,7 +93,7 @@ Verdict Confirmation::TestPosition(const Feature& feature,
   if (agreement != Verdict::kObserved) return agreement;
   // An occluder pushes a patch before it, to where the feature's surroundings still look like it.
   // Then its prediction shows more than a displacement by so much explains.
-  const Eigen::Vector2d& expected = predicted.measured_xy;
+  const Eigen::Vector2d& expected = predicted.expected_xy;
   return CenterRatio(feature, expected, (m.xy - expected).norm()) > kMaxCenterRatio
              ? Verdict::kPushed
              : Verdict::kObserved;
@@ -110,7 +110,7 @@ Verdict Confirmation::TestAgreement(const Feature& feature,
   constexpr double kLeastSigmaPx = kMaxDisagreementPx / kMaxDisagreementSigmas;
   const Eigen::Matrix2d S = predicted.measured_covariance + noise +
                             kLeastSigmaPx * kLeastSigmaPx * Eigen::Matrix2d::Identity();
-  const Eigen::Vector2d d = m.xy - predicted.measured_xy;
+  const Eigen::Vector2d d = m.xy - predicted.expected_xy;
   if (!(d.dot(S.inverse() * d) <= kMaxDisagreementSigmas * kMaxDisagreementSigmas)) {
     return Verdict::kNotWhereExpected;
   }
@@ -125,7 +125,7 @@ Verdict Confirmation::TestPatchAtPrediction(const Feature& feature,
                                             const Measurement& m,
                                             const TrajectoryModel::Estimate& predicted,
                                             bool strong) const {
-  if (!strong) return TestPatch(feature, m, predicted.measured_xy);
+  if (!strong) return TestPatch(feature, m, predicted.expected_xy);
   const Verdict appearance = TestAppearance(feature, m);
   return appearance == Verdict::kObserved ? TestPosition(feature, m, predicted) : appearance;
 }
@@ -138,7 +138,7 @@ Verdict Confirmation::TestSmallPatchAtPrediction(const Feature& feature,
   if (strong) {
     const Verdict agreement = TestAgreement(feature, m, predicted);
     if (agreement != Verdict::kObserved) return agreement;
-  } else if (!((m.xy - predicted.measured_xy).norm() <= patch_.max_distance_px)) {
+  } else if (!((m.xy - predicted.expected_xy).norm() <= patch_.max_distance_px)) {
     return Verdict::kTooFarFromStart;
   }
   if (!(m.correlation >= kLeastSmallCorrelation)) return Verdict::kUnlikeTheAnchor;
@@ -149,7 +149,7 @@ Verdict Confirmation::TestSmallPatchAtPrediction(const Feature& feature,
 bool Confirmation::IsHidden(const Feature& feature,
                             const TrajectoryModel::Estimate& predicted) const {
   const double sigma_px = std::sqrt(0.5 * predicted.measured_covariance.trace());
-  return CenterRatio(feature, predicted.measured_xy, sigma_px) > kMaxCenterRatio;
+  return CenterRatio(feature, predicted.expected_xy, sigma_px) > kMaxCenterRatio;
 }
 
 void Confirmation::Learn(const Measurement& m, Feature& feature) const {

@@ -13,10 +13,10 @@ constexpr double kPriorFactor = 3.0;
 constexpr double kLeastPriorPx = 0.3;
 
 std::vector<Eigen::Vector2d> StartsOf(std::span<const Feature> features,
-                                      const Eigen::Matrix2Xd& guide) {
+                                      const Eigen::Matrix2Xd& given) {
   std::vector<Eigen::Vector2d> starts;
   for (std::size_t f = 0; f < features.size(); ++f) {
-    const Eigen::Vector2d start = guide.col(static_cast<Eigen::Index>(f));
+    const Eigen::Vector2d start = given.col(static_cast<Eigen::Index>(f));
     starts.push_back(features[f].open ? features[f].returned_xy.value_or(start) : start);
   }
   return starts;
@@ -29,11 +29,11 @@ FrameMeasurement::FrameMeasurement(const Pyramid& smooth,
                                    const PatchOptions& patch,
                                    const ThereAndBack& there_and_back,
                                    const CovarianceCalibration& calibration,
-                                   const Eigen::Matrix2Xd& guide)
+                                   const Eigen::Matrix2Xd& starts)
     : smooth_(smooth),
       features_(features),
       calibration_(calibration),
-      starts_(StartsOf(features, guide)),
+      starts_(StartsOf(features, starts)),
       measured_(MeasureFrom(starts_)),
       confirmation_(smooth, patch, there_and_back, calibration, features, measured_),
       verdicts_(features.size(), Verdict::kNotMeasured),
@@ -67,7 +67,7 @@ std::vector<CovarianceCalibration::Sample> FrameMeasurement::Residuals(
   std::vector<CovarianceCalibration::Sample> samples;
   for (std::size_t f = 0; f < features_.size(); ++f) {
     if (!IsObserved(f)) continue;
-    samples.push_back({measured_[f].xy - predicted[f].measured_xy,
+    samples.push_back({measured_[f].xy - predicted[f].expected_xy,
                        predicted[f].measured_covariance,
                        measured_[f].shape});
   }
@@ -85,7 +85,7 @@ void FrameMeasurement::MeasureAtPrediction(std::size_t f,
                                            const TrajectoryModel::Estimate& predicted,
                                            bool strong) {
   const Feature& feature = features_[f];
-  const Eigen::Vector2d& start = predicted.measured_xy;
+  const Eigen::Vector2d& start = predicted.expected_xy;
   measured_[f] =
       MeasurePatch(smooth_, feature.anchor, start, feature.window_px, calibration_.scale());
   Judge(f, confirmation_.TestPatchAtPrediction(feature, measured_[f], predicted, strong));

@@ -13,20 +13,20 @@
 
 namespace cohort {
 
-// The measurements of all features in one frame, and what the tests say of them (README.md,
-// "Observed, predicted, ended", steps 2 and 3).
+// The measurements of all features in one frame, and what the tests say of them (steps 2
+// and 3 of docs/how_it_works.md, "One frame").
 class FrameMeasurement {
  public:
-  // Aligns the large patch of every feature that the last frame confirmed, from its guide (2 x F)
-  // or from where Lucas-Kanade finds it, and tests what is seen there. The guide of what was not
-  // confirmed is the others' alone: its prediction is a better start. `smooth` is the picture
-  // denoised for measuring. All arguments but the guide must outlive this.
+  // Aligns the large patch of every feature that the last frame confirmed, from its start
+  // (2 x F: the joint guide's, or Lucas-Kanade's where that is better), and tests what is seen
+  // there. What was not confirmed has a better start later: its prediction. `smooth` is the picture
+  // denoised for measuring. All arguments but the starts must outlive this.
   FrameMeasurement(const Pyramid& smooth,
                    std::span<const Feature> features,
                    const PatchOptions& patch,
                    const ThereAndBack& there_and_back,
                    const CovarianceCalibration& calibration,
-                   const Eigen::Matrix2Xd& guide);
+                   const Eigen::Matrix2Xd& starts);
 
   bool IsObserved(std::size_t f) const { return verdicts_[f] == Verdict::kObserved; }
   Verdict verdict(std::size_t f) const { return verdicts_[f]; }

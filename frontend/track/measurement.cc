@@ -126,7 +126,7 @@ std::optional<Eigen::Vector2d> Align(const cv::Mat& picture,
                                      int max_iterations,
                                      const Eigen::Matrix2d& prior,
                                      Eigen::Vector2d x) {
-  const Eigen::Vector2d guide = x;
+  const Eigen::Vector2d start = x;
   const int area = n * n;
   Window seen;
   for (int i = 0; i < max_iterations; ++i) {
@@ -146,7 +146,7 @@ std::optional<Eigen::Vector2d> Align(const cv::Mat& picture,
     H << hxx, hxy, hxy, hyy;
     H += prior;
     if (!(H.determinant() > 1e-12)) return std::nullopt;
-    Eigen::Vector2d step = -H.inverse() * (Eigen::Vector2d(bx, by) + prior * (x - guide));
+    Eigen::Vector2d step = -H.inverse() * (Eigen::Vector2d(bx, by) + prior * (x - start));
     const double length = step.norm();
     if (!std::isfinite(length)) return std::nullopt;
     if (length > 2.0) step *= 2.0 / length;
@@ -259,7 +259,7 @@ void Conclude(const cv::Mat& picture,
               int n,
               double noise_factor,
               const AnchorPatch& anchor,
-              const Eigen::Vector2d& guide,
+              const Eigen::Vector2d& start,
               const Eigen::Matrix2d& prior,
               Measurement& m) {
   const int area = n * n;
@@ -282,7 +282,7 @@ void Conclude(const cv::Mat& picture,
   Matrix7d covariance = likelihood;
   if (prior.trace() > 0.0) {
     information.topLeftCorner<2, 2>() += prior;
-    b.head<2>() += prior * (guide - m.xy);
+    b.head<2>() += prior * (start - m.xy);
     covariance = information.ldlt().solve(Matrix7d::Identity());
   }
   Step(covariance * b, covariance, anchor, m);
@@ -322,7 +322,7 @@ AnchorPatch TakeAnchor(const Pyramid& pyramid,
 
 Measurement MeasurePatch(const Pyramid& current,
                          const AnchorPatch& anchor,
-                         const Eigen::Vector2d& guide,
+                         const Eigen::Vector2d& start,
                          int window_px,
                          double noise_factor,
                          double noise_variance,
@@ -330,14 +330,14 @@ Measurement MeasurePatch(const Pyramid& current,
   Check(window_px <= kMaxPatchSide, "the window fits the patch buffers");
   const bool with_prior = prior.trace() > 0.0;
   Measurement m;
-  m.xy = guide;
+  m.xy = start;
   m.window_px = window_px;
   Window window;
   if (!with_prior && !anchor.half.empty()) {
     AnchorWindow(anchor.half, anchor.warp, window_px, window);
-    const auto half = Align(current.levels[1], window, window_px, 10, prior, guide / 2);
-    // Where the half resolution leads astray, the full one starts from the guide.
-    if (half && (2 * *half - guide).norm() < 6.0) m.xy = 2 * *half;
+    const auto half = Align(current.levels[1], window, window_px, 10, prior, start / 2);
+    // Where the half resolution leads astray, the full one starts from the start.
+    if (half && (2 * *half - start).norm() < 6.0) m.xy = 2 * *half;
   }
   AnchorWindow(anchor.full, anchor.warp, window_px, window);
   const double variance = noise_variance * noise_factor;
@@ -345,7 +345,7 @@ Measurement MeasurePatch(const Pyramid& current,
   if (!full) return m;
   m.xy = *full;
   m.converged = true;
-  Conclude(current.levels[0], window, window_px, noise_factor, anchor, guide, prior, m);
+  Conclude(current.levels[0], window, window_px, noise_factor, anchor, start, prior, m);
   return m;
 }
 

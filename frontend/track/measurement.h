@@ -97,16 +97,16 @@ struct Measurement {
 
 // One unconstrained alignment. First the translation x that minimises
 //   sum_u (T(warp^-1 u) - I(x + u) - mean)^2
-// over the window by Gauss-Newton, on the half resolution and then on the full, starting at
-// `guide`. Then one step of translation and warp together, in which the anchor's warp counts with
+// over the window by Gauss-Newton, on the half resolution and then on the full, from `start`.
+// Then one step of translation and warp together, in which the anchor's warp counts with
 // its covariance as prior: a bright patch measures its deformation, a dark one keeps what it was
 // told. `noise_factor` is how much less the window's pixels say than as many independent ones
 // would.
-// With a prior (its information, [1/px^2]) the guide itself counts as a measurement (a maximum a
+// With a prior (its information, [1/px^2]) the start itself counts as a measurement (a maximum a
 // posteriori position); then only the full resolution is used.
 Measurement MeasurePatch(const Pyramid& current,
                          const AnchorPatch& anchor,
-                         const Eigen::Vector2d& guide,
+                         const Eigen::Vector2d& start,
                          int window_px,
                          double noise_factor,
                          double noise_variance = 0.0,

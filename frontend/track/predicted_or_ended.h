@@ -9,7 +9,8 @@
 
 namespace cohort {
 
-// A feature that the image does not confirm (README.md, "Observed, predicted, ended", step 4). What
+// A feature that the image does not confirm (docs/how_it_works.md, "Observed,
+// predicted, ended", the second table). What
 // is hidden is held where the others say that it is; what is neither seen nor hidden for more than
 // `max_unexplained_frames` in a row, or is known worse than to `max_sigma_px`, or has changed
 // slowly, is not what it was taken for and ends. 0 frames: nothing ends here. `predicted`: null

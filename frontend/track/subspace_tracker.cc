@@ -51,7 +51,7 @@ class SubspaceMover final : public FeatureMover {
   TrajectoryModel model_{kModelFrames, measurement_.max_rank, measurement_.perspective};
 };
 
-// README.md, "Observed, predicted, ended".
+// The steps of docs/how_it_works.md, "One frame".
 std::vector<Move> SubspaceMover::MoveFeatures(const Pyramid& current) {
   const PatchOptions& patch = measurement_.patch;
   Pyramid smooth = SmoothPyramid(current, patch.denoise_sigma_px);
@@ -60,26 +60,26 @@ std::vector<Move> SubspaceMover::MoveFeatures(const Pyramid& current) {
   const Eigen::Matrix2Xd joint = guide_.Minimize(current, features_, guide_.Start(current)).x;
   const Eigen::Matrix2Xd& before = guide_.history().front();
   there_and_back_.Track(current, before, features_);
-  const Eigen::Matrix2Xd guide =
+  const Eigen::Matrix2Xd starts =
       ThereAndBack::BetterStarts(current, joint, features_, options_.template_px);
-  DeformAnchors(CommonSimilarity(before, guide, features_), patch.warp_noise, features_);
+  DeformAnchors(CommonSimilarity(before, starts, features_), patch.warp_noise, features_);
 
-  // 2. A large patch, from the guide; then against what the other features say.
-  FrameMeasurement frame(smooth, features_, patch, there_and_back_, calibration_, guide);
+  // 2. and 3. A large patch, tested; then against what the other features say.
+  FrameMeasurement frame(smooth, features_, patch, there_and_back_, calibration_, starts);
   const Others others = AskOthers(frame);
 
   std::vector<Move> moves;
   for (std::size_t f = 0; f < features_.size(); ++f) {
     Feature& feature = features_[f];
     const auto* predicted = others.predicted.empty() ? nullptr : &others.predicted[f];
-    // 3. Else from the prediction, a large and a small patch.
+    // Else from the prediction, a large and a small patch.
     if (!frame.IsObserved(f) && predicted != nullptr) {
       frame.MeasureAtPrediction(f, *predicted, others.strong);
     }
-    // 4. Else predicted or ended.
+    // Else predicted or ended.
     moves.push_back(frame.IsObserved(f)
                         ? Observe(frame.measurement(f), frame.confirmation(), feature)
-                        : HoldOrEnd(guide.col(static_cast<Eigen::Index>(f)),
+                        : HoldOrEnd(starts.col(static_cast<Eigen::Index>(f)),
                                     predicted,
                                     frame.confirmation(),
                                     measurement_.max_unexplained_frames,

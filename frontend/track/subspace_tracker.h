@@ -29,8 +29,8 @@ struct MeasurementOptions {
         o.max_open_px,
         0.0,
         1000.0,
-        "what the others may leave open of where a feature is [px]; beyond, Lucas-Kanade gives its "
-        "start and (strong mode) it must come back when tracked there and back; 0: neither");
+        "how uncertain the others may leave a feature's position [px]; beyond, it must (strong "
+        "mode) be found by Lucas-Kanade there and back; 0: never");
     v.Number("max_rank",
              o.max_rank,
              2,
@@ -60,7 +60,7 @@ struct MeasurementOptions {
 // measure (frame_measurement.h): a position that the image confirms is observed; one that it does
 // not confirm is predicted from the feature's own past and the other features, until it is seen
 // again or is found to be lost (predicted_or_ended.h). The history holds the most probable
-// positions. README.md of this library lists the steps. Without measuring: guide_mover.h.
+// positions. docs/how_it_works.md lists the steps. Without measuring: guide_mover.h.
 std::unique_ptr<FeatureMover> MakeSubspaceMover(const SubspaceOptions& options,
                                                 const MeasurementOptions& measurement);
 

@@ -16,7 +16,7 @@ namespace cohort {
 //
 // Where the camera moves fast, the other features cannot say where a new one is, and alignment may
 // end at any similar pattern nearby. So what they leave open by more than `max_open_px` must be
-// where Lucas-Kanade finds it and finds back from. 0: nothing is open.
+// where Lucas-Kanade finds it and finds back from. 0: nothing is open. Starts compete in any case.
 class ThereAndBack {
  public:
   explicit ThereAndBack(double max_open_px) : max_open_px_(max_open_px) {}

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <map>
 #include <optional>
+#include <set>
 
 #include "frontend/core/statistics.h"
 
@@ -13,7 +14,20 @@ namespace {
 
 using Observations = std::vector<const Observation*>;
 
-bool IsObserved(const Observation& o) { return o.state == ObservationState::kObserved; }
+// Features observed in both of two frames.
+struct Links {
+  std::vector<FeatureId> first;
+  std::vector<FeatureId> companions;
+};
+Links LinksBetween(const CompanionTracks& both, FrameIndex frame, FrameIndex next) {
+  Links links;
+  for (const Observation* o : both.tracks.InFrame(frame)) {
+    const Observation* other = both.tracks.Find(o->feature, next);
+    if (!IsObserved(*o) || other == nullptr || !IsObserved(*other)) continue;
+    (o->feature < both.first_companion ? links.first : links.companions).push_back(o->feature);
+  }
+  return links;
+}
 
 // Both trackers' observed positions in a frame, by ascending x.
 struct FrameOfTwo {
@@ -107,15 +121,29 @@ std::optional<double> SigmaOfCompanions(const CompanionTracks& both,
 
 TrackSet DropTwins(const CompanionTracks& both, double within_px) {
   const std::map<FeatureId, FeatureId> twins = FindTwins(both, within_px);
-  std::vector<Observation> observations;
-  for (const Observation& o : both.tracks.observations()) {
-    if (!twins.contains(o.feature)) observations.push_back(o);
+  return both.tracks.Select([&](FeatureId feature) { return !twins.contains(feature); });
+}
+
+CompanionTracks KeepWhereNeeded(const CompanionTracks& both, double share) {
+  const auto& frames = both.tracks.frames();
+  std::vector<Links> links;
+  std::vector<double> counts;
+  for (std::size_t i = 1; i < frames.size(); ++i) {
+    links.push_back(LinksBetween(both, frames[i - 1], frames[i]));
+    counts.push_back(static_cast<double>(links.back().first.size()));
   }
-  std::vector<TrackEnd> ends;
-  for (const TrackEnd& end : both.tracks.ends()) {
-    if (!twins.contains(end.feature)) ends.push_back(end);
+  const double usual = Median(counts);
+  std::set<FeatureId> needed;
+  for (std::size_t i = 0; i < links.size(); ++i) {
+    const std::vector<FeatureId>& companions = links[i].companions;
+    if (counts[i] < share * std::max(usual, static_cast<double>(companions.size()))) {
+      needed.insert(companions.begin(), companions.end());
+    }
   }
-  return TrackSet::Build(std::move(observations), std::move(ends));
+  return {both.tracks.Select([&](FeatureId feature) {
+            return feature < both.first_companion || needed.contains(feature);
+          }),
+          both.first_companion};
 }
 
 CompanionTracks JoinCompanions(const CompanionTracks& both, double within_px) {

@@ -14,6 +14,11 @@ struct CompanionTracks {
 // same feature of the first tracker.
 TrackSet DropTwins(const CompanionTracks& both, double within_px);
 
+// Without those of the companion's tracks that are not needed: kept are tracks that bridge two
+// consecutive frames of which the first tracker ties less than `share` as many features to each
+// other as the companion does, or than it does itself in the median.
+CompanionTracks KeepWhereNeeded(const CompanionTracks& both, double share);
+
 // Makes one set of two: twins are dropped, and what is left of the companion's is numbered behind
 // the last feature of the first tracker. Its observations have no covariance of their own; they get
 // one for all, the robust variance of the twins' positions about those of the first tracker (each

@@ -63,4 +63,6 @@ struct Observation {
   std::optional<PixelCovariance> covariance = std::nullopt;
 };
 
+inline bool IsObserved(const Observation& o) { return o.state == ObservationState::kObserved; }
+
 }  // namespace cohort

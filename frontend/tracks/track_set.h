@@ -2,6 +2,7 @@
 
 #include <map>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "frontend/tracks/observation.h"
@@ -37,6 +38,10 @@ class TrackSet {
   // Why tracks ended, ascending features; tracks alive at the end of the clip are not listed.
   std::span<const TrackEnd> ends() const { return ends_; }
 
+  // The tracks of which keep(FeatureId) is true, with their ends.
+  template <typename Keep>
+  TrackSet Select(const Keep& keep) const;
+
   std::size_t CountObserved() const;
   std::size_t CountPredicted() const { return observations_.size() - CountObserved(); }
   // Mean over features of their number of *observed* observations; 0 without features.
@@ -62,5 +67,18 @@ class TrackSet {
  private:
   void Index();
 };
+
+template <typename Keep>
+TrackSet TrackSet::Select(const Keep& keep) const {
+  std::vector<Observation> observations;
+  for (const Observation& o : observations_) {
+    if (keep(o.feature)) observations.push_back(o);
+  }
+  std::vector<TrackEnd> ends;
+  for (const TrackEnd& end : ends_) {
+    if (keep(end.feature)) ends.push_back(end);
+  }
+  return Build(std::move(observations), std::move(ends));
+}
 
 }  // namespace cohort

@@ -1,9 +1,14 @@
 #include "pipelines/commands/export.h"
 
+#include <spdlog/spdlog.h>
+
 #include "backend/colmap/model_io.h"
 #include "backend/scene/bal.h"
+#include "backend/scene/mapper.h"
+#include "backend/scene/rolling_shutter.h"
 #include "frontend/tracks/track_csv.h"
 #include "pipelines/console/progress_bar.h"
+#include "pipelines/sfm/reconstruct.h"
 #include "pipelines/sfm/video_frames.h"
 
 namespace cohort {
@@ -22,6 +27,18 @@ void ExportColmapDatabase(const TrackFile& file, const ExportCommandOptions& opt
   fmt::print("{}: for COLMAP with --image_path {}\n", options.colmap_database, images.string());
 }
 
+TrackFile TracksToExport(const ExportCommandOptions& options) {
+  TrackFile file = ReadTrackFile(options.tracks);
+  if (!options.global_shutter) return file;
+  const Reconstruction model = options.model.empty() ? ReconstructWithCeres(file).reconstruction
+                                                     : ReadModelFolder(options.model);
+  if (model.readout == 0.0) {
+    spdlog::warn("{}: no rolling shutter is known of; the positions are written as they are",
+                 options.model.empty() ? options.tracks : options.model);
+  }
+  return AsGlobalShutter(std::move(file), model);
+}
+
 }  // namespace
 
 void RunExport(const ExportCommandOptions& options) {
@@ -33,7 +50,7 @@ void RunExport(const ExportCommandOptions& options) {
   if (!options.bal.empty() && options.model.empty()) {
     ThrowUsageError("--bal is a problem of cameras and points: give their folder by --model");
   }
-  const TrackFile file = ReadTrackFile(options.tracks);
+  const TrackFile file = TracksToExport(options);
   if (!options.colmap_database.empty()) ExportColmapDatabase(file, options);
   if (!options.csv.empty()) {
     WriteTracksCsv(options.csv, file.tracks);

@@ -12,6 +12,7 @@ struct ExportCommandOptions {
   std::string opensfm;
   std::string bal;
   std::string model;
+  bool global_shutter = false;
   bool write_frames = true;
   ColmapDatabaseOptions database;
 
@@ -36,6 +37,11 @@ struct ExportCommandOptions {
     v.Text("model",
            o.model,
            "The model folder that `cohort reconstruct` made of the tracks.",
+           Tier::kCommon);
+    v.Flag("global_shutter",
+           o.global_shutter,
+           "Write the positions as a global shutter would have seen them, for programs that know "
+           "no rolling one: by --model, or by a reconstruction made for it.",
            Tier::kCommon);
     v.Flag("write_frames",
            o.write_frames,

@@ -12,12 +12,13 @@
 #include "pipelines/console/table.h"
 #include "pipelines/json/json_file.h"
 #include "pipelines/sfm/input.h"
+#include "pipelines/sfm/reconstruct.h"
 
 namespace cohort {
 
 void RunRefine(const RefineCommandOptions& options) {
   const TrackFile file = ReadTrackFile(options.tracks);
-  const Reconstruction model = ReadReconstruction(options.model);
+  const Reconstruction model = ReadModelFolder(options.model);
   if (model.points.empty()) {
     ThrowError("{}: the model has no points to look for: reconstruct first", options.model);
   }

@@ -89,6 +89,15 @@ std::optional<Sim3> AlignPoints(std::span<const Eigen::Vector3d> source,
   return alignment.target_from_source;
 }
 
+double Extent(std::span<const Eigen::Vector3d> points) {
+  const auto n = static_cast<double>(points.size());
+  Eigen::Vector3d mean = Eigen::Vector3d::Zero();
+  for (const Eigen::Vector3d& point : points) mean += point / n;
+  double variance = 0.0;
+  for (const Eigen::Vector3d& point : points) variance += (point - mean).squaredNorm() / n;
+  return std::sqrt(variance);
+}
+
 std::optional<double> AlignedRmse(std::span<const Eigen::Vector3d> source,
                                   std::span<const Eigen::Vector3d> target) {
   const Alignment alignment = FitAlignment(source, target, AlignmentScale::kEstimated);

@@ -45,6 +45,9 @@ std::optional<Sim3> AlignPoints(std::span<const Eigen::Vector3d> source,
                                 std::span<const Eigen::Vector3d> target,
                                 AlignmentScale scale);
 
+// Root mean square distance of points from their mean.
+double Extent(std::span<const Eigen::Vector3d> points);
+
 // Root mean square distance between the two after the alignment by Sim(3), in the target's units;
 // none unless the alignment fixes it.
 std::optional<double> AlignedRmse(std::span<const Eigen::Vector3d> source,

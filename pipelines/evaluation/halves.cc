@@ -1,6 +1,5 @@
 #include "pipelines/evaluation/halves.h"
 
-#include <cmath>
 #include <set>
 #include <vector>
 
@@ -8,36 +7,15 @@
 #include "pipelines/evaluation/alignment.h"
 
 namespace cohort {
-namespace {
-
-// Root mean square distance from their centroid.
-double Extent(const std::vector<Eigen::Vector3d>& points) {
-  const double n = static_cast<double>(points.size());
-  Eigen::Vector3d mean = Eigen::Vector3d::Zero();
-  for (const Eigen::Vector3d& point : points) mean += point / n;
-  double variance = 0.0;
-  for (const Eigen::Vector3d& point : points) variance += (point - mean).squaredNorm() / n;
-  return std::sqrt(variance);
-}
-
-}  // namespace
 
 std::array<TrackSet, 2> SplitTracks(const TrackSet& tracks) {
+  std::array<std::set<FeatureId>, 2> features;
+  for (std::size_t i = 0; i < tracks.features().size(); ++i) {
+    features[i % 2].insert(tracks.features()[i]);
+  }
   std::array<TrackSet, 2> halves;
   for (std::size_t half = 0; half < 2; ++half) {
-    std::vector<Observation> observations;
-    std::set<FeatureId> features;
-    for (std::size_t i = half; i < tracks.features().size(); i += 2) {
-      const FeatureId feature = tracks.features()[i];
-      const auto track = tracks.Track(feature);
-      observations.insert(observations.end(), track.begin(), track.end());
-      features.insert(feature);
-    }
-    std::vector<TrackEnd> ends;
-    for (const TrackEnd& end : tracks.ends()) {
-      if (features.contains(end.feature)) ends.push_back(end);
-    }
-    halves[half] = TrackSet::Build(std::move(observations), std::move(ends));
+    halves[half] = tracks.Select([&](FeatureId f) { return features[half].contains(f); });
   }
   return halves;
 }

@@ -46,15 +46,6 @@ Alignment AlignCentres(std::span<const PosePair> pairs) {
   return FitAlignment(estimated, truth, AlignmentScale::kEstimated);
 }
 
-// Root mean square distance of the true centres from their mean.
-double Extent(std::span<const PosePair> pairs) {
-  Eigen::Vector3d mean = Eigen::Vector3d::Zero();
-  for (const PosePair& pair : pairs) mean += pair.truth.translation / pairs.size();
-  double squares = 0.0;
-  for (const PosePair& pair : pairs) squares += (pair.truth.translation - mean).squaredNorm();
-  return std::sqrt(squares / static_cast<double>(pairs.size()));
-}
-
 }  // namespace
 
 ModelEvaluation EvaluateModel(const Reconstruction& reconstruction,
@@ -82,7 +73,9 @@ ModelEvaluation EvaluateModel(const Reconstruction& reconstruction,
   const std::vector<PosePair> aligned = TransformEstimates(truth_from_model, pairs);
   evaluation.scale = truth_from_model.scale;
   evaluation.ate_m = Rmse(AbsoluteTranslationErrors(aligned));
-  evaluation.ate_share = *evaluation.ate_m / Extent(pairs);
+  std::vector<Eigen::Vector3d> truth_centres;
+  for (const PosePair& pair : pairs) truth_centres.push_back(pair.truth.translation);
+  evaluation.ate_share = *evaluation.ate_m / Extent(truth_centres);
   evaluation.rpe_trans_m = Rmse(ComputeRelativeErrors(aligned, 1, RelativePairs::kAll).translation);
   if (truth.point && alignment.status == AlignmentStatus::kUnique) {
     const auto errors =

@@ -27,7 +27,8 @@ struct ModelEvaluation {
   std::size_t frames = 0;       // that the clip has
   std::optional<double> scale;  // true length of one unit of the model [m]
   std::optional<double> ate_m;  // rmse of camera centres after the Sim(3) alignment, as evo
-  // ate_m over the path's extent, the root mean square distance of the true centres from their mean.
+  // ate_m over the path's extent, the root mean square distance of the true centres from their
+  // mean.
   std::optional<double> ate_share;
   // rmse over neighbouring registered frames, after the alignment.
   std::optional<double> rpe_rot_deg;

@@ -15,7 +15,9 @@
 #include "pipelines/jobs/reconstruct_job.h"
 #include "pipelines/jobs/track_job.h"
 #include "pipelines/json/json_file.h"
+#include "pipelines/sfm/second_pass.h"
 #include "pipelines/sfm/summary_json.h"
+#include "pipelines/sfm/track_sequence.h"
 #include "pipelines/sfm/video_frames.h"
 
 namespace cohort {
@@ -181,12 +183,14 @@ Json ReconstructSift(const ExperimentOptions& options, const TrackCell& cell) {
 // The first pass's.
 TrackFile TracksToHalve(const ExperimentOptions& options, const TrackCell& cell) {
   if (!HasSecondPass(cell.tracker)) return ReadTrackFile(cell.Tracks());
-  TrackJobOptions track = TrackOf(options, cell);
-  track.out = cell.folder / "first_pass.tracks";
-  track.json.clear();
-  track.second_pass.mode = SecondPassMode::kOff;
-  RunTrackJob(track);
-  return ReadTrackFile(track.out);
+  const TrackJobOptions track = TrackOf(options, cell);
+  cv::setNumThreads(track.threads == 0 ? -1 : track.threads);
+  const auto sequence = OpenInput(track.input);
+  TrackFile file = TrackFirstPass(
+      *sequence,
+      {.tracker = track.tracker, .second_pass = track.second_pass, .source = track.input.input});
+  DescribeInput(track.input, *sequence, file);
+  return JoinCompanion(std::move(file));  // before: twins in both halves would agree by themselves
 }
 
 }  // namespace

@@ -23,8 +23,9 @@ struct Task {
 };
 
 // Does the tasks, `jobs` at a time. With `resume`, one whose result is there without an error, of
-// the same program (fingerprint.h) and with the same options, is not done again. Interrupted by Ctrl-C, ends the running ones and throws
-// Error. The calling process must not have used OpenCV's threads: it forks.
+// the same program (fingerprint.h) and with the same options, is not done again. Interrupted by
+// Ctrl-C, ends the running ones and throws Error. The calling process must not have used OpenCV's
+// threads: it forks.
 void RunTasks(const std::string& stage, const std::vector<Task>& tasks, int jobs, bool resume);
 
 }  // namespace cohort

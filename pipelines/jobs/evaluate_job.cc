@@ -113,6 +113,24 @@ std::vector<FrameIndex> FramesOfModel(const fs::path& folder, const ModelTruth& 
   return frames;
 }
 
+// The poses of another model, under the frames of the first: by their names where the two share
+// some, as other programs number images their own way, else by number.
+std::map<FrameIndex, Rigid3> PosesOfSameFrames(const Reconstruction& model,
+                                               const Reconstruction& other) {
+  std::map<std::string, FrameIndex> frame_of_name;
+  for (const auto& [frame, name] : model.frame_names) {
+    frame_of_name[fs::path(name).filename().string()] = frame;
+  }
+  std::map<FrameIndex, Rigid3> poses;
+  for (const auto& [frame, name] : other.frame_names) {
+    const auto named = frame_of_name.find(fs::path(name).filename().string());
+    const auto pose = other.cam_from_world.find(frame);
+    if (named == frame_of_name.end() || pose == other.cam_from_world.end()) continue;
+    poses[named->second] = pose->second;
+  }
+  return poses.empty() ? other.cam_from_world : poses;
+}
+
 bool IsModelFolder(const fs::path& folder) {
   return fs::exists(folder / "images.bin") || fs::exists(folder / "images.txt");
 }
@@ -163,11 +181,20 @@ Json RunEvaluateJob(const EvaluateJobOptions& options) {
     ThrowError("there is no .tracks file or model folder {}", options.subject);
   }
   const bool is_model = fs::is_directory(options.subject);
+  if (!is_model && IsModelFolder(options.truth)) {
+    ThrowUsageError("{} is a model, of which tracks cannot be judged: give a clip with truth",
+                    options.truth);
+  }
   Json figures;
   if (is_model && IsModelFolder(options.truth)) {
     ModelTruth other;
-    other.cam_from_world = ReadReconstruction(options.truth).cam_from_world;
+    other.cam_from_world =
+        PosesOfSameFrames(ReadReconstruction(options.subject), ReadReconstruction(options.truth));
     figures = EvaluateModelFolder(options.subject, other);
+    // Lengths are in the other model's unit, which is no metre.
+    for (const char* key : {"ate_m", "rpe_trans_m", "auc_5", "auc_10", "auc_20"}) {
+      figures[key] = nullptr;
+    }
   } else {
     const auto sequence = OpenSequence(options.truth, options.layout);
     const auto truth = OpenTrackTruth(*sequence, options.truth);

@@ -16,7 +16,8 @@ namespace cohort {
 //   failed                   clips that failed: of the cohort / of the rival, of how many
 std::string HeadlineTables(const Headline& headline);
 
-// For results.json and the page: {cohort, main_rival, rivals, rows, runs, losses, contests} as in Headline.
+// For results.json and the page: {cohort, main_rival, rivals, rows, runs, losses, contests} as in
+// Headline.
 nlohmann::ordered_json HeadlineToJson(const Headline& headline);
 
 }  // namespace cohort

@@ -42,7 +42,8 @@ Json NotesOf(const std::vector<CellNote>& notes) {
   return list;
 }
 
-// What a level does to the frames, and its place on the axis of darkness (none: as-is, other recipes).
+// What a level does to the frames, and its place on the axis of darkness (none: as-is, other
+// recipes).
 Json LevelOf(const std::string& level) {
   if (level == kAsIs) return {{"name", level}, {"about", "the clips as they are"}};
   if (const RecipeLevel* const other = FindRecipeLevel(level)) {

@@ -18,7 +18,10 @@ ModelPredictions::ModelPredictions(const TrackFile& file,
                                    const Reconstruction& model,
                                    const cv::Mat& mask,
                                    int template_frames)
-    : file_(file), model_(model), mask_(mask) {
+    : file_(file),
+      model_(model),
+      rows_(model.cam_from_world, model.readout, model.camera.height_px),
+      mask_(mask) {
   for (const auto& [feature, point] : model.points) {
     std::vector<FrameIndex> seen;
     for (const Observation& observation : file.tracks.Track(feature)) {
@@ -80,22 +83,24 @@ std::optional<Eigen::Vector2d> ModelPredictions::InPicture(FeatureId feature,
 
 bool ModelPredictions::IsMasked(const Eigen::Vector2d& xy) const {
   if (mask_.empty()) return false;
-  return mask_.at<std::uint8_t>(static_cast<int>(std::lround(xy.y())),
-                                static_cast<int>(std::lround(xy.x()))) == 0;
+  const cv::Point at(static_cast<int>(std::lround(xy.x())), static_cast<int>(std::lround(xy.y())));
+  if (!cv::Rect({}, mask_.size()).contains(at)) return true;
+  return mask_.at<std::uint8_t>(at) == 0;
 }
 
 std::optional<Eigen::Vector2d> ModelPredictions::Project(const Eigen::Vector3d& in_world,
                                                          FrameIndex frame) const {
-  return model_.camera.Project(model_.cam_from_world.at(frame) * in_world);
+  return rows_.Project(model_.camera, frame, in_world);
 }
 
 std::optional<Eigen::Matrix2d> ModelPredictions::Warp(FeatureId feature,
                                                       FrameIndex from,
                                                       FrameIndex frame) const {
-  const Rigid3& cam_from_world = model_.cam_from_world.at(from);
-  const Eigen::Vector3d x = cam_from_world * model_.points.at(feature).in_world;
-  const auto xy = model_.camera.Project(x);
+  const Eigen::Vector3d& in_world = model_.points.at(feature).in_world;
+  const auto xy = Project(in_world, from);
   if (!xy) return std::nullopt;
+  const Rigid3 cam_from_world = rows_.CamFromWorld(from, xy->y());
+  const Eigen::Vector3d x = cam_from_world * in_world;
   constexpr double kStepPx = 4.0;
   Eigen::Matrix2d warp;
   for (int axis = 0; axis < 2; ++axis) {

@@ -7,12 +7,11 @@
 #include <vector>
 
 #include "backend/scene/reconstruction.h"
+#include "backend/scene/row_poses.h"
 #include "frontend/track/second_pass_measurer.h"
 #include "frontend/tracks/track_store.h"
 
 namespace cohort {
-
-inline bool IsObserved(const Observation& o) { return o.state == ObservationState::kObserved; }
 
 // Where a model has the points of its features in every frame, and how they look there. A feature's
 // template is of the `template_frames` frames around the middle of those that observed it.
@@ -41,6 +40,7 @@ class ModelPredictions {
 
   const TrackFile& file_;
   const Reconstruction& model_;
+  RowPoses rows_;
   const cv::Mat& mask_;
   std::map<FeatureId, FrameIndex> middle_;  // whose view the template is
   std::map<FrameIndex, std::vector<FeatureId>> template_features_;

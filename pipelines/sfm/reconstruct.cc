@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "backend/colmap/model_io.h"
+#include "backend/scene/rolling_shutter.h"
 #include "frontend/core/output.h"
 #include "pipelines/json/json_file.h"
 #include "pipelines/json/option_list.h"
@@ -57,6 +58,17 @@ ReconstructResult ReconstructByCeres(const TrackFile& file, const MapperOptions&
                         std::move(model.point_covariances)}};
 }
 
+// The views of a model of corrected tracks, as the pictures have them.
+void ShowAsSeen(const TrackSet& tracks, double readout, Reconstruction& model) {
+  model.readout = readout;
+  for (auto& [feature, point] : model.points) {
+    for (PointView& view : point.views) {
+      if (const Observation* o = tracks.Find(feature, view.frame)) view.xy = o->xy;
+    }
+  }
+  UpdateReprojectionErrors(model);
+}
+
 ReconstructResult ReconstructByColmap(TrackFile file,
                                       const ReconstructOptions& options,
                                       const fs::path& work_dir,
@@ -66,7 +78,15 @@ ReconstructResult ReconstructByColmap(TrackFile file,
     WriteVideoFrames(file, work_dir / "images", progress);
     file.image_root = (work_dir / "images").string();
   }
-  ColmapResult model = ReconstructWithColmap(file, options.colmap, work_dir);
+  double readout = 0.0;
+  TrackFile given = file;
+  if (options.global_shutter) {
+    const Reconstruction by_ceres = ReconstructWithCeres(file, options.ceres).reconstruction;
+    readout = by_ceres.readout;
+    given = AsGlobalShutter(std::move(given), by_ceres);
+  }
+  ColmapResult model = ReconstructWithColmap(given, options.colmap, work_dir);
+  if (readout != 0.0) ShowAsSeen(file.tracks, readout, model.reconstruction);
   return {std::move(model.reconstruction), std::move(model.summary), {}, std::nullopt};
 }
 
@@ -168,6 +188,17 @@ ReconstructResult Reconstruct(const TrackFile& file,
   ThrowUsageError("unknown backend");
 }
 
+Reconstruction ReadModelFolder(const fs::path& folder) {
+  Reconstruction model = ReadReconstruction(folder);
+  const fs::path summary = folder / "summary.json";
+  if (!fs::exists(summary)) return model;
+  const Json json = ReadJsonFile(summary);
+  if (json.contains("readout") && json["readout"].is_number()) {
+    model.readout = json["readout"].get<double>();
+  }
+  return model;
+}
+
 ReconstructResult ReconstructIntoFolder(const TrackFile& file,
                                         const ReconstructOptions& options,
                                         const fs::path& folder,
@@ -180,9 +211,13 @@ ReconstructResult ReconstructIntoFolder(const TrackFile& file,
   }
   Json summary{{"backend", NameOf(kBackendNames, options.backend)}};
   summary.update(SummaryToJson(result.summary, file.frames));
+  summary["readout"] = result.reconstruction.readout;
   summary["options"] = summary_options.empty() ? ToJson(options) : Json::parse(summary_options);
   if (result.ceres) {
     WriteFindings(*result.ceres, file, out.partial());
+    // COLMAP's models are judged by nobody.
+    summary["quality"] = NameOf(kModelQualityNames, result.summary.Quality());
+    summary["reasons"] = result.summary.reasons;
     summary.update(FindingsToJson(*result.ceres, result.reconstruction));
   }
   WriteJsonFile(out.partial() / "summary.json", summary);

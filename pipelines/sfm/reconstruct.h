@@ -19,6 +19,7 @@ inline constexpr ChoiceNames<BackendKind, 2> kBackendNames{
 struct ReconstructOptions {
   BackendKind backend = BackendKind::kCeres;
   bool write_frames = true;
+  bool global_shutter = true;
   MapperOptions ceres;
   ColmapOptions colmap;
 
@@ -34,6 +35,11 @@ struct ReconstructOptions {
            o.write_frames,
            "Of a video, write the frames as pictures beside COLMAP's database, for "
            "COLMAP's own tools.",
+           Tier::kCommon);
+    v.Flag("global_shutter",
+           o.global_shutter,
+           "Give COLMAP, which knows no rolling shutter, the positions as a global one would have "
+           "seen them, if Ceres finds that the shutter rolls.",
            Tier::kCommon);
     v.Group("ceres", o.ceres, "backend ceres");
     v.Group("colmap", o.colmap, "backend colmap");
@@ -71,6 +77,9 @@ ReconstructResult Reconstruct(const TrackFile& file,
                               const ReconstructOptions& options = {},
                               const std::filesystem::path& colmap_folder = {},
                               const StageProgress& progress = {});
+
+// A model folder's model, with the readout that its summary.json says; another program's has none.
+Reconstruction ReadModelFolder(const std::filesystem::path& folder);
 
 // The same into a model folder: the model's files and summary.json (docs/files.md), and of Ceres
 // tracks_without_point.csv and the covariances. Whole or not at all. `summary_options`: JSON that

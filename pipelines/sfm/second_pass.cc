@@ -156,28 +156,155 @@ std::vector<TrackEnd> EndsAfter(const TrackFile& file,
   return ends;
 }
 
-// Does the new model have many points elsewhere in the pictures, so far that features were looked for
-// in wrong places?
-bool HaveMoved(const Reconstruction& before,
-               const Reconstruction& now,
-               const SecondPassOptions& options) {
-  constexpr double kQuantile = 0.9;
-  constexpr double kFar = 0.5;  // of how far a feature is looked for
+// How far apart two models have the points that they share, in the frames that they share [px].
+std::vector<double> DistancesBetween(const Reconstruction& before, const Reconstruction& now) {
+  const RowPoses before_rows(before.cam_from_world, before.readout, before.camera.height_px);
+  const RowPoses now_rows(now.cam_from_world, now.readout, now.camera.height_px);
   std::vector<double> distances_px;
   for (const auto& [feature, point] : now.points) {
     const auto old_point = before.points.find(feature);
     if (old_point == before.points.end()) continue;
     for (const auto& [frame, cam_from_world] : now.cam_from_world) {
-      const auto old_pose = before.cam_from_world.find(frame);
-      if (old_pose == before.cam_from_world.end()) continue;
-      const auto xy = now.camera.Project(cam_from_world * point.in_world);
-      const auto old_xy = before.camera.Project(old_pose->second * old_point->second.in_world);
+      if (!before.cam_from_world.contains(frame)) continue;
+      const auto xy = now_rows.Project(now.camera, frame, point.in_world);
+      const auto old_xy = before_rows.Project(before.camera, frame, old_point->second.in_world);
       if (!xy || !old_xy || !now.camera.Contains(*xy)) continue;
       distances_px.push_back((*xy - *old_xy).norm());
     }
   }
-  return Quantile(std::move(distances_px), kQuantile) >
-         kFar * options.measurement.patch.max_distance_px;
+  return distances_px;
+}
+
+// Does the new model have many points elsewhere in the pictures than the models before, so far that
+// features were looked for in wrong places? Or frames that none of them had, or nothing in common?
+bool HaveMoved(std::span<const Reconstruction> models,
+               const Reconstruction& now,
+               const SecondPassOptions& options) {
+  constexpr double kQuantile = 0.9;
+  constexpr double kFar = 0.5;  // of how far a feature is looked for
+  constexpr double kManyNew = 0.05;
+  const auto is_new = [&](const auto& pose) {
+    return std::none_of(models.begin(), models.end(), [&](const Reconstruction& model) {
+      return model.cam_from_world.contains(pose.first);
+    });
+  };
+  const auto count = std::count_if(now.cam_from_world.begin(), now.cam_from_world.end(), is_new);
+  if (static_cast<double>(count) > kManyNew * static_cast<double>(now.cam_from_world.size())) {
+    return true;
+  }
+  std::vector<double> distances_px = DistancesBetween(models.front(), now);
+  return distances_px.empty() || Quantile(std::move(distances_px), kQuantile) >
+                                     kFar * options.measurement.patch.max_distance_px;
+}
+
+// Two pixels: of what is nearer the patches are nearly the same.
+constexpr double kTwinsWithinPx = 2.0;
+
+// Makes one set of a first pass's tracks and its companion's. The first id of the companion's; none
+// without one.
+std::optional<FeatureId> JoinTracks(TrackFile& file) {
+  // Where the tracker holds half as many features as KLT has beside them, KLT's are wanted.
+  constexpr double kNeededShare = 0.5;
+  if (!file.meta.contains("companion")) return std::nullopt;
+  CompanionTracks both = KeepWhereNeeded(
+      JoinCompanions({std::move(file.tracks), kFirstCompanion}, kTwinsWithinPx), kNeededShare);
+  file.tracks = std::move(both.tracks);
+  return both.first_companion;
+}
+
+// The light of every frame against the first one's, followed once for all rounds and parts.
+struct LightsOfClip {
+  Exposure exposure;
+  std::map<FrameIndex, LightChange> of_frame;
+
+  // As the frame would look in the light of the first; the first time frames are in order.
+  cv::Mat Without(const Frame& frame) {
+    const auto [light, first_time] = of_frame.try_emplace(frame.index);
+    if (first_time) light->second = exposure.Follow(frame.gray);
+    return WithoutLight(frame.gray, light->second);
+  }
+};
+
+// The pictures that are measured in.
+struct Pictures {
+  Sequence& sequence;
+  const cv::Mat& mask;
+  LightsOfClip& lights;
+};
+
+// The tracks of the file, those that are found again where the model says replaced.
+TrackSet MeasureWith(const TrackFile& file,
+                     const Reconstruction& model,
+                     const Pictures& pictures,
+                     const SecondPassOptions& options,
+                     const StageProgress& progress,
+                     SecondPassFigures& figures) {
+  const ModelPredictions predictions(
+      file, model, pictures.mask, options.measurement.template_frames);
+  SecondPassMeasurer measurer(options.measurement);
+  ForEachFrame(file, pictures.sequence, "learn", progress, [&](Frame& frame) {
+    frame.gray = pictures.lights.Without(frame);
+    measurer.Learn(frame, predictions.ForTemplates(frame.index));
+  });
+  ForEachFrame(file, pictures.sequence, "measure", progress, [&](Frame& frame) {
+    if (!model.cam_from_world.contains(frame.index)) return;
+    frame.gray = pictures.lights.Without(frame);
+    measurer.Measure(frame, predictions.InSight(frame.index));
+  });
+  std::vector<Observation> observations = measurer.Finish();
+  const std::set<FeatureId> replaced =
+      FoundAgain(file, predictions, observations, options.min_confirmed, figures);
+  std::erase_if(observations, [&](const auto& o) { return !replaced.contains(o.feature); });
+  AddPredictions(file, predictions, observations);
+  for (const Observation& o : file.tracks.observations()) {
+    if (!replaced.contains(o.feature) || !predictions.Knows(o.feature, o.frame)) {
+      observations.push_back(o);
+    }
+  }
+  std::vector<TrackEnd> ends = EndsAfter(file, observations);
+  return TrackSet::Build(std::move(observations), std::move(ends));
+}
+
+// Without the tracks that have a point in none of the models and move otherwise than one of them
+// says.
+TrackSet WithoutMovers(const TrackSet& tracks,
+                       std::span<const Reconstruction> models,
+                       double max_error_px,
+                       SecondPassFigures& figures) {
+  std::set<FeatureId> movers;
+  for (const FeatureId feature : tracks.features()) {
+    const bool has_point = std::any_of(models.begin(), models.end(), [&](const auto& model) {
+      return model.points.contains(feature);
+    });
+    if (has_point) continue;
+    const auto track = tracks.Track(feature);
+    if (std::any_of(models.begin(), models.end(), [&](const Reconstruction& model) {
+          return MovesOtherwise(track, model, max_error_px);
+        })) {
+      movers.insert(feature);
+    }
+  }
+  figures.movers = movers.size();
+  return tracks.Select([&](FeatureId feature) { return !movers.contains(feature); });
+}
+
+SecondPass MeasureInLight(const TrackFile& file,
+                          std::span<const Reconstruction> models,
+                          const Pictures& pictures,
+                          const SecondPassOptions& options,
+                          const StageProgress& progress) {
+  SecondPass second{file, {}, {}};
+  for (const Reconstruction& model : models) {
+    second.file.tracks =
+        MeasureWith(second.file, model, pictures, options, progress, second.figures);
+  }
+  if (options.drop_movers) {
+    second.file.tracks = WithoutMovers(
+        second.file.tracks, models, options.measurement.patch.max_distance_px, second.figures);
+  }
+  second.file.meta["second_pass"] = "done";
+  second.file.meta["second_pass_options"] = SecondPassOptionsText(options);
+  return second;
 }
 
 }  // namespace
@@ -186,11 +313,11 @@ bool MovesOtherwise(std::span<const Observation> track,
                     const Reconstruction& model,
                     double max_error_px) {
   constexpr std::size_t kLeastRays = 10;
+  const RowPoses rows(model.cam_from_world, model.readout, model.camera.height_px);
   std::vector<Ray> rays;
   for (const Observation& o : track) {
-    const auto pose = model.cam_from_world.find(o.frame);
-    if (!IsObserved(o) || pose == model.cam_from_world.end()) continue;
-    rays.push_back({pose->second, model.camera.Unproject(o.xy)});
+    if (!IsObserved(o) || !model.cam_from_world.contains(o.frame)) continue;
+    rays.push_back({rows.CamFromWorld(o.frame, o.xy.y()), model.camera.Unproject(o.xy)});
   }
   if (rays.size() < kLeastRays) return false;
   const double max_error = max_error_px / model.camera.fx;
@@ -238,44 +365,8 @@ SecondPass MeasureAgain(const TrackFile& file,
                         const cv::Mat& mask,
                         const SecondPassOptions& options,
                         const StageProgress& progress) {
-  const ModelPredictions predictions(file, model, mask, options.measurement.template_frames);
-  SecondPassMeasurer measurer(options.measurement);
-  Exposure exposure;
-  std::map<FrameIndex, LightChange> lights;
-  ForEachFrame(file, sequence, "learn", progress, [&](Frame& frame) {
-    const LightChange& light = lights[frame.index] = exposure.Follow(frame.gray);
-    frame.gray = WithoutLight(frame.gray, light);
-    measurer.Learn(frame, predictions.ForTemplates(frame.index));
-  });
-  ForEachFrame(file, sequence, "measure", progress, [&](Frame& frame) {
-    frame.gray = WithoutLight(frame.gray, lights.at(frame.index));
-    measurer.Measure(frame, predictions.InSight(frame.index));
-  });
-
-  SecondPass second{file, {}, {}};
-  std::vector<Observation> observations = measurer.Finish();
-  const std::set<FeatureId> replaced =
-      FoundAgain(file, predictions, observations, options.min_confirmed, second.figures);
-  std::erase_if(observations, [&](const auto& o) { return !replaced.contains(o.feature); });
-  AddPredictions(file, predictions, observations);
-  for (const FeatureId feature : file.tracks.features()) {
-    const auto track = file.tracks.Track(feature);
-    if (options.drop_movers && !model.points.contains(feature) &&
-        MovesOtherwise(track, model, options.measurement.patch.max_distance_px)) {
-      ++second.figures.movers;
-      continue;
-    }
-    for (const Observation& o : track) {
-      if (!replaced.contains(feature) || !predictions.Knows(feature, o.frame)) {
-        observations.push_back(o);
-      }
-    }
-  }
-  std::vector<TrackEnd> ends = EndsAfter(file, observations);
-  second.file.tracks = TrackSet::Build(std::move(observations), std::move(ends));
-  second.file.meta["second_pass"] = "done";
-  second.file.meta["second_pass_options"] = SecondPassOptionsText(options);
-  return second;
+  LightsOfClip lights;
+  return MeasureInLight(file, std::span(&model, 1), {sequence, mask, lights}, options, progress);
 }
 
 std::string SecondPassOptionsText(const SecondPassOptions& options) {
@@ -285,23 +376,22 @@ std::string SecondPassOptionsText(const SecondPassOptions& options) {
   return OptionsToJson(lister.Take()).dump();
 }
 
+TrackFile JoinCompanion(TrackFile first_pass) {
+  JoinTracks(first_pass);
+  first_pass.meta.erase("companion");
+  return first_pass;
+}
+
 SecondPass WithSecondPass(TrackFile file,
                           Sequence& sequence,
                           const cv::Mat& mask,
                           const SecondPassOptions& options,
                           const StageProgress& progress) {
-  // Two pixels: of what is nearer the patches are nearly the same.
-  constexpr double kTwinsWithinPx = 2.0;
   // A bound on time: where the model is far off at first, each round brings it nearer.
   constexpr int kMostRounds = 3;
-  std::optional<FeatureId> first_companion;
-  if (file.meta.contains("companion")) {
-    CompanionTracks both =
-        JoinCompanions({std::move(file.tracks), kFirstCompanion}, kTwinsWithinPx);
-    file.tracks = std::move(both.tracks);
-    first_companion = both.first_companion;
-  }
+  const std::optional<FeatureId> first_companion = JoinTracks(file);
   SecondPass second{std::move(file), {}, {}};
+  LightsOfClip lights;
   std::vector<Reconstruction> models;
   for (int round = 0; round < kMostRounds; ++round) {
     MapperResult result = ReconstructWithCeres(second.file, {});
@@ -311,15 +401,10 @@ SecondPass WithSecondPass(TrackFile file,
       second.file.meta["second_pass"] = "none: " + second.none_because;
       break;
     }
-    if (round > 0 && !HaveMoved(models.front(), result.reconstruction, options)) break;
+    if (round > 0 && !HaveMoved(models, result.reconstruction, options)) break;
     models = std::move(result.other_parts);
     models.insert(models.begin(), std::move(result.reconstruction));
-    second.figures = {};
-    for (const Reconstruction& model : models) {
-      SecondPass next = MeasureAgain(second.file, model, sequence, mask, options, progress);
-      next.figures.Add(second.figures);
-      second = std::move(next);
-    }
+    second = MeasureInLight(second.file, models, {sequence, mask, lights}, options, progress);
     if (first_companion) {
       // What has been measured at the same place has become one.
       second.file.tracks =

@@ -3,6 +3,7 @@
 #include <opencv2/core/mat.hpp>
 #include <span>
 #include <string>
+#include <vector>
 
 #include "backend/scene/reconstruction.h"
 #include "datasets/readers/sequence.h"
@@ -18,7 +19,7 @@ inline constexpr ChoiceNames<SecondPassMode, 3> kSecondPassModeNames{
 
 struct SecondPassOptions {
   SecondPassMode mode = SecondPassMode::kAuto;
-  bool companion = false;
+  bool companion = true;
   double min_confirmed = 0.5;
   bool drop_movers = true;
   SecondPassMeasurementOptions measurement;
@@ -36,8 +37,8 @@ struct SecondPassOptions {
     v.Flag("companion",
            o.companion,
            "Let KLT track features of its own beside the tracker subspace until the second pass, "
-           "which measures all alike: for clips whose camera is too fast for one of them. In slow "
-           "clips it makes points worse.",
+           "and use them where that one loses most of its: a camera too fast for it may not be too "
+           "fast for KLT.",
            Tier::kCommon);
     VisitMeasurement(o, v);
   }
@@ -80,8 +81,8 @@ struct SecondPass {
   std::string none_because;  // of WithSecondPass: why `file` is the first pass's; empty: it is not
 };
 
-// TrackFile::meta["second_pass_options"]: all but mode and companion, so that a file begun with `auto` is
-// resumed with `on`.
+// TrackFile::meta["second_pass_options"]: all but mode and companion, so that a file begun with
+// `auto` is resumed with `on`.
 std::string SecondPassOptionsText(const SecondPassOptions& options);
 
 // TrackFile::meta["second_pass"]: not wanted, or still to come; then "done", or "none: " and why.
@@ -97,10 +98,10 @@ bool MovesOtherwise(std::span<const Observation> track,
 // Tracks and their model -> tracks measured anew where the model's points are seen
 // (SecondPassMeasurer). Where a feature is not seen between its sightings, or the first pass had
 // it, the model predicts it. Tracks without a point or of which too little is found again, and
-// frames without a pose, keep what they had; but tracks that MovesOtherwise are dropped: they are on
-// something that crosses before the scene.
-// `sequence`: the clip, rewound here; nothing is measured where `mask` (may be empty) is black.
-// Throws Error where clip, model and tracks do not belong together.
+// frames without a pose, keep what they had; but tracks that MovesOtherwise are dropped: they are
+// on something that crosses before the scene. `sequence`: the clip, rewound here; nothing is
+// measured where `mask` (may be empty) is black. Throws Error where clip, model and tracks do not
+// belong together.
 SecondPass MeasureAgain(const TrackFile& file,
                         const Reconstruction& model,
                         Sequence& sequence,
@@ -108,8 +109,12 @@ SecondPass MeasureAgain(const TrackFile& file,
                         const SecondPassOptions& options,
                         const StageProgress& progress = {});
 
-// The same with a model of its own, by Ceres, or one of each part of a clip that breaks; where there
-// is none, `file` itself, whose meta["second_pass"] says why.
+// One set of the tracks of a first pass and of its companion, as the second pass takes them: without
+// the companion's that are twins of others or not needed. As it is, without a companion.
+TrackFile JoinCompanion(TrackFile first_pass);
+
+// The same with a model of its own, by Ceres, or one of each part of a clip that breaks; where
+// there is none, `file` itself, whose meta["second_pass"] says why.
 SecondPass WithSecondPass(TrackFile file,
                           Sequence& sequence,
                           const cv::Mat& mask,

@@ -29,9 +29,7 @@ nlohmann::ordered_json SummaryToJson(const ReconstructionSummary& summary,
           {"mean_track_length", summary.mean_track_length},
           {"mean_reprojection_px", summary.mean_reprojection_px},
           {"seconds", summary.seconds},
-          {"termination", summary.termination},
-          {"quality", NameOf(kModelQualityNames, summary.Quality())},
-          {"reasons", summary.reasons}};
+          {"termination", summary.termination}};
 }
 
 }  // namespace cohort

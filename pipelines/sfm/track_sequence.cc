@@ -21,8 +21,9 @@ std::unique_ptr<Tracker> MakeTrackers(const TrackSequenceOptions& options) {
   }
   // The wider of the windows that baselines are compared with: it reaches further.
   constexpr int kWindowPx = 31;
-  TrackerOptions klt = options.tracker;
+  TrackerOptions klt;
   klt.tracker = TrackerKind::kKlt;
+  klt.detector = options.tracker.detector;
   klt.klt.window_px = kWindowPx;
   return std::make_unique<SteadyLightTracker>(
       std::make_unique<CompanionTracker>(std::move(tracker), MakeTracker(klt, options.mask)));
@@ -88,9 +89,9 @@ TrackedFrame SequenceTracker::TrackNext() {
   return frame;
 }
 
-TrackFile TrackSequence(Sequence& sequence,
-                        const TrackSequenceOptions& options,
-                        const StageProgress& progress) {
+TrackFile TrackFirstPass(Sequence& sequence,
+                         const TrackSequenceOptions& options,
+                         const StageProgress& progress) {
   SequenceTracker tracker(sequence, options);
   TrackFile file = tracker.Header();
   std::vector<Observation> observations;
@@ -105,6 +106,13 @@ TrackFile TrackSequence(Sequence& sequence,
     if (progress) progress("track", file.frames.size(), sequence.FrameCount());
   }
   file.tracks = TrackSet::Build(std::move(observations), std::move(ends));
+  return file;
+}
+
+TrackFile TrackSequence(Sequence& sequence,
+                        const TrackSequenceOptions& options,
+                        const StageProgress& progress) {
+  TrackFile file = TrackFirstPass(sequence, options, progress);
   if (file.meta.at("second_pass") != kSecondPassAsked) return file;
   return WithSecondPass(std::move(file), sequence, options.mask, options.second_pass, progress)
       .file;

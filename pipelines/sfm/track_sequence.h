@@ -18,7 +18,8 @@ struct TrackSequenceOptions {
   SecondPassOptions second_pass = {};
   std::optional<Camera> camera = {};  // none: as the sequence says, else unknown
   cv::Mat mask = {};  // empty, or CV_8UC1 of the frames' size, 0 where no feature may be
-  // What the sequence was opened from. COLMAP asks for a video's frames, which are read again there.
+  // What the sequence was opened from. COLMAP asks for a video's frames, which are read again
+  // there.
   std::filesystem::path source = {};
 };
 
@@ -32,6 +33,11 @@ struct TrackSequenceOptions {
 TrackFile TrackSequence(Sequence& sequence,
                         const TrackSequenceOptions& options = {},
                         const StageProgress& progress = {});
+
+// The first pass alone: where a second is wanted it is still to come (WithSecondPass).
+TrackFile TrackFirstPass(Sequence& sequence,
+                         const TrackSequenceOptions& options = {},
+                         const StageProgress& progress = {});
 
 // One frame's tracks.
 struct TrackedFrame {

@@ -56,6 +56,35 @@ TEST_P(MainJob, AtMediumTheCohortTracksBetterThanKltAndEveryFrameRegisters) {
 
 INSTANTIATE_TEST_SUITE_P(Rendered, MainJob, testing::Values("lateral", "forward", "orbit"));
 
+// A rolling shutter bends every picture; it is found from the tracks, and the cameras are those of a
+// global one.
+TEST(MainJob, FindsTheRollingShutter) {
+  const test::TempDir dir;
+  const auto at = [&](const std::string& name) { return (dir / name).string(); };
+  std::map<std::string, nlohmann::json> errors;
+  const auto run = [&](const std::string& command) {
+    const test::ProgramEnd end = test::RunCohort(command);
+    ASSERT_EQ(end.exit_code, 0) << end.err;
+  };
+  const auto read = [](const std::string& path) {
+    std::ifstream file(path);
+    return nlohmann::json::parse(file);
+  };
+  run("synth " + at("clip") + " --frames 40 --motion lateral --readout 0.6");
+  run("track " + at("clip") + " --out " + at("t.tracks"));
+  for (const std::string name : {"found", "ignored"}) {
+    run("reconstruct " + at("t.tracks") + " --out " + at(name) +
+        (name == "ignored" ? " --no-ceres.estimate-readout" : ""));
+    run("evaluate " + at(name) + " --truth " + at("clip") + " --json " + at(name + ".json"));
+    errors[name] = read(at(name + ".json"));
+  }
+  EXPECT_NEAR(read(at("found/summary.json")).at("readout"), 0.6, 0.03);
+  EXPECT_LT(errors["found"].at("ate_m").get<double>(),
+            0.2 * errors["ignored"].at("ate_m").get<double>());
+  EXPECT_LT(errors["found"].at("point_error_median_m").get<double>(),
+            0.5 * errors["ignored"].at("point_error_median_m").get<double>());
+}
+
 TEST(MainJob, ColmapsOwnFeaturesAreABaselineOfTheGrid) {
   const test::TempDir dir;
   const std::string clip = dir / "clip";

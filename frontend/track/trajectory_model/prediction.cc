@@ -28,7 +28,7 @@ Estimate PredictFeature(const CameraFit& fit, const Feature& feature) {
   Estimate e;
   e.xy = at.xy;
   e.covariance = J * feature.covariance * J.transpose() + of_camera;
-  e.measured_xy = e.xy + feature.mean.tail<2>();
+  e.expected_xy = e.xy + feature.mean.tail<2>();
   J.rightCols(2).setIdentity();
   e.measured_covariance = J * feature.covariance * J.transpose() + of_camera;
   return e;

@@ -86,8 +86,8 @@ TEST(PhoneDenoiser, TakesNoiseAwayInSpaceAndTime) {
   EXPECT_LT(RmsDifference(last, clean), 0.9 * RmsDifference(first, clean));
 }
 
-// What stands still stays where it is: no direction is favoured. The upside-down clip is denoised to
-// the upside-down pictures.
+// What stands still stays where it is: no direction is favoured. The upside-down clip is denoised
+// to the upside-down pictures.
 TEST(PhoneDenoiser, DisplacesNothingThatStandsStill) {
   constexpr double kSigma = 0.03;
   const auto upside_down = [](const cv::Mat& picture) {

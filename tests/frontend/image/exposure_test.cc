@@ -48,10 +48,39 @@ TEST(Exposure, SteadyLightKeepsThePictures) {
 TEST(Exposure, ABlackFrameChangesNothing) {
   Exposure exposure;
   const cv::Mat picture = test::ShiftedNoise({0, 0}).levels[0];
-  exposure.Follow(cv::Mat(picture.size(), CV_32F, cv::Scalar(0.001)));
-  const LightChange light = exposure.Follow(picture);
-  EXPECT_EQ(light.gain, 1.0);
-  EXPECT_EQ(light.offset, 0.0);
+  const cv::Mat black(picture.size(), CV_32F, cv::Scalar(0.001));
+  exposure.Follow(black);
+  EXPECT_EQ(exposure.Follow(picture).gain, 1.0);
+  exposure.Follow(black);
+  EXPECT_NEAR(exposure.Follow(InLight(picture, 0.6, 0.0)).gain, 0.6, 0.01);
+}
+
+// A ramp of less than what is a change from frame to frame.
+TEST(Exposure, SlowChangesAddUp) {
+  Exposure exposure;
+  const cv::Mat picture = test::ShiftedNoise({0, 0}).levels[0];
+  double gain = 1.0;
+  for (int frame = 0; frame < 40; ++frame, gain *= 0.98) {
+    EXPECT_NEAR(exposure.Follow(InLight(picture, gain, 0.0)).gain / gain, 1.0, 0.05) << frame;
+  }
+}
+
+// Lamps on alternating current: errors of single frames must not add up.
+TEST(Exposure, FlickerComesBackToWhereItBegan) {
+  Exposure exposure;
+  for (int frame = 0; frame < 100; ++frame) {
+    const cv::Mat picture = test::ShiftedNoise({0.3 * (frame % 7), -0.2 * (frame % 5)}).levels[0];
+    const double gain = frame % 2 == 0 ? 1.0 : 0.8;
+    EXPECT_NEAR(exposure.Follow(InLight(picture, gain, 0.0)).gain, gain, 0.03) << frame;
+  }
+}
+
+// What is in view after a cut is another scene: nothing is known of its light.
+TEST(Exposure, AnotherSceneKeepsTheLight) {
+  const cv::Mat picture = test::ShiftedNoise({0, 0}).levels[0];
+  cv::Mat other;
+  cv::flip(picture, other, -1);
+  EXPECT_FALSE(EstimateLightChange(BuildPyramid(picture), BuildPyramid(InLight(other, 0.5, 0.1))));
 }
 
 }  // namespace

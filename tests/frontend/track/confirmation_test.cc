@@ -38,7 +38,7 @@ class ConfirmationTest : public testing::Test {
   // The others say so, to half a pixel.
   static TrajectoryModel::Estimate Predicted(const Eigen::Vector2d& xy, double sigma_px = 0.5) {
     TrajectoryModel::Estimate predicted;
-    predicted.xy = predicted.measured_xy = xy;
+    predicted.xy = predicted.expected_xy = xy;
     predicted.measured_covariance = sigma_px * sigma_px * Eigen::Matrix2d::Identity();
     return predicted;
   }

@@ -34,7 +34,7 @@ class FrameMeasurementTest : public testing::Test {
   }
   TrajectoryModel::Estimate PredictedAtTruth(int f) const {
     TrajectoryModel::Estimate predicted;
-    predicted.xy = predicted.measured_xy = truth_.col(f);
+    predicted.xy = predicted.expected_xy = truth_.col(f);
     predicted.measured_covariance = 0.04 * Eigen::Matrix2d::Identity();
     return predicted;
   }
@@ -82,7 +82,7 @@ TEST_F(FrameMeasurementTest, WhatTheOthersContradictIsNotObserved) {
   FrameMeasurement frame = Measure(truth_);
   std::vector<TrajectoryModel::Estimate> predicted;
   for (int f = 0; f < 20; ++f) predicted.push_back(PredictedAtTruth(f));
-  predicted[0].measured_xy += Eigen::Vector2d(6, 0);
+  predicted[0].expected_xy += Eigen::Vector2d(6, 0);
   ASSERT_TRUE(frame.IsObserved(0));
   const std::size_t before = frame.Residuals(predicted).size();
   frame.TestPositions(predicted);

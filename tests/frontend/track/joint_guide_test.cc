@@ -15,8 +15,9 @@ std::vector<std::vector<Eigen::Vector2d>> BirthsAt(const Eigen::Matrix2Xd& x,
   return births;
 }
 
-// Follows points of a rigid scene whose past is known, in frames in which the image does not confirm
-// one of them and its template is that of another place. Returns that one's error in the last frame.
+// Follows points of a rigid scene whose past is known, in frames in which the image does not
+// confirm one of them and its template is that of another place. Returns that one's error in the
+// last frame.
 double ErrorOfTheContradicted(const SubspaceOptions& options) {
   constexpr std::size_t kContradicted = 7;
   constexpr int kKnownFrames = 8;

@@ -40,7 +40,8 @@ TEST(ThereAndBack, WhatIsGoneDoesNotComeBack) {
   EXPECT_LE(returned, 2);
 }
 
-// A picture's half away the guide is lost; what looks like its template decides, feature by feature.
+// A picture's half away the guide is lost; what looks like its template decides, feature by
+// feature.
 TEST(ThereAndBack, IsTheStartWhereTheGuideIsElsewhereAndLooksWorse) {
   const Eigen::Vector2d far_motion(30, 10);
   const Pyramid next = test::ShiftedNoise(far_motion);

@@ -69,6 +69,21 @@ TEST(Companions, TwinsTellHowGoodTheOthersAre) {
   EXPECT_FALSE(joined.tracks.Track(FeatureId{0})[0].covariance);
 }
 
+// Between frames 9 and 10 the first tracker loses nearly all.
+TEST(Companions, OnlyThoseAreKeptThatBridgeWhatTheTrackerLoses) {
+  std::vector<Observation> observations;
+  for (std::uint32_t i = 0; i < 10; ++i) {
+    AddTrack(i, 0, i == 0 ? 20 : 10, {20.0 + 15.0 * i, 40}, observations);
+    AddTrack(100 + i, 10, 20, {20.0 + 15.0 * i, 80}, observations);
+    AddTrack(1000 + i, 5, 15, {20.0 + 15.0 * i, 120}, observations);  // across
+    AddTrack(1100 + i, 12, 20, {20.0 + 15.0 * i, 160}, observations);
+  }
+  const CompanionTracks kept =
+      KeepWhereNeeded({TrackSet::Build(std::move(observations)), kFirstOfSecond}, 0.5);
+  ASSERT_EQ(kept.tracks.features().size(), 30u);
+  EXPECT_EQ(kept.tracks.features().back(), FeatureId{1009});
+}
+
 // Two features that go beside each other for a few frames are two.
 TEST(Companions, WhatCrossesIsNoTwin) {
   std::vector<Observation> observations;

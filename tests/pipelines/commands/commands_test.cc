@@ -4,13 +4,17 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <chrono>
 #include <csignal>
 #include <fstream>
+#include <future>
 #include <nlohmann/json.hpp>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 #include <opencv2/videoio.hpp>
+#include <thread>
 
+#include "frontend/core/error.h"
 #include "frontend/tracks/track_store.h"
 #include "tests/support/program.h"
 #include "tests/support/temp_dir.h"
@@ -594,6 +598,14 @@ class Interruption : public Commands {
         Path("hurt.tracks"),
         signal));
   }
+  // Has the first pass ended?
+  bool IsWritten(const std::string& name) const {
+    try {
+      return ReadTrackFile(Path(name + ".tracks")).complete;
+    } catch (const Error&) {  // not there yet
+      return false;
+    }
+  }
   void ExpectResumeGivesTheSame() const {
     const TrackFile partial = ReadTrackFile(Path("hurt.tracks"));
     EXPECT_FALSE(partial.complete);
@@ -621,12 +633,16 @@ TEST_F(Interruption, CtrlCEndsCleanlyAndResumes) {
 }
 
 TEST_F(Interruption, AKillDuringTheSecondPassKeepsTheFirstAndResumes) {
-  ASSERT_EQ(RunCohort(Tracking("hurt") + " --second-pass off").exit_code, 0);
-  TrackFile first_pass = ReadTrackFile(Path("hurt.tracks"));
-  first_pass.meta.at("second_pass") = "asked";
-  first_pass.meta["second_pass_options"] =
-      ReadTrackFile(Path("peace.tracks")).meta.at("second_pass_options");
-  WriteTrackFile(Path("hurt.tracks"), first_pass);
+  auto run = std::async(std::launch::async, [&] {
+    return RunShell(fmt::format(
+        "{} {} & echo $! > {}; wait $!", COHORT_PROGRAM, Tracking("hurt"), Path("pid")));
+  });
+  while (!IsWritten("hurt")) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  ::kill(std::stoi(ReadBytes(Path("pid"))), SIGKILL);
+  EXPECT_EQ(run.get().exit_code, 128 + SIGKILL);
+  const TrackFile first_pass = ReadTrackFile(Path("hurt.tracks"));
+  EXPECT_EQ(first_pass.meta.at("second_pass"), "asked");
+  EXPECT_EQ(first_pass.frames.size(), 60u);
   ASSERT_EQ(RunCohort(Tracking("hurt") + " --resume").exit_code, 0);
   ASSERT_EQ(Csv("hurt"), 0);
   EXPECT_EQ(ReadBytes(Path("hurt.csv")), ReadBytes(Path("peace.csv")));

@@ -156,7 +156,8 @@ TEST(AlignPoints, OnALineDistancesAreThoseOfALinearRegression) {
   EXPECT_NEAR(alignment.target_from_source.scale, xy / xx, 1e-12);
   EXPECT_NEAR(*AlignedRmse(source, target), std::sqrt(yy - xy * xy / xx), 1e-12);
 
-  // Bent by a trifle the alignment is unique, which is what evo asks for, and the figure is the same.
+  // Bent by a trifle the alignment is unique, which is what evo asks for, and the figure is the
+  // same.
   Points bent_source = source;
   Points bent_target = target;
   bent_source[4] += Eigen::Vector3d(0.0, 1e-5, 1e-5);

@@ -115,8 +115,8 @@ TEST(EvaluateModel, FramesWithoutTruthAreLeftOut) {
   EXPECT_NEAR(*e.auc_5, 1.0, 1e-9);
 }
 
-// As a rail or a motorway: the model may turn about the path, so the points have no error, but every
-// figure of the cameras stands.
+// As a rail or a motorway: the model may turn about the path, so the points have no error, but
+// every figure of the cameras stands.
 TEST(EvaluateModel, OnAStraightPathOnlyThePointsHaveNoFigure) {
   Scene scene = MakeScene();
   const double noise_m = 0.01;

@@ -116,7 +116,10 @@ TEST_F(SecondPassOfPlanes, PredictsWhatIsHiddenAsUncertainAsTheMeanOfItsSighting
     double sightings = 0.0;
     const Observation* hidden = nullptr;
     for (const Observation& o : second.file.tracks.Track(feature)) {
-      if (!o.covariance) break;  // not found again: the first pass's, which has none here
+      if (!o.covariance) {  // not found again: the first pass's, which has none here
+        ASSERT_EQ(sightings, 0.0);
+        break;
+      }
       if (o.state == ObservationState::kObserved) {
         sum += o.covariance->Matrix();
         sightings += 1.0;

@@ -46,7 +46,7 @@ TEST(PredictFeature, CovarianceIsTheScatterOfDraws) {
     const Vector unknowns = feature.mean + draw(feature.covariance);
     const Eigen::Vector2d xy = Project(drawn.camera, unknowns).xy;
     const Eigen::Vector2d d = xy - estimate.xy;
-    const Eigen::Vector2d measured = xy + unknowns.tail<2>() - estimate.measured_xy;
+    const Eigen::Vector2d measured = xy + unknowns.tail<2>() - estimate.expected_xy;
     scatter += d * d.transpose() / kDraws;
     measured_scatter += measured * measured.transpose() / kDraws;
   }

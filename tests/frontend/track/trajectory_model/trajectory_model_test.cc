@@ -196,7 +196,7 @@ TEST(TrajectoryModel, PredictsWhatPassesACarToItsNoise) {
         ASSERT_EQ(predicted.size(), now.size());
         std::vector<double> distances;
         for (std::size_t f = 0; f < now.size(); ++f) {
-          distances.push_back((predicted[f].measured_xy - now[f].xy).norm());
+          distances.push_back((predicted[f].expected_xy - now[f].xy).norm());
         }
         EXPECT_LT(Median(distances), 3.0 * kNoisePx) << "in frame " << t;
         EXPECT_LT(Quantile(distances, 0.9), 6.0 * kNoisePx) << "in frame " << t;
@@ -409,7 +409,7 @@ TEST(TrajectoryModel, WhatHasJustComeIntoThePictureAddsNoDimension) {
       const std::vector<TrajectoryModel::Estimate> predicted = model.Predict(now);
       believed = 0;
       for (std::size_t f = kFeatures; f < now.size(); ++f) {
-        const Eigen::Vector2d d = now[f].xy - predicted[f].measured_xy;
+        const Eigen::Vector2d d = now[f].xy - predicted[f].expected_xy;
         const Eigen::Matrix2d S =
             predicted[f].measured_covariance + 0.09 * Eigen::Matrix2d::Identity();
         if (d.dot(S.inverse() * d) <= 25.0) {

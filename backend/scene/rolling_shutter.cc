@@ -1,0 +1,187 @@
+#include "backend/scene/rolling_shutter.h"
+
+#include <spdlog/spdlog.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <map>
+
+#include "backend/scene/row_poses.h"
+#include "frontend/core/statistics.h"
+
+namespace cohort {
+namespace {
+
+std::map<FrameIndex, Rigid3> PosesByIndex(const WorkingModel& model) {
+  std::map<FrameIndex, Rigid3> poses;
+  for (const int frame : model.RegisteredFrames()) {
+    poses[model.whitened().frames()[frame].index] = model.Pose(frame);
+  }
+  return poses;
+}
+
+// Of the points that the frame sees; 1 without any.
+double MedianDepth(const WorkingModel& model, int frame) {
+  std::vector<double> depths;
+  for (const int o : model.whitened().ObservationsIn(frame)) {
+    const int track = model.whitened().observations()[o].track;
+    if (model.HasPoint(track)) depths.push_back((model.Pose(frame) * model.Point(track)).z());
+  }
+  return depths.empty() ? 1.0 : Median(std::move(depths));
+}
+
+// Of the model's points that a frame's tracks have there; 1 without any.
+double MedianDepth(const TrackFile& file, const Reconstruction& model, FrameIndex frame) {
+  std::vector<double> depths;
+  for (const Observation* o : file.tracks.InFrame(frame)) {
+    const auto point = model.points.find(o->feature);
+    if (point == model.points.end()) continue;
+    depths.push_back((model.cam_from_world.at(frame) * point->second.in_world).z());
+  }
+  return depths.empty() ? 1.0 : Median(std::move(depths));
+}
+
+// The position in a frame of what its row saw at xy: of the point, if it is known, or else at the
+// depth.
+Eigen::Vector2d Corrected(const Camera& camera,
+                          const Rigid3& frame_from_world,
+                          const Rigid3& row_from_world,
+                          const Eigen::Vector2d& xy,
+                          const Eigen::Vector3d* point,
+                          double depth) {
+  const Eigen::Vector3d in_world =
+      point != nullptr
+          ? *point
+          : row_from_world.Inverse() * (depth * camera.Unproject(xy).homogeneous()).eval();
+  const auto by_frame = camera.Project(frame_from_world * in_world);
+  const auto by_row = camera.Project(row_from_world * in_world);
+  return by_frame && by_row ? Eigen::Vector2d(xy + *by_frame - *by_row) : xy;
+}
+
+// How the observations corrected for a readout move with it.
+std::vector<Eigen::Vector2d> DerivativeByReadout(const WhitenedTracks& observed,
+                                                 const WorkingModel& model,
+                                                 double readout) {
+  constexpr double kDifference = 0.02;
+  std::vector<Eigen::Vector2d> d = AsGlobalShutter(observed, model, readout + kDifference);
+  const std::vector<Eigen::Vector2d> less = AsGlobalShutter(observed, model, readout - kDifference);
+  for (std::size_t i = 0; i < d.size(); ++i) d[i] = (d[i] - less[i]) / (2.0 * kDifference);
+  return d;
+}
+
+}  // namespace
+
+bool ReadoutEstimate::IsRolling() const {
+  // Less bends the picture by less than what tracks are wrong by. By eye on the tuning clips.
+  constexpr double kLeast = 0.2;
+  constexpr double kDeviations = 4.0;
+  return std::abs(readout) > std::max(kLeast, kDeviations * sigma);
+}
+
+std::vector<Eigen::Vector2d> AsGlobalShutter(const WhitenedTracks& observed,
+                                             const WorkingModel& model,
+                                             double readout) {
+  const RowPoses rows(PosesByIndex(model), readout, model.camera().height_px);
+  std::vector<double> depths(static_cast<std::size_t>(observed.frame_count()), 1.0);
+  for (const int frame : model.RegisteredFrames()) {
+    depths[static_cast<std::size_t>(frame)] = MedianDepth(model, frame);
+  }
+  std::vector<Eigen::Vector2d> positions;
+  positions.reserve(observed.observations().size());
+  for (const WhitenedObservation& o : observed.observations()) {
+    Eigen::Vector2d& xy = positions.emplace_back(o.xy);
+    if (!model.HasPose(o.frame)) continue;
+    const Rigid3 row = rows.CamFromWorld(observed.frames()[o.frame].index, o.xy.y());
+    xy = Corrected(model.camera(),
+                   model.Pose(o.frame),
+                   row,
+                   o.xy,
+                   model.HasPoint(o.track) ? &model.Point(o.track) : nullptr,
+                   depths[static_cast<std::size_t>(o.frame)]);
+  }
+  return positions;
+}
+
+TrackFile AsGlobalShutter(TrackFile file, const Reconstruction& model) {
+  if (model.readout == 0.0) return file;
+  const RowPoses rows(model.cam_from_world, model.readout, model.camera.height_px);
+  std::map<FrameIndex, double> depths;
+  for (const auto& [frame, pose] : model.cam_from_world) {
+    depths[frame] = MedianDepth(file, model, frame);
+  }
+  std::vector<Observation> observations(file.tracks.observations().begin(),
+                                        file.tracks.observations().end());
+  for (Observation& o : observations) {
+    const auto pose = model.cam_from_world.find(o.frame);
+    if (pose == model.cam_from_world.end()) continue;
+    const auto point = model.points.find(o.feature);
+    o.xy = Corrected(model.camera,
+                     pose->second,
+                     rows.CamFromWorld(o.frame, o.xy.y()),
+                     o.xy,
+                     point != model.points.end() ? &point->second.in_world : nullptr,
+                     depths.at(o.frame));
+  }
+  const auto ends = file.tracks.ends();
+  file.tracks = TrackSet::Build(std::move(observations), {ends.begin(), ends.end()});
+  return file;
+}
+
+void AdjustToReadout(const WhitenedTracks& observed,
+                     double readout,
+                     const CameraRefinement& refinement,
+                     WorkingModel& model,
+                     WhitenedTracks& corrected) {
+  constexpr int kRounds = 3;
+  for (int round = 0; round < kRounds; ++round) {
+    corrected = observed.WithPositions(AsGlobalShutter(observed, model, readout));
+    model.SetTracks(corrected);
+    model.UpdateAllInliers(std::numeric_limits<double>::infinity());
+    model.Adjust(model.RegisteredFrames(), {}, MapperBundleOptions(model, refinement, 4, 1e-5));
+    model.UpdateAllInliers(model.ErrorBound());
+  }
+}
+
+ReadoutEstimate EstimateReadout(const WhitenedTracks& observed,
+                                WorkingModel& model,
+                                WhitenedTracks& corrected) {
+  constexpr int kMostRounds = 15;
+  constexpr double kSettled = 0.002;
+  constexpr double kMost = 1.0;
+  const WorkingModel before(model);
+  ReadoutEstimate estimate{0.0, std::numeric_limits<double>::infinity()};
+  BundleOptions bundle = MapperBundleOptions(model, {}, 6, 1e-6);
+  const double noise = std::max(kMinWhitenedNoise, model.noise());
+  double cost_without = 0.0;
+  for (int round = 0; round < kMostRounds; ++round) {
+    corrected = observed.WithPositions(AsGlobalShutter(observed, model, estimate.readout));
+    model.SetTracks(corrected);
+    if (round == 0) {
+      cost_without = model.Adjust(model.RegisteredFrames(), {}, bundle).bundle.final_cost;
+    }
+    bundle.refine_shift = true;
+    const BundleResult result = model
+                                    .Adjust(model.RegisteredFrames(),
+                                            {},
+                                            bundle,
+                                            DerivativeByReadout(observed, model, estimate.readout))
+                                    .bundle;
+    if (result.termination == BundleTermination::kFailed) break;
+    const double shift = result.solution.shift;
+    estimate.readout = std::clamp(estimate.readout + shift, -kMost, kMost);
+    const double gain = (cost_without - result.final_cost) / (noise * noise);
+    if (gain > 0.0) estimate.sigma = std::abs(estimate.readout) / std::sqrt(2.0 * gain);
+    spdlog::debug("readout {:.4f} by {:+.4f}; cost {:.1f} -> {:.1f}",
+                  estimate.readout,
+                  shift,
+                  cost_without,
+                  result.final_cost);
+    if (round == 0 && !estimate.IsRolling()) break;
+    if (std::abs(shift) < kSettled) break;
+  }
+  if (!estimate.IsRolling()) model = before;
+  return estimate;
+}
+
+}  // namespace cohort

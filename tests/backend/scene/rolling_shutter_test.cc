@@ -1,0 +1,163 @@
+#include "backend/scene/rolling_shutter.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numeric>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "backend/scene/mapper.h"
+#include "frontend/core/random_stream.h"
+#include "tests/backend/scene/true_model.h"
+
+namespace cohort {
+namespace {
+
+using test::AllFrames;
+using test::CameraPath;
+using test::MakeSyntheticTracks;
+using test::SyntheticTracks;
+using test::SyntheticTracksOptions;
+using test::TrueModel;
+
+constexpr int kFrames = 30;
+
+// A hand that carries a camera sideways, past the points of the synthetic scene.
+Rigid3 PoseAt(double t) {
+  const auto sway = [t](double size, double rate, double phase) {
+    return size * std::sin(rate * t + phase);
+  };
+  const Eigen::Vector3d center(
+      0.06 * t - 0.9 + sway(0.02, 0.7, 0.0), sway(0.03, 0.9, 1.0), sway(0.03, 0.6, 2.0));
+  const Eigen::Quaterniond rotation =
+      Eigen::AngleAxisd(sway(0.02, 0.8, 0.5), Eigen::Vector3d::UnitX()) *
+      Eigen::AngleAxisd(sway(0.03, 0.5, 1.5), Eigen::Vector3d::UnitY()) *
+      Eigen::AngleAxisd(sway(0.03, 1.0, 2.5), Eigen::Vector3d::UnitZ());
+  return {rotation, -(rotation * center)};
+}
+
+// Points as a rolling shutter shows them to that hand, each row at its own time.
+SyntheticTracks Rolling(double readout, std::uint64_t seed = 1, double noise_px = 0.3) {
+  SyntheticTracksOptions options;
+  options.path = CameraPath::kLateral;
+  SyntheticTracks scene = MakeSyntheticTracks(options);
+  const Camera& camera = *scene.file.camera;
+  RandomStream noise(seed, "rolling_shutter_test");
+  scene.file.frames.clear();
+  scene.cam_from_world.clear();
+  std::vector<Observation> observations;
+  for (std::uint32_t frame = 0; frame < kFrames; ++frame) {
+    FrameInfo& info = scene.file.frames.emplace_back();
+    info.index = FrameIndex{frame};
+    info.name = std::to_string(frame);
+    scene.cam_from_world[info.index] = PoseAt(frame);
+    for (const auto& [feature, point] : scene.points_in_world) {
+      double y = 0.5 * camera.height_px;
+      std::optional<Eigen::Vector2d> xy;
+      for (int step = 0; step < 20; ++step) {
+        xy = camera.Project(PoseAt(frame + readout * ((y + 0.5) / camera.height_px - 0.5)) * point);
+        if (!xy) break;
+        y = xy->y();
+      }
+      const double dx = noise_px * noise.Gaussian();
+      const double dy = noise_px * noise.Gaussian();
+      if (!xy || !camera.Contains(*xy)) continue;
+      Observation& o = observations.emplace_back();
+      o.feature = feature;
+      o.frame = info.index;
+      o.xy = *xy + Eigen::Vector2d(dx, dy);
+    }
+  }
+  scene.file.tracks = TrackSet::Build(std::move(observations));
+  return scene;
+}
+
+double Ate(const MapperResult& result, const SyntheticTracks& scene) {
+  return test::AbsoluteTrajectoryError(result.reconstruction.cam_from_world, scene.cam_from_world);
+}
+
+TEST(RollingShutter, ObservationsBecomeThoseOfAGlobalOne) {
+  const SyntheticTracks rolling = Rolling(0.7, 1, 0.0);
+  const SyntheticTracks global = Rolling(0.0, 1, 0.0);
+  const WhitenedTracks wanted(global.file, {});
+  const WorkingModel model = TrueModel(global, wanted, AllFrames(wanted));
+  Reconstruction known;
+  known.camera = *global.file.camera;
+  known.readout = 0.7;
+  known.cam_from_world = global.cam_from_world;
+  for (const auto& [feature, point] : global.points_in_world)
+    known.points[feature].in_world = point;
+  const TrackFile corrected = AsGlobalShutter(rolling.file, known);
+  double most_px = 0.0;
+  double before_px = 0.0;
+  for (const Observation& o : corrected.tracks.observations()) {
+    const auto xy = known.camera.Project(known.cam_from_world.at(o.frame) *
+                                         global.points_in_world.at(o.feature));
+    if (o.frame < FrameIndex{2} || o.frame >= FrameIndex{kFrames - 2}) continue;
+    most_px = std::max(most_px, (o.xy - *xy).norm());
+    before_px =
+        std::max(before_px, (rolling.file.tracks.Find(o.feature, o.frame)->xy - *xy).norm());
+  }
+  EXPECT_GT(before_px, 5.0);
+  EXPECT_LT(most_px, 0.2);  // what the polynomial through four frames misses of the sway
+}
+
+TEST(RollingShutter, ReadoutIsFoundFromTheTracks) {
+  for (const double readout : {0.6, 0.9, -0.4}) {
+    const SyntheticTracks scene = Rolling(readout);
+    const MapperResult result = ReconstructWithCeres(scene.file);
+    ASSERT_EQ(result.termination, MapperTermination::kSuccess) << result.summary.Brief();
+    EXPECT_NEAR(result.reconstruction.readout / readout, 1.0, 0.05);
+    MapperOptions given;
+    given.estimate_readout = false;
+    EXPECT_LT(Ate(result, scene), 0.2 * Ate(ReconstructWithCeres(scene.file, given), scene));
+    given.readout = readout;
+    EXPECT_LT(Ate(ReconstructWithCeres(scene.file, given), scene),
+              1.7 * Ate(ReconstructWithCeres(Rolling(0.0).file), Rolling(0.0)));
+  }
+}
+
+TEST(RollingShutter, GlobalOneIsFoundToBeNoneAndChangesNothing) {
+  const SyntheticTracks scene = Rolling(0.0);
+  const MapperResult result = ReconstructWithCeres(scene.file);
+  MapperOptions global;
+  global.estimate_readout = false;
+  const MapperResult without = ReconstructWithCeres(scene.file, global);
+  EXPECT_EQ(result.reconstruction.readout, 0.0);
+  for (const auto& [frame, pose] : without.reconstruction.cam_from_world) {
+    EXPECT_EQ(pose.translation, result.reconstruction.cam_from_world.at(frame).translation);
+  }
+}
+
+// A camera that flies on evenly bends all pictures alike, which the scene's shape takes up.
+TEST(RollingShutter, WhereTheTracksDoNotTellNothingIsFound) {
+  for (const CameraPath path : {CameraPath::kArc, CameraPath::kLateral, CameraPath::kForward}) {
+    SyntheticTracksOptions options;
+    options.path = path;
+    const MapperResult result = ReconstructWithCeres(MakeSyntheticTracks(options).file);
+    EXPECT_EQ(result.reconstruction.readout, 0.0);
+  }
+}
+
+TEST(RollingShutter, EstimateSaysHowSureItIs) {
+  constexpr double kReadout = 0.5;
+  std::vector<double> squares;
+  for (std::uint64_t seed = 1; seed <= 12; ++seed) {
+    const SyntheticTracks scene = Rolling(kReadout, seed);
+    const WhitenedTracks observed(scene.file, {});
+    WorkingModel model = TrueModel(scene, observed, AllFrames(observed));
+    AdjustUntilSettled(model, {}, 3, 5);
+    WhitenedTracks corrected(observed);
+    const ReadoutEstimate estimate = EstimateReadout(observed, model, corrected);
+    EXPECT_TRUE(estimate.IsRolling());
+    squares.push_back(std::pow((estimate.readout - kReadout) / estimate.sigma, 2));
+  }
+  const double mean = std::accumulate(squares.begin(), squares.end(), 0.0) / 12.0;
+  EXPECT_GT(mean, 0.1);
+  EXPECT_LT(mean, 4.0);
+}
+
+}  // namespace
+}  // namespace cohort

@@ -1,0 +1,67 @@
+#include "backend/scene/row_poses.h"
+
+#include <gtest/gtest.h>
+
+namespace cohort {
+namespace {
+
+constexpr int kHeightPx = 480;
+constexpr double kReadout = 0.6;
+
+double Tau(double y) { return kReadout * ((y + 0.5) / kHeightPx - 0.5); }
+
+// A camera that flies a curve of third degree and turns about an axis at a rate that changes.
+Eigen::Vector3d CenterAt(double t) { return {0.1 * t, 0.02 * t * t, -0.004 * t * t * t}; }
+Rigid3 PoseAt(double t) {
+  const Eigen::Quaterniond rotation(
+      Eigen::AngleAxisd(0.05 * t + 0.01 * t * t, Eigen::Vector3d(0.6, 0.8, 0.0)));
+  return {rotation, -(rotation * CenterAt(t))};
+}
+
+std::map<FrameIndex, Rigid3> Poses(std::initializer_list<std::uint32_t> frames) {
+  std::map<FrameIndex, Rigid3> poses;
+  for (const std::uint32_t f : frames) poses[FrameIndex{f}] = PoseAt(f);
+  return poses;
+}
+
+TEST(RowPoses, OfTheMiddleRowIsTheFrames) {
+  const RowPoses rows(Poses({0, 1, 2}), kReadout, kHeightPx);
+  const Rigid3 pose = rows.CamFromWorld(FrameIndex{1}, 0.5 * kHeightPx - 0.5);
+  EXPECT_LT((pose.translation - PoseAt(1).translation).norm(), 1e-12);
+  EXPECT_LT(AngleBetween(pose.rotation, PoseAt(1).rotation), 1e-9);
+}
+
+TEST(RowPoses, FollowThePolynomialOfFourNeighbours) {
+  // Frame 3 is missing: the neighbours of 2 are at -2, -1, 2 and 3 frames.
+  const RowPoses rows(Poses({0, 1, 2, 4, 5}), kReadout, kHeightPx);
+  for (const double y : {0.0, 100.0, 479.0}) {
+    const Rigid3 pose = rows.CamFromWorld(FrameIndex{2}, y);
+    EXPECT_LT((pose.Inverse().translation - CenterAt(2 + Tau(y))).norm(), 1e-9) << y;
+    EXPECT_LT(AngleBetween(pose.rotation, PoseAt(2 + Tau(y)).rotation), 1e-9) << y;
+  }
+}
+
+TEST(RowPoses, WithoutNeighboursOrAReadoutNothingMoves) {
+  const Rigid3 alone = RowPoses(Poses({0, 9}), kReadout, kHeightPx).CamFromWorld(FrameIndex{9}, 0);
+  EXPECT_LT((alone.translation - PoseAt(9).translation).norm(), 1e-12);
+  const Rigid3 global = RowPoses(Poses({0, 1, 2}), 0.0, kHeightPx).CamFromWorld(FrameIndex{1}, 0);
+  EXPECT_EQ(global.translation, PoseAt(1).translation);
+}
+
+// The row where it is seen is the row whose pose shows it there.
+TEST(RowPoses, ProjectFindsTheRow) {
+  const Camera camera{
+      .width_px = 640, .height_px = kHeightPx, .fx = 500, .fy = 500, .cx = 320, .cy = 240};
+  const RowPoses rows(Poses({0, 1, 2, 3, 4}), kReadout, kHeightPx);
+  for (const Eigen::Vector3d& point :
+       {Eigen::Vector3d(0.3, 1.0, 4.0), Eigen::Vector3d(-1.0, -0.2, 5.0)}) {
+    const auto xy = rows.Project(camera, FrameIndex{2}, point);
+    ASSERT_TRUE(xy);
+    const auto again = camera.Project(rows.CamFromWorld(FrameIndex{2}, xy->y()) * point);
+    EXPECT_LT((*again - *xy).norm(), 1e-5);
+  }
+  EXPECT_FALSE(rows.Project(camera, FrameIndex{2}, {0, 0, -4}));
+}
+
+}  // namespace
+}  // namespace cohort
