@@ -205,7 +205,9 @@ std::optional<Eigen::Vector2d> WorkingModel::PixelError(int observation) const {
   if (!HasPose(o.frame) || !HasPoint(o.track)) return std::nullopt;
   const Eigen::Vector3d x = rotations_[o.frame] * (*points_[o.track] - centers_[o.frame]);
   if (x.z() < kMinDepth) return std::nullopt;
-  return *camera_.Project(x) - o.xy;
+  const std::optional<Eigen::Vector2d> xy = camera_.Project(x);
+  if (!xy) return std::nullopt;
+  return *xy - o.xy;
 }
 
 std::optional<double> WorkingModel::WhitenedError(int observation) const {

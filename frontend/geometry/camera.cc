@@ -197,10 +197,16 @@ DistortedPoint Distort(const Camera& camera, const Eigen::Vector2d& n) {
 
 std::optional<Eigen::Vector2d> Camera::Project(const Eigen::Vector3d& x_in_cam) const {
   if (x_in_cam.z() <= 0.0) return std::nullopt;
-  const Eigen::Vector2d n = HasAtMostFourCoefficients()
-                                ? DistortByFour(*this, x_in_cam.hnormalized(), nullptr)
-                                : Distort(*this, x_in_cam.hnormalized()).n_d;
-  return Eigen::Vector2d(fx * n.x() + cx, fy * n.y() + cy);
+  const auto to_pixel = [this](const Eigen::Vector2d& n) {
+    return Eigen::Vector2d(fx * n.x() + cx, fy * n.y() + cy);
+  };
+  if (HasAtMostFourCoefficients()) {
+    return to_pixel(DistortByFour(*this, x_in_cam.hnormalized(), nullptr));
+  }
+  // Where the polynomial turns back towards the middle, the lens shows nothing of the scene.
+  const DistortedPoint distorted = Distort(*this, x_in_cam.hnormalized());
+  if (!(distorted.d_n.determinant() > 0.0)) return std::nullopt;
+  return to_pixel(distorted.n_d);
 }
 
 Eigen::Vector2d Camera::Unproject(const Eigen::Vector2d& xy) const {

@@ -23,6 +23,10 @@ ReconstructionSummary RunReconstructJob(const ReconstructJobOptions& options) {
                file.tracks.features().size());
   const ReconstructResult result = ReconstructIntoFolder(
       file, options.reconstruct, options.out, ProgressBars(), ToJson(options).dump());
+  if (result.reconstruction.readout != 0.0) {
+    spdlog::info("rolling shutter: the rows of a frame take {:.2f} of the time between frames",
+                 result.reconstruction.readout);
+  }
   for (const std::string& warning : result.warnings) spdlog::warn("{}", warning);
   if (!options.json.empty()) {
     WriteJsonFile(options.json, ReadJsonFile(std::filesystem::path(options.out) / "summary.json"));

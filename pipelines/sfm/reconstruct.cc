@@ -78,16 +78,19 @@ ReconstructResult ReconstructByColmap(TrackFile file,
     WriteVideoFrames(file, work_dir / "images", progress);
     file.image_root = (work_dir / "images").string();
   }
-  double readout = 0.0;
-  TrackFile given = file;
-  if (options.global_shutter) {
-    const Reconstruction by_ceres = ReconstructWithCeres(file, options.ceres).reconstruction;
-    readout = by_ceres.readout;
-    given = AsGlobalShutter(std::move(given), by_ceres);
-  }
-  ColmapResult model = ReconstructWithColmap(given, options.colmap, work_dir);
-  if (readout != 0.0) ShowAsSeen(file.tracks, readout, model.reconstruction);
-  return {std::move(model.reconstruction), std::move(model.summary), {}, std::nullopt};
+  const auto reconstruct = [&](const TrackFile& given) {
+    ColmapResult model = ReconstructWithColmap(given, options.colmap, work_dir);
+    return ReconstructResult{
+        std::move(model.reconstruction), std::move(model.summary), {}, std::nullopt};
+  };
+  if (!options.global_shutter) return reconstruct(file);
+  const Reconstruction by_ceres = ReconstructWithCeres(file, options.ceres).reconstruction;
+  if (by_ceres.readout == 0.0) return reconstruct(file);
+  ReconstructResult result = reconstruct(AsGlobalShutter(file, by_ceres));
+  // A bent model of Ceres' may correct what was right.
+  if (result.summary.Failed()) return reconstruct(file);
+  ShowAsSeen(file.tracks, by_ceres.readout, result.reconstruction);
+  return result;
 }
 
 // Upper triangle, row by row.

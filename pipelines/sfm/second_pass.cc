@@ -389,6 +389,7 @@ SecondPass WithSecondPass(TrackFile file,
                           const StageProgress& progress) {
   // A bound on time: where the model is far off at first, each round brings it nearer.
   constexpr int kMostRounds = 3;
+  constexpr std::size_t kLeastFrames = 10;  // of a part beside the largest: each costs as much time
   const std::optional<FeatureId> first_companion = JoinTracks(file);
   SecondPass second{std::move(file), {}, {}};
   LightsOfClip lights;
@@ -403,6 +404,9 @@ SecondPass WithSecondPass(TrackFile file,
     }
     if (round > 0 && !HaveMoved(models, result.reconstruction, options)) break;
     models = std::move(result.other_parts);
+    std::erase_if(models, [](const Reconstruction& part) {
+      return part.cam_from_world.size() < kLeastFrames;
+    });
     models.insert(models.begin(), std::move(result.reconstruction));
     second = MeasureInLight(second.file, models, {sequence, mask, lights}, options, progress);
     if (first_companion) {

@@ -72,15 +72,21 @@ TEST(MainJob, FindsTheRollingShutter) {
   };
   run("synth " + at("clip") + " --frames 40 --motion lateral --readout 0.6");
   run("track " + at("clip") + " --out " + at("t.tracks"));
-  for (const std::string name : {"found", "ignored"}) {
-    run("reconstruct " + at("t.tracks") + " --out " + at(name) +
-        (name == "ignored" ? " --no-ceres.estimate-readout" : ""));
+  const std::map<std::string, std::string> options{
+      {"found", ""},
+      {"ignored", " --no-ceres.estimate-readout"},
+      {"colmap", " --backend colmap"},
+      {"colmap_ignored", " --backend colmap --no-global-shutter"}};
+  for (const auto& [name, more] : options) {
+    run("reconstruct " + at("t.tracks") + " --out " + at(name) + more);
     run("evaluate " + at(name) + " --truth " + at("clip") + " --json " + at(name + ".json"));
     errors[name] = read(at(name + ".json"));
   }
   EXPECT_NEAR(read(at("found/summary.json")).at("readout"), 0.6, 0.03);
   EXPECT_LT(errors["found"].at("ate_m").get<double>(),
             0.2 * errors["ignored"].at("ate_m").get<double>());
+  EXPECT_LT(errors["colmap"].at("ate_m").get<double>(),
+            0.4 * errors["colmap_ignored"].at("ate_m").get<double>());
   EXPECT_LT(errors["found"].at("point_error_median_m").get<double>(),
             0.5 * errors["ignored"].at("point_error_median_m").get<double>());
 }

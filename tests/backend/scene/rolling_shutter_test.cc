@@ -42,6 +42,7 @@ Rigid3 PoseAt(double t) {
 SyntheticTracks Rolling(double readout, std::uint64_t seed = 1, double noise_px = 0.3) {
   SyntheticTracksOptions options;
   options.path = CameraPath::kLateral;
+  options.points = 150;
   SyntheticTracks scene = MakeSyntheticTracks(options);
   const Camera& camera = *scene.file.camera;
   RandomStream noise(seed, "rolling_shutter_test");
@@ -105,18 +106,26 @@ TEST(RollingShutter, ObservationsBecomeThoseOfAGlobalOne) {
 }
 
 TEST(RollingShutter, ReadoutIsFoundFromTheTracks) {
-  for (const double readout : {0.6, 0.9, -0.4}) {
+  for (const double readout : {0.7, -0.4}) {
     const SyntheticTracks scene = Rolling(readout);
     const MapperResult result = ReconstructWithCeres(scene.file);
     ASSERT_EQ(result.termination, MapperTermination::kSuccess) << result.summary.Brief();
     EXPECT_NEAR(result.reconstruction.readout / readout, 1.0, 0.05);
-    MapperOptions given;
-    given.estimate_readout = false;
-    EXPECT_LT(Ate(result, scene), 0.2 * Ate(ReconstructWithCeres(scene.file, given), scene));
-    given.readout = readout;
-    EXPECT_LT(Ate(ReconstructWithCeres(scene.file, given), scene),
-              1.7 * Ate(ReconstructWithCeres(Rolling(0.0).file), Rolling(0.0)));
+    MapperOptions ignored;
+    ignored.estimate_readout = false;
+    EXPECT_LT(Ate(result, scene), 0.2 * Ate(ReconstructWithCeres(scene.file, ignored), scene));
   }
+}
+
+TEST(RollingShutter, GivenOneIsTakenAndCostsLittleAccuracy) {
+  MapperOptions given;
+  given.estimate_readout = false;
+  given.readout = 0.6;
+  const SyntheticTracks rolling = Rolling(0.6);
+  const MapperResult result = ReconstructWithCeres(rolling.file, given);
+  EXPECT_EQ(result.reconstruction.readout, 0.6);
+  const SyntheticTracks global = Rolling(0.0);
+  EXPECT_LT(Ate(result, rolling), 1.7 * Ate(ReconstructWithCeres(global.file), global));
 }
 
 TEST(RollingShutter, GlobalOneIsFoundToBeNoneAndChangesNothing) {
@@ -144,7 +153,7 @@ TEST(RollingShutter, WhereTheTracksDoNotTellNothingIsFound) {
 TEST(RollingShutter, EstimateSaysHowSureItIs) {
   constexpr double kReadout = 0.5;
   std::vector<double> squares;
-  for (std::uint64_t seed = 1; seed <= 12; ++seed) {
+  for (std::uint64_t seed = 1; seed <= 6; ++seed) {
     const SyntheticTracks scene = Rolling(kReadout, seed);
     const WhitenedTracks observed(scene.file, {});
     WorkingModel model = TrueModel(scene, observed, AllFrames(observed));
@@ -154,7 +163,7 @@ TEST(RollingShutter, EstimateSaysHowSureItIs) {
     EXPECT_TRUE(estimate.IsRolling());
     squares.push_back(std::pow((estimate.readout - kReadout) / estimate.sigma, 2));
   }
-  const double mean = std::accumulate(squares.begin(), squares.end(), 0.0) / 12.0;
+  const double mean = std::accumulate(squares.begin(), squares.end(), 0.0) / 6.0;
   EXPECT_GT(mean, 0.1);
   EXPECT_LT(mean, 4.0);
 }

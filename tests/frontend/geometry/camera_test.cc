@@ -111,6 +111,9 @@ TEST(Camera, APixelThatNoRayReachesHasAFiniteRay) {
   // Where the lens turns, its outermost ray: the slope of theta - 0.3 theta^3 is 0.
   const Vector2d edge = turning.Unproject({turning.cx + 3000, turning.cy});
   EXPECT_NEAR(std::atan(edge.x()), 1.0 / std::sqrt(0.9), 1e-6);
+  // What lies beyond it is not seen, though the polynomial leads back into the picture.
+  EXPECT_TRUE(turning.Project({std::tan(1.0), 0.0, 1.0}));
+  EXPECT_FALSE(turning.Project({std::tan(1.5), 0.0, 1.0}));
 }
 
 TEST(Camera, DistortionDerivativesMatchCentralDifferences) {

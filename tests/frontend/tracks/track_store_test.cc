@@ -162,7 +162,11 @@ TEST(TrackStore, HoldsCamerasOfAllModels) {
     file.camera = camera;
     WriteTrackFile(dir / "a.tracks", file);
     ExpectSame(ReadTrackFile(dir / "a.tracks"), file);
+    // So that version 0.1, which knows four coefficients, does not read them wrongly.
+    EXPECT_EQ(SqliteDatabase::Open(dir / "a.tracks", SqliteDatabase::Mode::kRead).UserVersion(), 2);
   }
+  WriteTrackFile(dir / "b.tracks", Example(1));
+  EXPECT_EQ(SqliteDatabase::Open(dir / "b.tracks", SqliteDatabase::Mode::kRead).UserVersion(), 1);
   SqliteDatabase::Open(dir / "a.tracks", SqliteDatabase::Mode::kWrite)
       .Execute("UPDATE camera SET model = 'mirror'");
   EXPECT_THAT([&] { ReadTrackFile(dir / "a.tracks"); },
