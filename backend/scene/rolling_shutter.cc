@@ -6,6 +6,7 @@
 #include <cmath>
 #include <limits>
 #include <map>
+#include <span>
 
 #include "backend/scene/row_poses.h"
 #include "frontend/core/statistics.h"
@@ -133,7 +134,7 @@ void AdjustToReadout(const WhitenedTracks& observed,
                      const CameraRefinement& refinement,
                      WorkingModel& model,
                      WhitenedTracks& corrected) {
-  constexpr int kRounds = 3;
+  constexpr int kRounds = 2;
   for (int round = 0; round < kRounds; ++round) {
     corrected = observed.WithPositions(AsGlobalShutter(observed, model, readout));
     model.SetTracks(corrected);
@@ -149,7 +150,13 @@ ReadoutEstimate EstimateReadout(const WhitenedTracks& observed,
   constexpr int kMostRounds = 15;
   constexpr double kSettled = 0.002;
   constexpr double kMost = 1.0;
+  // A bound on time: that many, from the middle of the clip, tell the readout well.
+  constexpr std::size_t kMostFrames = 150;
   const WorkingModel before(model);
+  const std::vector<int> registered = model.RegisteredFrames();
+  const std::size_t count = std::min(registered.size(), kMostFrames);
+  const std::span<const int> frames =
+      std::span(registered).subspan((registered.size() - count) / 2, count);
   ReadoutEstimate estimate{0.0, std::numeric_limits<double>::infinity()};
   BundleOptions bundle = MapperBundleOptions(model, {}, 6, 1e-6);
   const double noise = std::max(kMinWhitenedNoise, model.noise());
@@ -158,15 +165,12 @@ ReadoutEstimate EstimateReadout(const WhitenedTracks& observed,
     corrected = observed.WithPositions(AsGlobalShutter(observed, model, estimate.readout));
     model.SetTracks(corrected);
     if (round == 0) {
-      cost_without = model.Adjust(model.RegisteredFrames(), {}, bundle).bundle.final_cost;
+      cost_without = model.Adjust(frames, {}, bundle).bundle.final_cost;
     }
     bundle.refine_shift = true;
-    const BundleResult result = model
-                                    .Adjust(model.RegisteredFrames(),
-                                            {},
-                                            bundle,
-                                            DerivativeByReadout(observed, model, estimate.readout))
-                                    .bundle;
+    const ModelAdjustment adjustment =
+        model.Adjust(frames, {}, bundle, DerivativeByReadout(observed, model, estimate.readout));
+    const BundleResult& result = adjustment.bundle;
     if (result.termination == BundleTermination::kFailed) break;
     const double shift = result.solution.shift;
     estimate.readout = std::clamp(estimate.readout + shift, -kMost, kMost);
