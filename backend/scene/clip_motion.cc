@@ -22,6 +22,24 @@ std::vector<FramePairMotion> WidestPairs(std::vector<FramePairMotion> pairs) {
   return pairs;
 }
 
+// The largest parallax of the pairs of most motion, under the one of CamerasToTry that leaves
+// least.
+double LargestParallaxPx(const WhitenedTracks& whitened,
+                         const Camera& camera,
+                         const std::vector<FramePairMotion>& pairs) {
+  const std::vector<FramePairMotion> widest = WidestPairs(pairs);
+  double least_px = std::numeric_limits<double>::infinity();
+  for (const Camera& candidate : CamerasToTry(camera)) {
+    double largest_px = 0.0;
+    for (const FramePairMotion& pair : widest) {
+      const FramePairMotion motion = MeasureMotion(whitened, candidate, pair.frame_a, pair.frame_b);
+      largest_px = std::max(largest_px, motion.parallax_px);
+    }
+    least_px = std::min(least_px, largest_px);
+  }
+  return least_px;
+}
+
 using SecondDifferences = std::vector<std::pair<Eigen::Vector2d, Eigen::Vector2d>>;  // at, of
 
 // What is left of a frame's second differences when the affine motion that most of them share is
@@ -94,28 +112,6 @@ std::vector<Camera> CamerasToTry(const Camera& camera) {
   }
   return cameras;
 }
-
-namespace {
-
-// The largest parallax of the pairs of most motion, under the one of CamerasToTry that leaves
-// least.
-double LargestParallaxPx(const WhitenedTracks& whitened,
-                         const Camera& camera,
-                         const std::vector<FramePairMotion>& pairs) {
-  const std::vector<FramePairMotion> widest = WidestPairs(pairs);
-  double least_px = std::numeric_limits<double>::infinity();
-  for (const Camera& candidate : CamerasToTry(camera)) {
-    double largest_px = 0.0;
-    for (const FramePairMotion& pair : widest) {
-      const FramePairMotion motion = MeasureMotion(whitened, candidate, pair.frame_a, pair.frame_b);
-      largest_px = std::max(largest_px, motion.parallax_px);
-    }
-    least_px = std::min(least_px, largest_px);
-  }
-  return least_px;
-}
-
-}  // namespace
 
 ClipMotion ClassifyMotion(const WhitenedTracks& whitened,
                           const Camera& camera,

@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <deque>
 #include <limits>
 #include <span>
 
@@ -123,7 +122,7 @@ struct JudgedParts {
   std::vector<Judgement> judgements = {};
   std::size_t chosen = 0;  // the largest of worth; if none is, the largest
   double readout = 0.0;
-  std::deque<WhitenedTracks> corrected = {};  // the parts' tracks where the shutter rolls
+  std::vector<WhitenedTracks> corrected = {};  // the parts' tracks where the shutter rolls
 };
 
 // Adjusts the parts, all of one camera and so of one readout: the largest tells it.
@@ -133,22 +132,21 @@ void AdjustParts(const MapperOptions& options,
   for (MappedPart& part : judged.parts) AdjustUntilSettled(part.model, refinement, 3, 4);
   WorkingModel& largest = judged.parts.front().model;
   const WhitenedTracks& observed = largest.whitened();
-  const auto corrected = [&]() -> WhitenedTracks& {
-    return judged.corrected.emplace_back(observed);
-  };
+  judged.corrected.assign(judged.parts.size(), observed);
   judged.readout = options.readout;
   if (options.estimate_readout) {
-    const ReadoutEstimate estimate = EstimateReadout(observed, largest, corrected());
+    const ReadoutEstimate estimate = EstimateReadout(observed, largest, judged.corrected.front());
     judged.readout = estimate.IsRolling() ? estimate.readout : 0.0;
     spdlog::debug("readout {:.4f} +- {:.4f}", estimate.readout, estimate.sigma);
   }
-  for (MappedPart& part : judged.parts) {
+  for (std::size_t i = 0; i < judged.parts.size(); ++i) {
+    WorkingModel& model = judged.parts[i].model;
     if (judged.readout != 0.0) {
-      AdjustToReadout(observed, judged.readout, refinement, part.model, corrected());
-      AdjustUntilSettled(part.model, refinement, 3, 4);
-      AdjustToReadout(observed, judged.readout, refinement, part.model, corrected());
+      AdjustToReadout(observed, judged.readout, refinement, model, judged.corrected[i]);
+      AdjustUntilSettled(model, refinement, 3, 4);
+      AdjustToReadout(observed, judged.readout, refinement, model, judged.corrected[i]);
     }
-    part.model.Normalise();
+    model.Normalise();
   }
 }
 

@@ -156,10 +156,14 @@ std::vector<TrackEnd> EndsAfter(const TrackFile& file,
   return ends;
 }
 
+RowPoses RowsOf(const Reconstruction& model) {
+  return {model.cam_from_world, model.readout, model.camera.height_px};
+}
+
 // How far apart two models have the points that they share, in the frames that they share [px].
 std::vector<double> DistancesBetween(const Reconstruction& before, const Reconstruction& now) {
-  const RowPoses before_rows(before.cam_from_world, before.readout, before.camera.height_px);
-  const RowPoses now_rows(now.cam_from_world, now.readout, now.camera.height_px);
+  const RowPoses before_rows = RowsOf(before);
+  const RowPoses now_rows = RowsOf(now);
   std::vector<double> distances_px;
   for (const auto& [feature, point] : now.points) {
     const auto old_point = before.points.find(feature);
@@ -265,12 +269,40 @@ TrackSet MeasureWith(const TrackFile& file,
   return TrackSet::Build(std::move(observations), std::move(ends));
 }
 
+// The function of this name in the header, with the rows of `model`.
+bool MovesOtherwise(std::span<const Observation> track,
+                    const Reconstruction& model,
+                    const RowPoses& rows,
+                    double max_error_px) {
+  constexpr std::size_t kLeastRays = 10;
+  std::vector<Ray> rays;
+  for (const Observation& o : track) {
+    if (!IsObserved(o) || !model.cam_from_world.contains(o.frame)) continue;
+    rays.push_back({rows.CamFromWorld(o.frame, o.xy.y()), model.camera.Unproject(o.xy)});
+  }
+  if (rays.size() < kLeastRays) return false;
+  const double max_error = max_error_px / model.camera.fx;
+  const std::size_t half = rays.size() / 2;
+  if (TriangulateRobustly(rays, max_error, half)) return false;
+  const Ray& middle = rays[half];
+  constexpr double kInfinitelyFar = 1e6;
+  const Eigen::Vector3d far_point =
+      middle.cam_from_world.Inverse() * (kInfinitelyFar * middle.n.homogeneous()).eval();
+  const auto explained = std::count_if(rays.begin(), rays.end(), [&](const Ray& ray) {
+    const auto error = RayError(ray, far_point);
+    return error && *error <= max_error;
+  });
+  return static_cast<std::size_t>(explained) < half;
+}
+
 // Without the tracks that have a point in none of the models and move otherwise than one of them
 // says.
 TrackSet WithoutMovers(const TrackSet& tracks,
                        std::span<const Reconstruction> models,
                        double max_error_px,
                        SecondPassFigures& figures) {
+  std::vector<RowPoses> rows;
+  for (const Reconstruction& model : models) rows.push_back(RowsOf(model));
   std::set<FeatureId> movers;
   for (const FeatureId feature : tracks.features()) {
     const bool has_point = std::any_of(models.begin(), models.end(), [&](const auto& model) {
@@ -278,10 +310,8 @@ TrackSet WithoutMovers(const TrackSet& tracks,
     });
     if (has_point) continue;
     const auto track = tracks.Track(feature);
-    if (std::any_of(models.begin(), models.end(), [&](const Reconstruction& model) {
-          return MovesOtherwise(track, model, max_error_px);
-        })) {
-      movers.insert(feature);
+    for (std::size_t i = 0; i < models.size(); ++i) {
+      if (MovesOtherwise(track, models[i], rows[i], max_error_px)) movers.insert(feature);
     }
   }
   figures.movers = movers.size();
@@ -312,26 +342,7 @@ SecondPass MeasureInLight(const TrackFile& file,
 bool MovesOtherwise(std::span<const Observation> track,
                     const Reconstruction& model,
                     double max_error_px) {
-  constexpr std::size_t kLeastRays = 10;
-  const RowPoses rows(model.cam_from_world, model.readout, model.camera.height_px);
-  std::vector<Ray> rays;
-  for (const Observation& o : track) {
-    if (!IsObserved(o) || !model.cam_from_world.contains(o.frame)) continue;
-    rays.push_back({rows.CamFromWorld(o.frame, o.xy.y()), model.camera.Unproject(o.xy)});
-  }
-  if (rays.size() < kLeastRays) return false;
-  const double max_error = max_error_px / model.camera.fx;
-  const std::size_t half = rays.size() / 2;
-  if (TriangulateRobustly(rays, max_error, half)) return false;
-  const Ray& middle = rays[half];
-  constexpr double kInfinitelyFar = 1e6;
-  const Eigen::Vector3d far_point =
-      middle.cam_from_world.Inverse() * (kInfinitelyFar * middle.n.homogeneous()).eval();
-  const auto explained = std::count_if(rays.begin(), rays.end(), [&](const Ray& ray) {
-    const auto error = RayError(ray, far_point);
-    return error && *error <= max_error;
-  });
-  return static_cast<std::size_t>(explained) < half;
+  return MovesOtherwise(track, model, RowsOf(model), max_error_px);
 }
 
 double SecondPassFigures::Confirmed() const {
