@@ -89,6 +89,7 @@ Arguments ExtractorArguments(const TrackFile& clip, const SiftOptions& sift, int
   add({"SiftExtraction.max_num_features"}, sift.max_features);
   add({"SiftExtraction.peak_threshold"}, sift.peak_threshold);
   add({"SiftExtraction.first_octave"}, sift.first_octave);
+  if (!sift.mask.empty()) arguments.push_back(Required("ImageReader.camera_mask_path", sift.mask));
   return arguments;
 }
 

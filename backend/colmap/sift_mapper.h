@@ -1,6 +1,7 @@
 #pragma once
 
 #include <filesystem>
+#include <string>
 
 #include "backend/colmap/colmap_mapper.h"
 #include "frontend/tracks/track_store.h"
@@ -15,6 +16,7 @@ struct SiftOptions {
   int max_features = 4000;
   double peak_threshold = 0.002;
   int first_octave = 0;
+  std::string mask;
 
   template <typename Self, typename Visitor>
   static void Visit(Self& o, Visitor& v) {
@@ -35,6 +37,7 @@ struct SiftOptions {
              -1,
              4,
              "size of the frame that the search starts with: 0 its own, -1 twice, 1 half of it");
+    v.Text("mask", o.mask, "a picture of the frames' size, black where no feature may be");
   }
 };
 

@@ -134,7 +134,7 @@ void AdjustParts(const MapperOptions& options,
   const WhitenedTracks& observed = largest.whitened();
   judged.corrected.assign(judged.parts.size(), observed);
   judged.readout = options.readout;
-  if (options.estimate_readout) {
+  if (options.readout == 0.0 && options.estimate_readout) {
     const ReadoutEstimate estimate = EstimateReadout(observed, largest, judged.corrected.front());
     judged.readout = estimate.IsRolling() ? estimate.readout : 0.0;
     spdlog::debug("readout {:.4f} +- {:.4f}", estimate.readout, estimate.sigma);

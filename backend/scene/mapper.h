@@ -66,13 +66,14 @@ struct MapperOptions {
              -1.0,
              1.0,
              "Rolling shutter: the share of the time between frames from the first row to the "
-             "last; negative from the bottom up. Where it is estimated, this is not read.",
+             "last; negative from the bottom up. 0: --ceres.estimate-readout says.",
              Tier::kCommon);
-    v.Flag("estimate_readout",
-           o.estimate_readout,
-           "Find the rolling shutter's readout from the tracks, which is 0 where none is found; "
-           "off: --ceres.readout is taken as true.",
-           Tier::kCommon);
+    v.Flag(
+        "estimate_readout",
+        o.estimate_readout,
+        "Find the rolling shutter's readout from the tracks, where --ceres.readout does not give "
+        "it; off: without one the shutter is global.",
+        Tier::kCommon);
     v.Flag("covariances",
            o.covariances,
            "Estimate the covariances of cameras and points, which takes memory with the "

@@ -41,9 +41,7 @@ PartResult GrowStart(std::vector<StartModel> starts,
   return result;
 }
 
-}  // namespace
-
-PartResult MapPart(const WhitenedTracks& whitened,
+PartResult MapBody(const WhitenedTracks& whitened,
                    const Camera& camera,
                    const CameraRefinement& refinement,
                    const std::vector<int>& keyframes) {
@@ -63,6 +61,78 @@ PartResult MapPart(const WhitenedTracks& whitened,
       {MapperTermination::kNoStart,
        fmt::format("there is parallax, but none of {} windows gave a consistent model",
                    start.windows_tried)})};
+}
+
+// The tracks that the model explains in less than half of its frames that see them.
+std::vector<int> UnexplainedTracks(const WorkingModel& model) {
+  const WhitenedTracks& whitened = model.whitened();
+  std::vector<int> tracks;
+  for (int track = 0; track < whitened.track_count(); ++track) {
+    const auto [first, last] = whitened.TrackRange(track);
+    int seen = 0;
+    int explained = 0;
+    for (int o = first; o < last; ++o) {
+      if (!model.HasPose(whitened.observations()[o].frame)) continue;
+      ++seen;
+      if (model.IsInlier(o)) ++explained;
+    }
+    if (seen >= 3 && 2 * explained < seen) tracks.push_back(track);
+  }
+  return tracks;
+}
+
+std::size_t CountObservations(const WhitenedTracks& whitened, const std::vector<int>& frames) {
+  std::size_t count = 0;
+  for (const int frame : frames) count += whitened.ObservationsIn(frame).size();
+  return count;
+}
+
+// The model of the tracks that this one leaves unexplained, if they are many and it explains all
+// tracks better; none: it does not. So of two bodies that move on their own (a thing turned before
+// a wall) the one of most tracks is found, and no mixture of both.
+std::optional<WorkingModel> MapOtherBody(const WorkingModel& model,
+                                         const Camera& camera,
+                                         const CameraRefinement& refinement,
+                                         const std::vector<int>& keyframes) {
+  constexpr double kManyUnexplained = 0.15;  // share of the observations; by eye
+  const WhitenedTracks& whitened = model.whitened();
+  const WhitenedTracks unexplained = whitened.Select(UnexplainedTracks(model));
+  if (static_cast<double>(CountObservations(unexplained, keyframes)) <
+      kManyUnexplained * static_cast<double>(CountObservations(whitened, keyframes))) {
+    return std::nullopt;
+  }
+  const PartResult body = MapBody(unexplained, camera, refinement, keyframes);
+  if (!body.model) return std::nullopt;
+  WorkingModel other(whitened, body.model->camera());
+  for (const int frame : body.model->RegisteredFrames()) {
+    other.SetPose(frame, body.model->Pose(frame));
+  }
+  other.TriangulateAllTracks();
+  AdjustUntilSettled(other, refinement, 4, 5);
+  const double bound = std::min(model.ErrorBound(), other.ErrorBound());
+  const double cost = model.TruncatedCost(keyframes, bound);
+  const double other_cost = other.TruncatedCost(keyframes, bound);
+  spdlog::debug("another body: {} tracks, {} frames; costs over all tracks {:.1f}, by it {:.1f}",
+                unexplained.track_count(),
+                other.registered(),
+                cost,
+                other_cost);
+  if (!IsWorse(cost, other_cost, other.noise())) return std::nullopt;
+  return other;
+}
+
+}  // namespace
+
+PartResult MapPart(const WhitenedTracks& whitened,
+                   const Camera& camera,
+                   const CameraRefinement& refinement,
+                   const std::vector<int>& keyframes) {
+  PartResult part = MapBody(whitened, camera, refinement, keyframes);
+  if (!part.model) return part;
+  if (auto other = MapOtherBody(*part.model, camera, refinement, keyframes)) {
+    part.model = std::move(other);
+  }
+  return part;
 }
 
 std::vector<MappedPart> MapRemainingParts(PartResult first,

@@ -14,6 +14,8 @@
 namespace cohort {
 namespace {
 
+constexpr double kMostReadout = 1.0;  // the whole time between two frames
+
 std::map<FrameIndex, Rigid3> PosesByIndex(const WorkingModel& model) {
   std::map<FrameIndex, Rigid3> poses;
   for (const int frame : model.RegisteredFrames()) {
@@ -60,6 +62,14 @@ Eigen::Vector2d Corrected(const Camera& camera,
   return by_frame && by_row ? Eigen::Vector2d(xy + *by_frame - *by_row) : xy;
 }
 
+// Worth more than one round: the first, at the motion of a model that took the rows for one frame,
+// finds it too small.
+bool MayRoll(const ReadoutEstimate& first) {
+  constexpr double kLeast = 0.1;
+  constexpr double kDeviations = 4.0;
+  return std::abs(first.readout) > std::max(kLeast, kDeviations * first.sigma);
+}
+
 // How the observations corrected for a readout move with it.
 std::vector<Eigen::Vector2d> DerivativeByReadout(const WhitenedTracks& observed,
                                                  const WorkingModel& model,
@@ -74,12 +84,17 @@ std::vector<Eigen::Vector2d> DerivativeByReadout(const WhitenedTracks& observed,
 }  // namespace
 
 bool ReadoutEstimate::IsRolling() const {
-  // Errors of tracks that are no noise look like a readout of up to 0.25 and 8 deviations on clips
-  // of cameras with a global shutter; those with a rolling one had 0.7 and more, and over 20. By
-  // eye, in between.
-  constexpr double kLeast = 0.2;
-  constexpr double kDeviations = 10.0;
-  return std::abs(readout) > std::max(kLeast, kDeviations * sigma);
+  // Errors of tracks that are no noise look like a readout too: of cameras with a global shutter, up
+  // to 0.28 (and 33 deviations, where a phone's denoising drags the picture behind the motion), or
+  // at 0.3 to 0.74 and 5 deviations, or -0.37 and 12, or they run to the end of the range. Rolling
+  // shutters read from the first row down and for most of a frame: they were found at 0.5 to 0.9
+  // from 8 deviations (30 frames) to 70. By eye, in between.
+  constexpr double kLeast = 0.3;
+  constexpr double kDeviations = 7.0;
+  constexpr double kDeviationsUpwards = 15.0;
+  const double deviations = readout > 0.0 ? kDeviations : kDeviationsUpwards;
+  return std::abs(readout) > std::max(kLeast, deviations * sigma) &&
+         std::abs(readout) < kMostReadout;
 }
 
 std::vector<Eigen::Vector2d> AsGlobalShutter(const WhitenedTracks& observed,
@@ -151,7 +166,6 @@ ReadoutEstimate EstimateReadout(const WhitenedTracks& observed,
                                 WhitenedTracks& corrected) {
   constexpr int kMostRounds = 15;
   constexpr double kSettled = 0.002;
-  constexpr double kMost = 1.0;
   // A bound on time: that many, from the middle of the clip, tell the readout well.
   constexpr std::size_t kMostFrames = 150;
   const WorkingModel before(model);
@@ -175,7 +189,7 @@ ReadoutEstimate EstimateReadout(const WhitenedTracks& observed,
     const BundleResult& result = adjustment.bundle;
     if (result.termination == BundleTermination::kFailed) break;
     const double shift = result.solution.shift;
-    estimate.readout = std::clamp(estimate.readout + shift, -kMost, kMost);
+    estimate.readout = std::clamp(estimate.readout + shift, -kMostReadout, kMostReadout);
     const double gain = (cost_without - result.final_cost) / (noise * noise);
     if (gain > 0.0) estimate.sigma = std::abs(estimate.readout) / std::sqrt(2.0 * gain);
     spdlog::debug("readout {:.4f} by {:+.4f}; cost {:.1f} -> {:.1f}",
@@ -183,7 +197,7 @@ ReadoutEstimate EstimateReadout(const WhitenedTracks& observed,
                   shift,
                   cost_without,
                   result.final_cost);
-    if (round == 0 && !estimate.IsRolling()) break;
+    if (round == 0 && !MayRoll(estimate)) break;
     if (std::abs(shift) < kSettled) break;
   }
   if (!estimate.IsRolling()) model = before;

@@ -74,6 +74,25 @@ WhitenedTracks WhitenedTracks::WithPositions(const std::vector<Eigen::Vector2d>&
   return moved;
 }
 
+WhitenedTracks WhitenedTracks::Select(const std::vector<int>& tracks) const {
+  WhitenedTracks selected;
+  selected.frames_ = frames_;
+  selected.in_frame_.resize(frames_.size());
+  for (const int track : tracks) {
+    const auto [first, last] = TrackRange(track);
+    selected.first_of_track_.push_back(static_cast<int>(selected.observations_.size()));
+    for (int o = first; o < last; ++o) {
+      selected.in_frame_[observations_[o].frame].push_back(
+          static_cast<int>(selected.observations_.size()));
+      selected.observations_.push_back(observations_[o]);
+      selected.observations_.back().track = selected.track_count();
+    }
+    selected.features_.push_back(features_[track]);
+  }
+  selected.first_of_track_.push_back(static_cast<int>(selected.observations_.size()));
+  return selected;
+}
+
 std::optional<int> WhitenedTracks::FindObservation(int track, int frame) const {
   const auto [first, last] = TrackRange(track);
   // Most tracks have no gaps, so the place is known.

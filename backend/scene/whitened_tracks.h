@@ -35,6 +35,9 @@ class WhitenedTracks {
   // The same observations elsewhere, in the order of observations().
   WhitenedTracks WithPositions(const std::vector<Eigen::Vector2d>& xy) const;
 
+  // These tracks alone, in their order.
+  WhitenedTracks Select(const std::vector<int>& tracks) const;
+
   int frame_count() const { return static_cast<int>(frames_.size()); }
   int track_count() const { return static_cast<int>(features_.size()); }
   const std::vector<FrameInfo>& frames() const { return frames_; }
@@ -53,6 +56,8 @@ class WhitenedTracks {
   std::vector<std::pair<int, int>> CommonObservations(int frame_a, int frame_b) const;
 
  private:
+  WhitenedTracks() = default;
+
   std::vector<FrameInfo> frames_;
   std::vector<FeatureId> features_;
   std::vector<WhitenedObservation> observations_;

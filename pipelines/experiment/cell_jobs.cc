@@ -41,6 +41,7 @@ Json Evaluate(const TrackCell& cell, const fs::path& subject, const fs::path& js
 TrackJobOptions TrackOf(const ExperimentOptions& options, const TrackCell& cell) {
   TrackJobOptions track;
   track.input = cell.frames;
+  track.mask = options.mask;
   track.out = cell.Tracks().string();
   track.seed = cell.condition.seed;
   track.threads = ThreadsOfCell(options);
@@ -176,7 +177,7 @@ Json ReconstructSift(const ExperimentOptions& options, const TrackCell& cell) {
     WriteVideoFrames(clip, clip.image_root);
   }
   const ColmapResult result =
-      ReconstructWithSift(clip, options.sift, ColmapOptionsOf(options, cell), work);
+      ReconstructWithSift(clip, SiftOptionsOf(options), ColmapOptionsOf(options, cell), work);
   return WriteModel(cell, GridBackend::kColmap, clip.frames, result.reconstruction, result.summary);
 }
 
@@ -186,9 +187,11 @@ TrackFile TracksToHalve(const ExperimentOptions& options, const TrackCell& cell)
   const TrackJobOptions track = TrackOf(options, cell);
   cv::setNumThreads(track.threads == 0 ? -1 : track.threads);
   const auto sequence = OpenInput(track.input);
-  TrackFile file = TrackFirstPass(
-      *sequence,
-      {.tracker = track.tracker, .second_pass = track.second_pass, .source = track.input.input});
+  TrackFile file = TrackFirstPass(*sequence,
+                                  {.tracker = track.tracker,
+                                   .second_pass = track.second_pass,
+                                   .mask = ReadMask(track.mask),
+                                   .source = track.input.input});
   DescribeInput(track.input, *sequence, file);
   return JoinCompanion(std::move(file));  // before: twins in both halves would agree by themselves
 }
@@ -260,6 +263,12 @@ Json CompareHalvesOfCell(const ExperimentOptions& options,
       {"models", models}, {"frames_share", agreement.frames_share}, {"disagreement", nullptr}};
   if (agreement.disagreement) figures["disagreement"] = *agreement.disagreement;
   return figures;
+}
+
+SiftOptions SiftOptionsOf(const ExperimentOptions& options) {
+  SiftOptions sift = options.sift;
+  if (!options.mask.empty()) sift.mask = fs::absolute(options.mask).string();
+  return sift;
 }
 
 ColmapOptions ColmapOptionsOf(const ExperimentOptions& options, const TrackCell& cell) {

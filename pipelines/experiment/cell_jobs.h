@@ -24,6 +24,8 @@ nlohmann::ordered_json CompareHalvesOfCell(const ExperimentOptions& options,
 // Protocol paper: both of its modes.
 nlohmann::ordered_json FollowCell(const ExperimentOptions& options, const TrackCell& cell);
 
+// SIFT's options with the mask of all trackers.
+SiftOptions SiftOptionsOf(const ExperimentOptions& options);
 // COLMAP's options with the cell's seed.
 ColmapOptions ColmapOptionsOf(const ExperimentOptions& options, const TrackCell& cell);
 

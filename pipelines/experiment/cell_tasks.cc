@@ -35,6 +35,7 @@ Json DependenciesOf(const ExperimentOptions& options, const TrackCell& cell) {
   if (options.protocol == Protocol::kReconstruction && HasSecondPass(cell.tracker)) {
     depends_on["second_pass"] = ToJson(options.second_pass);
   }
+  if (!options.mask.empty()) depends_on["mask"] = options.mask;
   return depends_on;
 }
 
@@ -45,7 +46,8 @@ Json BackendOptions(const ExperimentOptions& options, const TrackCell& cell, Gri
       return {{"ceres", ToJson(options.ceres)}};
     case GridBackend::kColmap:
       Json colmap{{"colmap", ToJson(ColmapOptionsOf(options, cell))}};
-      if (cell.tracker.source == TrackSource::kSift) colmap["sift"] = ToJson(options.sift);
+      if (cell.tracker.source == TrackSource::kSift)
+        colmap["sift"] = ToJson(SiftOptionsOf(options));
       return colmap;
   }
   ThrowUsageError("unknown backend");

@@ -38,6 +38,7 @@ struct ExperimentOptions {
   Layout layout = Layout::kAuto;
   std::string frames;
   std::string camera;
+  std::string mask;
   TrackerOptions tracking;
   MapperOptions ceres;
   ColmapOptions colmap;
@@ -116,6 +117,11 @@ struct ExperimentOptions {
            o.camera,
            "The camera of all inputs: fx,fy,cx,cy in pixels, and its distortion, as in `cohort "
            "track`.",
+           Tier::kCommon);
+    v.Text("mask",
+           o.mask,
+           "A picture of the frames' size, black where no tracker may have a feature, such as the "
+           "bonnet of a car, or all but a thing that is turned.",
            Tier::kCommon);
     v.Group("tracking", o.tracking, "all trackers", Tier::kExpert);
     v.Group("ceres", o.ceres, "backend ceres", Tier::kExpert);

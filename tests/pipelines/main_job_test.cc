@@ -6,9 +6,11 @@
 #include <fstream>
 #include <map>
 #include <nlohmann/json.hpp>
+#include <opencv2/imgcodecs.hpp>
 #include <string>
 #include <tuple>
 
+#include "backend/colmap/model_io.h"
 #include "tests/support/program.h"
 #include "tests/support/shared_data.h"
 #include "tests/support/temp_dir.h"
@@ -103,6 +105,30 @@ TEST(MainJob, ColmapsOwnFeaturesAreABaselineOfTheGrid) {
   EXPECT_EQ(figures.at({"sift", "colmap", "registered"}), 12.0);
   EXPECT_LT(figures.at({"sift", "colmap", "ate"}), 0.01);
   EXPECT_FALSE(figures.contains({"sift", "", "mean_track_length"}));  // it has no tracks
+}
+
+TEST(MainJob, WithAMaskNoTrackerOfTheGridHasAFeatureWhereItIsBlack) {
+  constexpr int kLeft = 200;  // of 400 columns
+  const test::TempDir dir;
+  const std::string clip = dir / "clip";
+  ASSERT_EQ(test::RunCohort("synth " + clip +
+                            " --frames 12 --width-px 400 --height-px 300 --focal-px 330")
+                .exit_code,
+            0);
+  cv::Mat mask(300, 400, CV_8UC1, cv::Scalar(255));
+  mask.colRange(0, kLeft).setTo(0);
+  const std::string picture = dir / "mask.png";
+  ASSERT_TRUE(cv::imwrite(picture, mask));
+  CompareThroughColmap(clip, "--trackers klt,sift --mask " + picture, dir / "out");
+  for (const std::string tracker : {"klt", "sift"}) {
+    const Reconstruction model =
+        FromColmapModel(ReadColmapModel(dir / "out/cells/clip/as-is/1/" / tracker / "colmap"));
+    EXPECT_GT(model.points.size(), 20u) << tracker;
+    for (const auto& [feature, point] : model.points) {
+      // A feature begins in the light; KLT's may then move by some pixels.
+      EXPECT_GT(point.views.front().xy.x(), kLeft - 1) << tracker;
+    }
+  }
 }
 
 TEST(MainJobOnRealFrames, RegistersAtLeast95PercentAsTheyAreAndDarkened) {

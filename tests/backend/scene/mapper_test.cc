@@ -293,6 +293,38 @@ TEST(IncrementalMapper, AClipThatBreaksHasTwoParts) {
   EXPECT_THAT(result.summary.termination, HasSubstr("breaks into 2 parts"));
 }
 
+// As a thing that is turned before a wall, and the wall: the camera moves past either in its way.
+TEST(IncrementalMapper, OfTwoBodiesTheOneOfMostObservationsIsTheScene) {
+  constexpr int kShort = 8;  // frames of the other body, which has more tracks in them
+  SyntheticTracksOptions options = Scene(CameraPath::kArc);
+  options.points = 200;
+  const SyntheticTracks scene = MakeSyntheticTracks(options);
+  options.path = CameraPath::kLateral;
+  options.points = 350;
+  options.seed = 2;
+  const SyntheticTracks other = MakeSyntheticTracks(options);
+
+  std::vector<Observation> observations(scene.file.tracks.observations().begin(),
+                                        scene.file.tracks.observations().end());
+  for (Observation o : other.file.tracks.observations()) {
+    if (ToInt(o.frame) >= kShort) continue;
+    o.feature = FeatureId{ToInt(o.feature) + 100'000};
+    observations.push_back(o);
+  }
+  TrackFile file = scene.file;
+  file.tracks = TrackSet::Build(std::move(observations));
+
+  const MapperResult result = ReconstructWithCeres(file);
+  ASSERT_EQ(result.termination, MapperTermination::kSuccess) << result.summary.Brief();
+  EXPECT_EQ(result.summary.registered, 24u);
+  EXPECT_LT(Ate(result, scene), 0.04);
+  for (const auto& [feature, point] : result.reconstruction.points) {
+    if (point.views.size() > kShort) {
+      EXPECT_LT(ToInt(feature), 100'000u);
+    }
+  }
+}
+
 TEST(IncrementalMapper, TracksThatNeverTriangulateAreNamed) {
   const SyntheticTracks scene = MakeSyntheticTracks(Scene(CameraPath::kArc));
   RandomStream random(1, "incremental_mapper_test");

@@ -168,5 +168,14 @@ TEST(RollingShutter, EstimateSaysHowSureItIs) {
   EXPECT_LT(mean, 4.0);
 }
 
+TEST(RollingShutter, ReadoutsThatGlobalShuttersSeemToHaveDoNotCount) {
+  EXPECT_TRUE((ReadoutEstimate{0.527, 0.065}.IsRolling()));    // a camera with 0.7, in 30 frames
+  EXPECT_FALSE((ReadoutEstimate{0.742, 0.151}.IsRolling()));   // rendered, global
+  EXPECT_FALSE((ReadoutEstimate{0.274, 0.0084}.IsRolling()));  // dragged by a phone's denoising
+  EXPECT_FALSE((ReadoutEstimate{-0.367, 0.030}.IsRolling()));  // KLT's drift on a turned toy
+  EXPECT_TRUE((ReadoutEstimate{-0.7, 0.01}.IsRolling()));      // held upside down
+  EXPECT_FALSE((ReadoutEstimate{1.0, 0.065}.IsRolling()));     // no frame is read that long
+}
+
 }  // namespace
 }  // namespace cohort
