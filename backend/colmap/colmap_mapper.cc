@@ -342,6 +342,35 @@ ColmapResult ReconstructWithColmap(const TrackFile& tracked,
                          workspace.log));
 }
 
+ColmapResult AdjustWithColmap(const TrackFile& tracked,
+                              const Reconstruction& start,
+                              const ColmapOptions& options,
+                              const fs::path& work_dir) {
+  ValidateOptions(options);
+  const TrackFile file = WithoutWeakObservations(tracked, options.database.max_relative_sigma);
+  const Stopwatch total;
+  ColmapProgram program(options.program);
+  const Workspace workspace(work_dir, file);
+  ColmapResult result;
+  result.log = workspace.log;
+  Reconstruction model = start;
+  for (auto& [feature, point] : model.points) {
+    std::vector<PointView> views;
+    for (const PointView& view : point.views) {
+      const Observation* o = file.tracks.Find(feature, view.frame);
+      if (o != nullptr) views.push_back({view.frame, o->xy});
+    }
+    point.views = std::move(views);
+  }
+  RemoveOutliers(file, model);
+  result.reconstruction = RunAdjuster(program, file, options, workspace, std::move(model));
+  result.summary = Summarize(result.reconstruction, file.frames.size());
+  result.summary.seconds = result.colmap_seconds = total.Seconds();
+  result.summary.termination =
+      fmt::format("COLMAP {} adjusted a model that it was given", program.version());
+  return result;
+}
+
 ColmapResult TriangulateWithColmap(const TrackFile& tracked,
                                    const std::map<FrameIndex, Rigid3>& cam_from_world,
                                    const ColmapOptions& options,

@@ -68,6 +68,14 @@ ColmapResult ReconstructWithColmap(const TrackFile& file,
                                    const ColmapOptions& options,
                                    const std::filesystem::path& work_dir);
 
+// COLMAP's bundle_adjuster alone, from a model of the same tracks by another program (ids of its
+// points are the tracks'), to the optimum of COLMAP's cost: all observations that its mapper would
+// get, weighed alike.
+ColmapResult AdjustWithColmap(const TrackFile& file,
+                              const Reconstruction& start,
+                              const ColmapOptions& options,
+                              const std::filesystem::path& work_dir);
+
 // Points alone, by COLMAP's point_triangulator from poses that are given and kept (true ones:
 // isolates the tracks from the solver). All frames with a pose count as registered; the camera of
 // `file` must be known.

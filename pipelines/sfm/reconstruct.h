@@ -20,6 +20,7 @@ struct ReconstructOptions {
   BackendKind backend = BackendKind::kCeres;
   bool write_frames = true;
   bool global_shutter = true;
+  bool ceres_start = true;
   MapperOptions ceres;
   ColmapOptions colmap;
 
@@ -40,6 +41,11 @@ struct ReconstructOptions {
            o.global_shutter,
            "Give COLMAP, which knows no rolling shutter, the positions as a global one would have "
            "seen them, if Ceres finds that the shutter rolls.",
+           Tier::kCommon);
+    v.Flag("ceres_start",
+           o.ceres_start,
+           "Where COLMAP's mapper fails, or ends in a model that fits the tracks much worse than "
+           "Ceres' does, have COLMAP's bundle adjuster go on from Ceres' instead.",
            Tier::kCommon);
     v.Group("ceres", o.ceres, "backend ceres");
     v.Group("colmap", o.colmap, "backend colmap");

@@ -18,6 +18,7 @@
 #include "backend/colmap/program.h"
 #include "backend/scene/mapper.h"
 #include "frontend/core/output.h"
+#include "frontend/core/random_stream.h"
 #include "tests/support/cameras.h"
 #include "tests/support/synthetic_tracks.h"
 #include "tests/support/temp_dir.h"
@@ -223,6 +224,24 @@ TEST(ColmapMapper, LeavesPredictedPositionsOut) {
   EXPECT_GT(result.summary.observations, file.tracks.CountObserved() * 95 / 100);
   EXPECT_LT(AbsoluteTrajectoryError(result.reconstruction.cam_from_world, scene.cam_from_world),
             0.01);
+}
+
+TEST(ColmapAdjuster, BringsAModelOfTheTracksToItsOptimum) {
+  const TempDir dir;
+  const SyntheticTracks scene = ClipWithOutliers(CameraPath::kLateral);
+  Reconstruction start =
+      TriangulateWithColmap(scene.file, scene.cam_from_world, {}, dir / "t").reconstruction;
+  const std::size_t points = start.points.size();
+  RandomStream random(1, "test.adjuster");
+  for (auto& [frame, pose] : start.cam_from_world) {
+    pose.translation += Eigen::Vector3d::Constant(0.03 * random.Gaussian());
+  }
+  const double before = AbsoluteTrajectoryError(start.cam_from_world, scene.cam_from_world);
+  const ColmapResult result = AdjustWithColmap(scene.file, start, {}, dir / "work");
+  EXPECT_EQ(result.summary.registered, 30u) << result.summary.Brief();
+  EXPECT_GT(result.reconstruction.points.size(), points * 9 / 10);
+  EXPECT_LT(AbsoluteTrajectoryError(result.reconstruction.cam_from_world, scene.cam_from_world),
+            0.5 * before);
 }
 
 TEST(ColmapTriangulator, KeepsTheGivenPoses) {

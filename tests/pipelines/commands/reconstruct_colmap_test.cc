@@ -35,5 +35,28 @@ TEST(ReconstructWithColmapCommand, WritesTheModelFolderOfAClip) {
   EXPECT_THAT(ReadBytes(path("m/colmap/colmap.log")), testing::HasSubstr(" --random_seed 3 "));
 }
 
+// Which here is told of no pair of frames.
+TEST(ReconstructWithColmapCommand, GoesOnFromTheModelOfCeresWhereTheMapperGetsStuck) {
+  const test::TempDir dir;
+  const auto path = [&](const std::string& name) -> std::string { return dir / name; };
+  test::SyntheticTracksOptions options;
+  options.frames = 12;
+  const test::SyntheticTracks scene = MakeSyntheticTracks(options);
+  WriteTrackFile(path("a.tracks"), scene.file);
+  const auto reconstruct = [&](const std::string& more) {
+    return test::RunCohort(
+        "reconstruct " + path("a.tracks") + " --backend colmap --no-write-frames --quiet" +
+        " --colmap.database.two-view.min-inliers 10000 " + more + " --out " + path("m"));
+  };
+  EXPECT_EQ(reconstruct("--no-ceres-start").exit_code, 1);
+  const test::ProgramEnd end = reconstruct("");
+  ASSERT_EQ(end.exit_code, 0) << end.out << end.err;
+  const Reconstruction model = ReadReconstruction(path("m"));
+  EXPECT_EQ(model.cam_from_world.size(), 12u);
+  EXPECT_LT(test::AbsoluteTrajectoryError(model.cam_from_world, scene.cam_from_world), 0.02);
+  const auto summary = nlohmann::json::parse(ReadBytes(path("m/summary.json")));
+  EXPECT_THAT(summary["termination"].get<std::string>(), testing::HasSubstr("adjusted a model"));
+}
+
 }  // namespace
 }  // namespace cohort
