@@ -364,10 +364,13 @@ ColmapResult AdjustWithColmap(const TrackFile& tracked,
   }
   RemoveOutliers(file, model);
   result.reconstruction = RunAdjuster(program, file, options, workspace, std::move(model));
+  const bool adjusted = fs::exists(workspace.MakeFolder("sparse_adjusted") / "points3D.bin");
+  if (!adjusted) result.reconstruction = {};
   result.summary = Summarize(result.reconstruction, file.frames.size());
   result.summary.seconds = result.colmap_seconds = total.Seconds();
-  result.summary.termination =
-      fmt::format("COLMAP {} adjusted a model that it was given", program.version());
+  result.summary.termination = fmt::format("COLMAP {} {} a model that it was given",
+                                           program.version(),
+                                           adjusted ? "adjusted" : "could not adjust");
   return result;
 }
 

@@ -70,7 +70,7 @@ ColmapResult ReconstructWithColmap(const TrackFile& file,
 
 // COLMAP's bundle_adjuster alone, from a model of the same tracks by another program (ids of its
 // points are the tracks'), to the optimum of COLMAP's cost: all observations that its mapper would
-// get, weighed alike.
+// get, weighed alike. Empty where COLMAP fails.
 ColmapResult AdjustWithColmap(const TrackFile& file,
                               const Reconstruction& start,
                               const ColmapOptions& options,

@@ -121,6 +121,7 @@ ReconstructResult MapOrAdjust(const TrackFile& file,
   ColmapResult adjusted =
       AdjustWithColmap(file, by_ceres.reconstruction, options.colmap, work_dir / "from_ceres");
   const Reconstruction& model = adjusted.reconstruction;
+  if (model.cam_from_world.empty()) return mapped;
   if (!mapped.summary.Failed() && Misfit(file.tracks, model, mapped.reconstruction) >
                                       Misfit(file.tracks, mapped.reconstruction, model)) {
     return mapped;
