@@ -6,6 +6,7 @@
 
 #include "pipelines/experiment/cell_jobs.h"
 #include "pipelines/experiment/cell_rows.h"
+#include "pipelines/experiment/fingerprint.h"
 #include "pipelines/experiment/named_trackers.h"
 #include "pipelines/jobs/degrade_job.h"
 #include "pipelines/json/json_file.h"
@@ -35,7 +36,9 @@ Json DependenciesOf(const ExperimentOptions& options, const TrackCell& cell) {
   if (options.protocol == Protocol::kReconstruction && HasSecondPass(cell.tracker)) {
     depends_on["second_pass"] = ToJson(options.second_pass);
   }
-  if (!options.mask.empty()) depends_on["mask"] = options.mask;
+  if (!options.mask.empty()) {
+    depends_on["mask"] = {options.mask, FingerprintOfClip(options.mask)};
+  }
   return depends_on;
 }
 
@@ -46,8 +49,9 @@ Json BackendOptions(const ExperimentOptions& options, const TrackCell& cell, Gri
       return {{"ceres", ToJson(options.ceres)}};
     case GridBackend::kColmap:
       Json colmap{{"colmap", ToJson(ColmapOptionsOf(options, cell))}};
-      if (cell.tracker.source == TrackSource::kSift)
+      if (cell.tracker.source == TrackSource::kSift) {
         colmap["sift"] = ToJson(SiftOptionsOf(options));
+      }
       return colmap;
   }
   ThrowUsageError("unknown backend");

@@ -101,6 +101,7 @@ std::vector<GridClip> ProbeClips(const ExperimentOptions& options, const Experim
   // Every shard asks for itself.
   std::string shard_suffix = options.shard.empty() ? "" : "_shard_" + options.shard;
   std::replace(shard_suffix.begin(), shard_suffix.end(), '/', '_');
+  ReadMask(options.mask);  // before hours of cells that all fail for want of it
   std::vector<Task> tasks;
   for (std::size_t i = 0; i < options.inputs.size(); ++i) {
     const InputOptions input{options.inputs[i], options.layout, options.frames, ""};

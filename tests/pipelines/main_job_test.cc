@@ -37,6 +37,14 @@ Figures CompareThroughColmap(const std::string& clip,
   return figures;
 }
 
+// 12 frames of 400 x 300 px.
+void RenderSmallClip(const std::string& clip) {
+  ASSERT_EQ(test::RunCohort("synth " + clip +
+                            " --frames 12 --width-px 400 --height-px 300 --focal-px 330")
+                .exit_code,
+            0);
+}
+
 class MainJob : public testing::TestWithParam<const char*> {};
 
 TEST_P(MainJob, AtMediumTheCohortTracksBetterThanKltAndEveryFrameRegisters) {
@@ -96,10 +104,7 @@ TEST(MainJob, FindsTheRollingShutter) {
 TEST(MainJob, ColmapsOwnFeaturesAreABaselineOfTheGrid) {
   const test::TempDir dir;
   const std::string clip = dir / "clip";
-  ASSERT_EQ(test::RunCohort("synth " + clip +
-                            " --frames 12 --width-px 400 --height-px 300 --focal-px 330")
-                .exit_code,
-            0);
+  RenderSmallClip(clip);
   const Figures figures =
       CompareThroughColmap(clip, "--trackers klt,sift --levels clean", dir / "out");
   EXPECT_EQ(figures.at({"sift", "colmap", "registered"}), 12.0);
@@ -111,10 +116,7 @@ TEST(MainJob, WithAMaskNoTrackerOfTheGridHasAFeatureWhereItIsBlack) {
   constexpr int kLeft = 200;  // of 400 columns
   const test::TempDir dir;
   const std::string clip = dir / "clip";
-  ASSERT_EQ(test::RunCohort("synth " + clip +
-                            " --frames 12 --width-px 400 --height-px 300 --focal-px 330")
-                .exit_code,
-            0);
+  RenderSmallClip(clip);
   cv::Mat mask(300, 400, CV_8UC1, cv::Scalar(255));
   mask.colRange(0, kLeft).setTo(0);
   const std::string picture = dir / "mask.png";

@@ -336,6 +336,9 @@ TEST_F(Commands, AFolderThatCannotBeWritten) {
   ExpectFailure(RunCohort("synth /proc/clip --frames 1"), 1, HasSubstr("/proc/clip"));
   ExpectFailure(RunCohort("degrade " + clip + " /proc/clip"), 1, HasSubstr("/proc/clip"));
   ExpectFailure(RunCohort("compare " + clip + " --out /proc/x"), 1, HasSubstr("/proc/x"));
+  ExpectFailure(RunCohort("compare " + clip + " --quiet --mask none.png --out " + Path("grid")),
+                1,
+                HasSubstr("cannot read the mask none.png"));
 }
 
 // A bound on the size of files stands in for a disk that is full.

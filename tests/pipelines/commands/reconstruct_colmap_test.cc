@@ -12,13 +12,22 @@
 namespace cohort {
 namespace {
 
-TEST(ReconstructWithColmapCommand, WritesTheModelFolderOfAClip) {
-  const test::TempDir dir;
-  const auto path = [&](const std::string& name) -> std::string { return dir / name; };
-  test::SyntheticTracksOptions options;
-  options.frames = 12;
-  const test::SyntheticTracks scene = MakeSyntheticTracks(options);
-  WriteTrackFile(path("a.tracks"), scene.file);
+// Tracks of 12 frames, in a file.
+class ReconstructWithColmapCommand : public testing::Test {
+ protected:
+  void SetUp() override {
+    test::SyntheticTracksOptions options;
+    options.frames = 12;
+    scene = MakeSyntheticTracks(options);
+    WriteTrackFile(path("a.tracks"), scene.file);
+  }
+  std::string path(const std::string& name) const { return dir / name; }
+
+  test::TempDir dir;
+  test::SyntheticTracks scene;
+};
+
+TEST_F(ReconstructWithColmapCommand, WritesTheModelFolderOfAClip) {
   const test::ProgramEnd end = test::RunCohort(
       "reconstruct " + path("a.tracks") + " --backend colmap --no-write-frames --quiet --seed 3" +
       " --out " + path("m") + " --json " + path("r.json"));
@@ -36,13 +45,7 @@ TEST(ReconstructWithColmapCommand, WritesTheModelFolderOfAClip) {
 }
 
 // Which here is told of no pair of frames.
-TEST(ReconstructWithColmapCommand, GoesOnFromTheModelOfCeresWhereTheMapperGetsStuck) {
-  const test::TempDir dir;
-  const auto path = [&](const std::string& name) -> std::string { return dir / name; };
-  test::SyntheticTracksOptions options;
-  options.frames = 12;
-  const test::SyntheticTracks scene = MakeSyntheticTracks(options);
-  WriteTrackFile(path("a.tracks"), scene.file);
+TEST_F(ReconstructWithColmapCommand, GoesOnFromTheModelOfCeresWhereTheMapperGetsStuck) {
   const auto reconstruct = [&](const std::string& more) {
     return test::RunCohort(
         "reconstruct " + path("a.tracks") + " --backend colmap --no-write-frames --quiet" +
