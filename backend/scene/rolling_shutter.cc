@@ -166,6 +166,7 @@ ReadoutEstimate EstimateReadout(const WhitenedTracks& observed,
                                 WhitenedTracks& corrected) {
   constexpr int kMostRounds = 15;
   constexpr double kSettled = 0.002;
+  constexpr double kSettledDeviations = 0.25;
   // A bound on time: that many, from the middle of the clip, tell the readout well.
   constexpr std::size_t kMostFrames = 150;
   const WorkingModel before(model);
@@ -184,6 +185,8 @@ ReadoutEstimate EstimateReadout(const WhitenedTracks& observed,
       cost_without = model.Adjust(frames, {}, bundle).bundle.final_cost;
     }
     bundle.refine_shift = true;
+    // Later rounds start beside the optimum.
+    if (round > 0) bundle.max_iterations = 3;
     const ModelAdjustment adjustment =
         model.Adjust(frames, {}, bundle, DerivativeByReadout(observed, model, estimate.readout));
     const BundleResult& result = adjustment.bundle;
@@ -198,7 +201,7 @@ ReadoutEstimate EstimateReadout(const WhitenedTracks& observed,
                   cost_without,
                   result.final_cost);
     if (round == 0 && !MayRoll(estimate)) break;
-    if (std::abs(shift) < kSettled) break;
+    if (std::abs(shift) < std::max(kSettled, kSettledDeviations * estimate.sigma)) break;
   }
   if (!estimate.IsRolling()) model = before;
   return estimate;

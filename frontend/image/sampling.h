@@ -1,19 +1,34 @@
 #pragma once
 
+#include <Eigen/Core>
 #include <opencv2/core/mat.hpp>
 
 namespace cohort {
+
+inline constexpr int kMaxPatchSide = 65;
+inline constexpr int kMaxPatchArea = kMaxPatchSide * kMaxPatchSide;
 
 // Samples an n x n patch (n odd) of a CV_32FC1 picture centred at (x, y) [px] by bilinear
 // interpolation, row by row into values[n * n]. All samples share the same sub-pixel weights, so
 // that a row is two vector multiply-adds. Outside the picture its border pixels repeat.
 void SamplePatch(const cv::Mat& picture, double x, double y, int n, float* values);
 
+// The same in whole lanes: row r is at values + r * stride, and up to RoundUpToLanes(n) of it are
+// written, those behind n with anything.
+void SamplePatchInLanes(
+    const cv::Mat& picture, double x, double y, int n, float* values, int stride);
+
 // The same, with the exact derivative of the interpolant by x and y.
 void SamplePatchWithGradient(
     const cv::Mat& picture, double x, double y, int n, float* values, float* dx, float* dy);
 
-inline constexpr int kMaxPatchSide = 65;
-inline constexpr int kMaxPatchArea = kMaxPatchSide * kMaxPatchSide;
+// Bilinear samples at center + warp u, for u of an n x n window, in whole lanes as above. Outside
+// the picture its border repeats.
+void SampleWarpedInLanes(const cv::Mat& picture,
+                         const Eigen::Vector2d& center,
+                         const Eigen::Matrix2d& warp,
+                         int n,
+                         float* values,
+                         int stride);
 
 }  // namespace cohort

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "frontend/image/in_parallel.h"
+
 namespace cohort {
 namespace {
 
@@ -47,12 +49,12 @@ FrameMeasurement::FrameMeasurement(const Pyramid& smooth,
 std::vector<Measurement> FrameMeasurement::MeasureFrom(
     const std::vector<Eigen::Vector2d>& starts) const {
   std::vector<Measurement> measured(features_.size());
-  for (std::size_t f = 0; f < features_.size(); ++f) {
+  ForEachInParallel(features_.size(), [&](std::size_t f) {
     const Feature& feature = features_[f];
-    if (!feature.confirmed) continue;
+    if (!feature.confirmed) return;
     measured[f] =
         MeasurePatch(smooth_, feature.anchor, starts[f], feature.window_px, calibration_.scale());
-  }
+  });
   return measured;
 }
 

@@ -70,13 +70,16 @@ struct AnchorPatch {
   Eigen::Matrix2d gradients = Eigen::Matrix2d::Zero();
   double gradients_count = 0.0;
 };
-// `window_px`: of its statistics; `largest_px`: of the largest window that will be measured. With a
-// warp, the anchor is what would look like the picture after it.
+// `window_px`: of its statistics; `largest_px`: of the largest window that will be measured.
 AnchorPatch TakeAnchor(const Pyramid& pyramid,
                        const Eigen::Vector2d& xy,
                        int window_px,
+                       int largest_px);
+// The pictures alone. With a warp, the anchor is what would look like the picture after it.
+AnchorPatch CopyAnchor(const Pyramid& pyramid,
+                       const Eigen::Vector2d& xy,
                        int largest_px,
-                       const Eigen::Matrix2d& warp = Eigen::Matrix2d::Identity());
+                       const Eigen::Matrix2d& warp);
 
 // Small errors of warp and interpolation leave so much of the anchor's signal variance in a
 // residual.

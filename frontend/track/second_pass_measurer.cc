@@ -7,6 +7,7 @@
 #include <set>
 
 #include "frontend/core/statistics.h"
+#include "frontend/image/in_parallel.h"
 #include "frontend/image/pyramid.h"
 
 namespace cohort {
@@ -27,16 +28,13 @@ Pyramid SmoothPyramidOf(const Frame& frame, double sigma_px) {
   return SmoothPyramid(BuildPyramid(frame.gray, kLevels), sigma_px);
 }
 
-AnchorPatch Mean(const AnchorPatch& sum, int frames, int window_px) {
-  AnchorPatch mean;
-  mean.full = sum.full / frames;
-  if (!sum.half.empty()) mean.half = sum.half / frames;
-  const int margin = (mean.full.cols - window_px) / 2;
+// Of the middle of a template.
+double SignalVariance(const cv::Mat& patch, int window_px) {
+  const int margin = (patch.cols - window_px) / 2;
   cv::Scalar average;
   cv::Scalar deviation;
-  cv::meanStdDev(mean.full({margin, margin, window_px, window_px}), average, deviation);
-  mean.signal_variance = deviation[0] * deviation[0];
-  return mean;
+  cv::meanStdDev(patch({margin, margin, window_px, window_px}), average, deviation);
+  return deviation[0] * deviation[0];
 }
 
 // A mean of few values is drawn to `expected`, which counts as so many.
@@ -59,10 +57,14 @@ void SecondPassMeasurer::Learn(const Frame& frame, std::span<const ModelPredicti
   if (predictions.empty()) return;
   const Pyramid pyramid = SmoothPyramidOf(frame, options_.patch.denoise_sigma_px);
   const int largest_px = windows_.back().px;
+  std::vector<Template*> templates;
   for (const ModelPrediction& prediction : predictions) {
-    const AnchorPatch patch =
-        TakeAnchor(pyramid, prediction.xy, largest_px, largest_px, prediction.warp);
-    Template& t = templates_[prediction.feature];
+    templates.push_back(&templates_[prediction.feature]);
+  }
+  ForEachInParallel(predictions.size(), [&](std::size_t i) {
+    const ModelPrediction& prediction = predictions[i];
+    const AnchorPatch patch = CopyAnchor(pyramid, prediction.xy, largest_px, prediction.warp);
+    Template& t = *templates[i];
     if (t.frames == 0) {
       t.sum = patch;
     } else {
@@ -70,10 +72,24 @@ void SecondPassMeasurer::Learn(const Frame& frame, std::span<const ModelPredicti
       if (!t.sum.half.empty()) t.sum.half += patch.half;
     }
     ++t.frames;
+  });
+}
+
+void SecondPassMeasurer::FinishTemplates() {
+  if (learnt_) return;
+  learnt_ = true;
+  for (auto& [feature, t] : templates_) {
+    t.mean.full = t.sum.full / t.frames;
+    if (!t.sum.half.empty()) t.mean.half = t.sum.half / t.frames;
+    for (const Window& window : windows_) {
+      t.signal_variances.push_back(SignalVariance(t.mean.full, window.px));
+    }
+    t.sum = {};
   }
 }
 
 void SecondPassMeasurer::Measure(const Frame& frame, std::span<const ModelPrediction> predictions) {
+  FinishTemplates();
   const Pyramid pyramid = SmoothPyramidOf(frame, options_.patch.denoise_sigma_px);
   for (Window& window : windows_) MeasureWith(window, frame, predictions, pyramid);
 }
@@ -82,36 +98,46 @@ void SecondPassMeasurer::MeasureWith(Window& window,
                                      const Frame& frame,
                                      std::span<const ModelPrediction> predictions,
                                      const Pyramid& pyramid) const {
-  std::vector<std::pair<const ModelPrediction*, Measurement>> measured;
-  std::vector<double> signal_variances;
-  std::vector<double> variances;
+  struct Task {
+    const ModelPrediction* prediction;
+    const Template* of_feature;
+    Deformation* deformation;
+    Measurement measured = {};
+  };
+  std::vector<Task> tasks;
   for (const ModelPrediction& prediction : predictions) {
     const auto it = templates_.find(prediction.feature);
     if (it == templates_.end()) continue;
-    AnchorPatch anchor = Mean(it->second.sum, it->second.frames, window.px);
     const auto [known, first] = window.deformations.try_emplace(prediction.feature);
-    Deformation& deformation = known->second;
     const double noise = first ? options_.patch.warp_noise : kWarpNoisePerFrame;
-    deformation.covariance.diagonal().array() += noise * noise;
-    anchor.warp = deformation.beyond_prediction * prediction.warp;
-    anchor.warp_covariance = deformation.covariance;
-    const Measurement m = MeasurePatch(pyramid, anchor, prediction.xy, window.px, kNoiseFactor);
-    if (!m.converged) continue;
-    if ((m.xy - prediction.xy).norm() <= options_.patch.max_distance_px &&
+    known->second.covariance.diagonal().array() += noise * noise;
+    tasks.push_back({&prediction, &it->second, &known->second});
+  }
+  ForEachInParallel(tasks.size(), [&](std::size_t i) {
+    auto& [prediction, of_feature, deformation, m] = tasks[i];
+    AnchorPatch anchor = of_feature->mean;
+    anchor.warp = deformation->beyond_prediction * prediction->warp;
+    anchor.warp_covariance = deformation->covariance;
+    m = MeasurePatch(pyramid, anchor, prediction->xy, window.px, kNoiseFactor);
+    if (m.converged && (m.xy - prediction->xy).norm() <= options_.patch.max_distance_px &&
         m.correlation >= options_.patch.min_correlation) {
-      deformation.beyond_prediction = m.warp * prediction.warp.inverse();
-      deformation.covariance = m.warp_covariance;
+      deformation->beyond_prediction = m.warp * prediction->warp.inverse();
+      deformation->covariance = m.warp_covariance;
     }
-    measured.emplace_back(&prediction, m);
-    signal_variances.push_back(anchor.signal_variance);
-    if (prediction.observed_in_first_pass) variances.push_back(m.residual_variance);
+  });
+  std::erase_if(tasks, [](const Task& task) { return !task.measured.converged; });
+  std::vector<double> variances;
+  for (const Task& task : tasks) {
+    if (task.prediction->observed_in_first_pass) {
+      variances.push_back(task.measured.residual_variance);
+    }
   }
   constexpr std::size_t kEnough = 8;  // for a median; with fewer, that of the frame before stays
   if (variances.size() >= kEnough || window.noise_variance == 0.0) {
     window.noise_variance = Median(std::move(variances));
   }
-  for (std::size_t i = 0; i < measured.size(); ++i) {
-    const auto& [prediction, m] = measured[i];
+  const auto of_window = static_cast<std::size_t>(&window - windows_.data());
+  for (const auto& [prediction, of_feature, deformation, m] : tasks) {
     const Eigen::Vector2d d = m.xy - prediction->xy;
     Sighting s;
     s.frame = frame.index;
@@ -122,7 +148,8 @@ void SecondPassMeasurer::MeasureWith(Window& window,
     // Noise, and what the small errors of warp and interpolation leave of the pattern.
     s.residual_variance_ratio =
         m.residual_variance /
-        std::max(window.noise_variance + kPatternShare * signal_variances[i], 1e-12);
+        std::max(window.noise_variance + kPatternShare * of_feature->signal_variances[of_window],
+                 1e-12);
     s.residual = m.residual;
     s.xy = m.xy;
     s.shape = m.shape;

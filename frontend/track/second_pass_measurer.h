@@ -66,6 +66,8 @@ class SecondPassMeasurer {
   struct Template {
     AnchorPatch sum;
     int frames = 0;
+    AnchorPatch mean;                      // of the two, once learnt
+    std::vector<double> signal_variances;  // of the mean, for each window
   };
   // What the predictions miss of a feature's warp (a slanted surface), from frame to frame.
   struct Deformation {
@@ -91,6 +93,7 @@ class SecondPassMeasurer {
     std::map<FeatureId, std::vector<Sighting>> sightings;
   };
 
+  void FinishTemplates();
   void MeasureWith(Window& window,
                    const Frame& frame,
                    std::span<const ModelPrediction> predictions,
@@ -101,6 +104,7 @@ class SecondPassMeasurer {
 
   SecondPassMeasurementOptions options_;
   std::map<FeatureId, Template> templates_;
+  bool learnt_ = false;
   std::vector<Window> windows_;  // ascending
 };
 

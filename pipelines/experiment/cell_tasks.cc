@@ -144,6 +144,7 @@ std::vector<Task> ReconstructTasks(const ExperimentOptions& options, const Exper
 
 std::vector<Task> HalvesTasks(const ExperimentOptions& options, const ExperimentPlan& plan) {
   std::vector<Task> tasks;
+  if (!plan.halves) return tasks;
   for (std::size_t i = 0; i < plan.cells.size(); ++i) {
     if (!plan.shard.Takes(i)) continue;
     const TrackCell& cell = plan.cells[i];

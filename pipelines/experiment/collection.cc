@@ -64,7 +64,7 @@ ExperimentResults CollectResults(const ExperimentPlan& plan) {
       if (!fs::exists(cell.Result(backend))) continue;
       const Json result = ReadJsonFile(cell.Result(backend));
       AddModelRows(cell, backend, result, results);
-      if (cell.HasHalves(backend)) {
+      if (plan.halves && cell.HasHalves(backend)) {
         const fs::path halves = cell.HalvesResult(backend);
         AddHalvesRows(
             cell, backend, result, fs::exists(halves) ? ReadJsonFile(halves) : Json(), results);

@@ -35,6 +35,7 @@ struct ExperimentOptions {
   int jobs = 1;
   std::string shard;
   bool resume = false;
+  bool halves = true;
   Layout layout = Layout::kAuto;
   std::string frames;
   std::string camera;
@@ -103,6 +104,10 @@ struct ExperimentOptions {
            "Keep the finished cells of an earlier run. What depends on an option, a file of the "
            "clip or a program that has changed since is done again.",
            Tier::kCommon);
+    v.Flag("halves",
+           o.halves,
+           "Of clips without true cameras, compare the models of two halves of the features; "
+           "--no-halves: do not, which takes half the time.");
     v.Choice("layout",
              o.layout,
              kLayoutNames,

@@ -84,6 +84,7 @@ ExperimentPlan PlanWithoutClips(const ExperimentOptions& options) {
   ExperimentPlan plan;
   plan.cells_folder = fs::path(options.out) / "cells";
   plan.shard = ParseShard(options.shard);
+  plan.halves = options.halves;
   for (const std::string& text : options.backends) plan.backends.push_back(ParseBackend(text));
   for (const std::string& seed : options.seeds) plan.seeds.push_back(ParseSeed(seed));
   for (const std::string& level : options.levels) {

@@ -21,6 +21,7 @@ struct Shard {
 struct ExperimentPlan {
   std::filesystem::path cells_folder;
   Shard shard;
+  bool halves = true;  // are halves of the tracks compared?
   std::vector<GridTracker> trackers;
   std::vector<GridBackend> backends;
   std::vector<unsigned> seeds;

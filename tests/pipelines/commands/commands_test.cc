@@ -777,6 +777,7 @@ TEST_F(Commands, CompareJudgesAClipWithoutTrueCamerasByTheHalvesOfItsTracks) {
   const ProgramEnd again = RunCohort(compare + " --resume");
   EXPECT_EQ(again.out, end.out);
   EXPECT_THAT(again.err, HasSubstr("halves: 2 of 2 are done already"));
+  EXPECT_THAT(RunCohort(compare + " --resume --no-halves").out, Not(HasSubstr("halves")));
 }
 
 TEST_F(Commands, CompareDoesAgainWhatAChangedClipMakesStale) {
