@@ -6,7 +6,7 @@
 #include <cmath>
 #include <limits>
 #include <map>
-#include <span>
+#include <optional>
 
 #include "backend/scene/row_poses.h"
 #include "frontend/core/statistics.h"
@@ -79,6 +79,63 @@ std::vector<Eigen::Vector2d> DerivativeByReadout(const WhitenedTracks& observed,
   const std::vector<Eigen::Vector2d> less = AsGlobalShutter(observed, model, readout - kDifference);
   for (std::size_t i = 0; i < d.size(); ++i) d[i] = (d[i] - less[i]) / (2.0 * kDifference);
   return d;
+}
+
+// Bundle adjustments of a model in which the readout is one unknown more.
+class ReadoutAdjuster {
+ public:
+  ReadoutAdjuster(const WhitenedTracks& observed, WorkingModel& model, WhitenedTracks& corrected)
+      : observed_(observed), model_(model), corrected_(corrected) {
+    // A bound on time: that many, from the middle of the clip, tell the readout well.
+    constexpr std::size_t kMostFrames = 150;
+    const std::vector<int> registered = model.RegisteredFrames();
+    const std::size_t count = std::min(registered.size(), kMostFrames);
+    const auto first = registered.begin() + static_cast<long>((registered.size() - count) / 2);
+    frames_.assign(first, first + static_cast<long>(count));
+  }
+
+  // Of the model adjusted to observations of a global shutter.
+  double CostWithout() {
+    Correct(0.0);
+    return model_.Adjust(frames_, {}, MapperBundleOptions(model_, {}, 6, 1e-6)).bundle.final_cost;
+  }
+
+  struct Adjusted {
+    double shift;  // of the readout
+    double cost;
+  };
+  // None: the adjustment failed.
+  std::optional<Adjusted> Step(double readout) {
+    Correct(readout);
+    // Later rounds start beside the optimum.
+    BundleOptions bundle = MapperBundleOptions(model_, {}, first_ ? 6 : 3, 1e-6);
+    bundle.refine_shift = true;
+    first_ = false;
+    const BundleResult result =
+        model_.Adjust(frames_, {}, bundle, DerivativeByReadout(observed_, model_, readout)).bundle;
+    if (result.termination == BundleTermination::kFailed) return std::nullopt;
+    const double shift = result.solution.shift;
+    spdlog::debug("readout {:.4f} by {:+.4f}, cost {:.1f}", readout, shift, result.final_cost);
+    return Adjusted{shift, result.final_cost};
+  }
+
+ private:
+  void Correct(double readout) {
+    corrected_ = observed_.WithPositions(AsGlobalShutter(observed_, model_, readout));
+    model_.SetTracks(corrected_);
+  }
+
+  const WhitenedTracks& observed_;
+  WorkingModel& model_;
+  WhitenedTracks& corrected_;
+  std::vector<int> frames_;
+  bool first_ = true;
+};
+
+bool IsSettled(double shift, double sigma) {
+  constexpr double kSettled = 0.002;
+  constexpr double kSettledDeviations = 0.25;
+  return std::abs(shift) < std::max(kSettled, kSettledDeviations * sigma);
 }
 
 }  // namespace
@@ -165,45 +222,37 @@ ReadoutEstimate EstimateReadout(const WhitenedTracks& observed,
                                 WorkingModel& model,
                                 WhitenedTracks& corrected) {
   constexpr int kMostRounds = 15;
-  constexpr double kSettled = 0.002;
-  constexpr double kSettledDeviations = 0.25;
-  // A bound on time: that many, from the middle of the clip, tell the readout well.
-  constexpr std::size_t kMostFrames = 150;
+  // Whether it rolls is told by the inliers of the model without it; but they are those that the
+  // rows bend least, and make the readout by some per cent too small. So a last time with its own.
+  constexpr int kMostRoundsWithOwnInliers = 8;
+  constexpr double kMostOfRolling = 0.99 * kMostReadout;
   const WorkingModel before(model);
-  const std::vector<int> registered = model.RegisteredFrames();
-  const std::size_t count = std::min(registered.size(), kMostFrames);
-  const std::span<const int> frames =
-      std::span(registered).subspan((registered.size() - count) / 2, count);
-  ReadoutEstimate estimate{0.0, std::numeric_limits<double>::infinity()};
-  BundleOptions bundle = MapperBundleOptions(model, {}, 6, 1e-6);
+  ReadoutAdjuster adjuster(observed, model, corrected);
+  const double cost_without = adjuster.CostWithout();
   const double noise = std::max(kMinWhitenedNoise, model.noise());
-  double cost_without = 0.0;
+  ReadoutEstimate estimate{0.0, std::numeric_limits<double>::infinity()};
   for (int round = 0; round < kMostRounds; ++round) {
-    corrected = observed.WithPositions(AsGlobalShutter(observed, model, estimate.readout));
-    model.SetTracks(corrected);
-    if (round == 0) {
-      cost_without = model.Adjust(frames, {}, bundle).bundle.final_cost;
-    }
-    bundle.refine_shift = true;
-    // Later rounds start beside the optimum.
-    if (round > 0) bundle.max_iterations = 3;
-    const ModelAdjustment adjustment =
-        model.Adjust(frames, {}, bundle, DerivativeByReadout(observed, model, estimate.readout));
-    const BundleResult& result = adjustment.bundle;
-    if (result.termination == BundleTermination::kFailed) break;
-    const double shift = result.solution.shift;
-    estimate.readout = std::clamp(estimate.readout + shift, -kMostReadout, kMostReadout);
-    const double gain = (cost_without - result.final_cost) / (noise * noise);
+    const auto step = adjuster.Step(estimate.readout);
+    if (!step) break;
+    estimate.readout = std::clamp(estimate.readout + step->shift, -kMostReadout, kMostReadout);
+    const double gain = (cost_without - step->cost) / (noise * noise);
     if (gain > 0.0) estimate.sigma = std::abs(estimate.readout) / std::sqrt(2.0 * gain);
-    spdlog::debug("readout {:.4f} by {:+.4f}; cost {:.1f} -> {:.1f}",
-                  estimate.readout,
-                  shift,
-                  cost_without,
-                  result.final_cost);
     if (round == 0 && !MayRoll(estimate)) break;
-    if (std::abs(shift) < std::max(kSettled, kSettledDeviations * estimate.sigma)) break;
+    if (IsSettled(step->shift, estimate.sigma)) break;
   }
-  if (!estimate.IsRolling()) model = before;
+  if (!estimate.IsRolling()) {
+    model = before;
+    return estimate;
+  }
+  for (int round = 0; round < kMostRoundsWithOwnInliers; ++round) {
+    model.UpdateAllInliers(std::numeric_limits<double>::infinity());
+    model.UpdateAllInliers(model.ErrorBound());
+    const auto step = adjuster.Step(estimate.readout);
+    if (!step) break;
+    estimate.readout = std::clamp(estimate.readout + step->shift, -kMostOfRolling, kMostOfRolling);
+    // The first round has the old noise's bound.
+    if (round > 0 && IsSettled(step->shift, estimate.sigma)) break;
+  }
   return estimate;
 }
 

@@ -8,7 +8,7 @@ namespace {
 
 // Further away a neighbour says nothing of the motion.
 constexpr double kMostFrames = 3.0;
-constexpr int kNeighbours = 2;  // on each side
+constexpr int kNeighbours = 3;  // on each side
 
 Eigen::Vector3d RotationVector(const Eigen::Quaterniond& rotation) {
   const Eigen::AngleAxisd turn(rotation);

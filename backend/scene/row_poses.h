@@ -12,8 +12,9 @@ namespace cohort {
 // Where a camera with a rolling shutter is when it exposes a row. Row y of a frame is exposed at
 //   tau = readout ((y + 1/2) / height - 1/2)
 // frame intervals after the middle row, whose pose is the frame's. Between frames the camera's
-// centre and its rotation vector against the frame's follow the polynomial through those of the two
-// nearest frames on each side (fewer at the ends of the clip; none beyond three frames away).
+// centre and its rotation vector against the frame's follow the polynomial through those of the
+// three nearest frames on each side (fewer at the ends of the clip; none beyond three frames away):
+// with two, sways of 5 Hz and more are found too small.
 class RowPoses {
  public:
   // Frames count from FrameIndex: a frame left out is two intervals.

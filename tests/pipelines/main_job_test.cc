@@ -92,7 +92,7 @@ TEST(MainJob, FindsTheRollingShutter) {
     run("evaluate " + at(name) + " --truth " + at("clip") + " --json " + at(name + ".json"));
     errors[name] = read(at(name + ".json"));
   }
-  EXPECT_NEAR(read(at("found/summary.json")).at("readout"), 0.6, 0.03);
+  EXPECT_NEAR(read(at("found/summary.json")).at("readout"), 0.6, 0.015);
   EXPECT_LT(errors["found"].at("ate_m").get<double>(),
             0.2 * errors["ignored"].at("ate_m").get<double>());
   EXPECT_LT(errors["colmap"].at("ate_m").get<double>(),

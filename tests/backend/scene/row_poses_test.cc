@@ -31,7 +31,7 @@ TEST(RowPoses, OfTheMiddleRowIsTheFrames) {
   EXPECT_LT(AngleBetween(pose.rotation, PoseAt(1).rotation), 1e-9);
 }
 
-TEST(RowPoses, FollowThePolynomialOfFourNeighbours) {
+TEST(RowPoses, FollowThePolynomialOfTheNeighbours) {
   // Frame 3 is missing: the neighbours of 2 are at -2, -1, 2 and 3 frames.
   const RowPoses rows(Poses({0, 1, 2, 4, 5}), kReadout, kHeightPx);
   for (const double y : {0.0, 100.0, 479.0}) {
