@@ -125,11 +125,15 @@ struct JudgedParts {
   std::vector<WhitenedTracks> corrected = {};  // the parts' tracks where the shutter rolls
 };
 
-// Adjusts the parts, all of one camera and so of one readout: the largest tells it.
+// Adjusts the parts, all of one camera and so of one readout: the largest tells it. A guessed camera
+// is held until then: what bends a model (a rolling shutter, tracks that drift) bends the focal
+// length first, while it is small.
 void AdjustParts(const MapperOptions& options,
                  const CameraRefinement& refinement,
                  JudgedParts& judged) {
-  for (MappedPart& part : judged.parts) AdjustUntilSettled(part.model, refinement, 3, 4);
+  constexpr int kRefiningRounds = 5;  // of points that a wrong focal length made outliers
+  const bool refines = refinement.focal || refinement.radial || refinement.principal_point;
+  for (MappedPart& part : judged.parts) AdjustUntilSettled(part.model, {}, 3, 4);
   WorkingModel& largest = judged.parts.front().model;
   const WhitenedTracks& observed = largest.whitened();
   judged.corrected.assign(judged.parts.size(), observed);
@@ -142,8 +146,16 @@ void AdjustParts(const MapperOptions& options,
   for (std::size_t i = 0; i < judged.parts.size(); ++i) {
     WorkingModel& model = judged.parts[i].model;
     if (judged.readout != 0.0) {
-      AdjustToReadout(observed, judged.readout, refinement, model, judged.corrected[i]);
-      AdjustUntilSettled(model, refinement, 3, 4);
+      AdjustToReadout(observed, judged.readout, {}, model, judged.corrected[i]);
+      AdjustUntilSettled(model, {}, 3, 4);
+    }
+    if (refines) {
+      // The focal length first: distortion would take its part while it is wrong.
+      const CameraRefinement first{.focal = refinement.focal};
+      for (int round = 0; round < kRefiningRounds; ++round) AdjustAll(model, first);
+      AdjustUntilSettled(model, refinement, 6, 10);
+    }
+    if (judged.readout != 0.0) {
       AdjustToReadout(observed, judged.readout, refinement, model, judged.corrected[i]);
     }
     model.Normalise();
@@ -153,9 +165,10 @@ void AdjustParts(const MapperOptions& options,
 JudgedParts JudgeParts(PartResult first,
                        const Camera& camera,
                        const MapperOptions& options,
+                       const CameraRefinement& growth,
                        const CameraRefinement& refinement,
                        const std::vector<int>& keyframes) {
-  JudgedParts judged{.parts = MapRemainingParts(std::move(first), camera, refinement, keyframes)};
+  JudgedParts judged{.parts = MapRemainingParts(std::move(first), camera, growth, keyframes)};
   AdjustParts(options, refinement, judged);
   for (const MappedPart& part : judged.parts) {
     judged.judgements.push_back(JudgeModel(part.model, camera, keyframes));
@@ -214,9 +227,15 @@ MapperResult MapTracks(const TrackFile& file, const MapperOptions& options) {
   const CameraRefinement refinement = RefinementOf(camera, options);
   const std::vector<int> keyframes =
       SelectKeyframes(whitened, camera, kKeyframeParallaxPx, kMinKeyframes);
-  PartResult first = MapPart(whitened, camera, refinement, keyframes);
+  // A guessed focal length is held while the model grows; where nothing grows by it, it is not.
+  CameraRefinement growth;
+  PartResult first = MapPart(whitened, camera, growth, keyframes);
+  if (!first.model && refinement.focal) {
+    growth = refinement;
+    first = MapPart(whitened, camera, growth, keyframes);
+  }
   if (!first.model) return WithEnd(std::move(result), first.end);
-  JudgedParts judged = JudgeParts(std::move(first), camera, options, refinement, keyframes);
+  JudgedParts judged = JudgeParts(std::move(first), camera, options, growth, refinement, keyframes);
   const Judgement& judgement = judged.judgements[judged.chosen];
   result.depth_uncertainty = judgement.depth_uncertainty;
   result.unexplained_parallax = judgement.unexplained_parallax;
