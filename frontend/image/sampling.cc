@@ -54,19 +54,6 @@ COHORT_SIMD_CLONES void Interpolate(const Pixels& pixels, int n, float* values, 
   }
 }
 
-COHORT_SIMD_CLONES void InterpolateRow(const float* __restrict p0,
-                                       const float* __restrict p1,
-                                       float a,
-                                       float b,
-                                       int n,
-                                       float* __restrict values) {
-  for (int c = 0; c < n; ++c) {
-    const float upper = p0[c] + a * (p0[c + 1] - p0[c]);
-    const float lower = p1[c] + a * (p1[c + 1] - p1[c]);
-    values[c] = upper + b * (lower - upper);
-  }
-}
-
 COHORT_SIMD_CLONES void InterpolateRowWithGradient(const float* __restrict p0,
                                                    const float* __restrict p1,
                                                    float a,
@@ -164,12 +151,10 @@ void SampleWarpedInLanes(const cv::Mat& picture,
 }
 
 void SamplePatch(const cv::Mat& picture, double x, double y, int n, float* values) {
-  float copy[kGatherSize];
-  const Pixels pixels = Gather(picture, x, y, n, n, copy);
-  for (int r = 0; r < n; ++r) {
-    const float* row = pixels.data + r * pixels.stride;
-    InterpolateRow(row, row + pixels.stride, pixels.a, pixels.b, n, values + r * n);
-  }
+  float lanes[kMaxPatchSide * RoundUpToLanes(kMaxPatchSide)];
+  const int stride = RoundUpToLanes(n);
+  SamplePatchInLanes(picture, x, y, n, lanes, stride);
+  for (int r = 0; r < n; ++r) std::copy_n(lanes + r * stride, n, values + r * n);
 }
 
 void SamplePatchWithGradient(

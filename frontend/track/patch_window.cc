@@ -9,6 +9,17 @@ struct Bordered {
 
   int stride = 0;
   alignas(32) float values[(kMaxPatchSide + 2) * kMostStride];
+
+  // Row r of the window, the row before and the row behind.
+  struct Rows {
+    const float* before;
+    const float* here;
+    const float* behind;
+  };
+  Rows Around(int r) const {
+    const float* before = values + r * stride;
+    return {before, before + stride, before + 2 * stride};
+  }
 };
 
 // The lanes of a row that are its last ones reach RoundUpToLanes(n) + 2, those sampled
@@ -20,8 +31,9 @@ struct Gradient {
   FloatLanes dy;
 };
 
-// Of eight pixels of row b, from column k on.
-COHORT_LANES_INLINE Gradient ScharrOf(const float* a, const float* b, const float* c, int k) {
+// Of eight pixels, from column k on.
+COHORT_LANES_INLINE Gradient ScharrOf(const Bordered::Rows& rows, int k) {
+  const auto [a, b, c] = rows;
   const FloatLanes a0 = LoadLanes(a + k);
   const FloatLanes a2 = LoadLanes(a + k + 2);
   const FloatLanes c0 = LoadLanes(c + k);
@@ -40,15 +52,13 @@ COHORT_SIMD_CLONES void FillFrom(const Bordered& bordered, PatchWindow& window, 
   FloatLanes sum_y{};
   FloatLanes sum{};
   for (int r = 0; r < n; ++r) {
-    const float* a = bordered.values + r * bordered.stride;
-    const float* b = a + bordered.stride;
-    const float* c = b + bordered.stride;
+    const Bordered::Rows rows = bordered.Around(r);
     for (int k = 0; k < n; k += kLanes) {
       const IntLanes inside = FirstLanes(n - k);
-      const Gradient g = ScharrOf(a, b, c, k);
+      const Gradient g = ScharrOf(rows, k);
       const FloatLanes dx = Masked(g.dx, inside);
       const FloatLanes dy = Masked(g.dy, inside);
-      const FloatLanes value = Masked(LoadLanes(b + k + 1), inside);
+      const FloatLanes value = Masked(LoadLanes(rows.here + k + 1), inside);
       const int at = r * window.stride + k;
       StoreLanes(dx, window.dx + at);
       StoreLanes(dy, window.dy + at);
@@ -93,17 +103,15 @@ COHORT_SIMD_CLONES void SumTranslation(const Bordered& bordered,
   const int n = window.n;
   FloatLanes sum_x{}, sum_y{}, sum_r{}, sum_rx{}, sum_ry{}, sum_xx{}, sum_xy{}, sum_yy{};
   for (int r = 0; r < n; ++r) {
-    const float* a = bordered.values + r * bordered.stride;
-    const float* b = a + bordered.stride;
-    const float* c = b + bordered.stride;
+    const Bordered::Rows rows = bordered.Around(r);
     for (int k = 0; k < n; k += kLanes) {
       const IntLanes inside = FirstLanes(n - k);
       const int at = r * window.stride + k;
-      const Gradient g = ScharrOf(a, b, c, k);
+      const Gradient g = ScharrOf(rows, k);
       const FloatLanes dx = Masked(g.dx, inside);
       const FloatLanes dy = Masked(g.dy, inside);
       const FloatLanes residual =
-          Masked(LoadLanes(b + k + 1), inside) - LoadLanes(window.values + at);
+          Masked(LoadLanes(rows.here + k + 1), inside) - LoadLanes(window.values + at);
       const FloatLanes gx = dx + LoadLanes(window.dx + at);
       const FloatLanes gy = dy + LoadLanes(window.dy + at);
       sum_x += dx;

@@ -107,7 +107,7 @@ struct ExperimentOptions {
     v.Flag("halves",
            o.halves,
            "Of clips without true cameras, compare the models of two halves of the features; "
-           "--no-halves: do not, which takes half the time.");
+           "--no-halves: do not, which saves two reconstructions a cell.");
     v.Choice("layout",
              o.layout,
              kLayoutNames,

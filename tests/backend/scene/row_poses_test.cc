@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+
 namespace cohort {
 namespace {
 
@@ -38,6 +40,22 @@ TEST(RowPoses, FollowThePolynomialOfTheNeighbours) {
     const Rigid3 pose = rows.CamFromWorld(FrameIndex{2}, y);
     EXPECT_LT((pose.Inverse().translation - CenterAt(2 + Tau(y))).norm(), 1e-9) << y;
     EXPECT_LT(AngleBetween(pose.rotation, PoseAt(2 + Tau(y)).rotation), 1e-9) << y;
+  }
+}
+
+// A path of sixth degree is that of six neighbours and the frame, and of no fewer.
+TEST(RowPoses, ThreeNeighboursOnEachSideTellASway) {
+  const auto center_at = [](double t) {
+    return Eigen::Vector3d(0.01 * t * t * t * t * t, -0.001 * std::pow(t, 6), 0.1 * t);
+  };
+  std::map<FrameIndex, Rigid3> poses;
+  for (std::uint32_t f = 0; f < 7; ++f) {
+    poses[FrameIndex{f}] = {Eigen::Quaterniond::Identity(), -center_at(f - 3.0)};
+  }
+  const RowPoses rows(poses, kReadout, kHeightPx);
+  for (const double y : {0.0, 100.0, 479.0}) {
+    const Rigid3 pose = rows.CamFromWorld(FrameIndex{3}, y);
+    EXPECT_LT((pose.Inverse().translation - center_at(Tau(y))).norm(), 1e-9) << y;
   }
 }
 
