@@ -138,9 +138,13 @@ void AdjustParts(const MapperOptions& options,
   const WhitenedTracks& observed = largest.whitened();
   judged.corrected.assign(judged.parts.size(), observed);
   judged.readout = options.readout;
+  std::optional<ReadoutEstimate> rolling;
   if (options.readout == 0.0 && options.estimate_readout) {
     const ReadoutEstimate estimate = EstimateReadout(observed, largest, judged.corrected.front());
-    judged.readout = estimate.IsRolling() ? estimate.readout : 0.0;
+    if (estimate.IsRolling()) {
+      rolling = estimate;
+      judged.readout = estimate.readout;
+    }
     spdlog::debug("readout {:.4f} +- {:.4f}", estimate.readout, estimate.sigma);
   }
   for (std::size_t i = 0; i < judged.parts.size(); ++i) {
@@ -154,6 +158,9 @@ void AdjustParts(const MapperOptions& options,
       const CameraRefinement first{.focal = refinement.focal};
       for (int round = 0; round < kRefiningRounds; ++round) AdjustAll(model, first);
       AdjustUntilSettled(model, refinement, 6, 10);
+      if (i == 0 && rolling) {
+        judged.readout = RefineReadout(observed, *rolling, model, judged.corrected[i]);
+      }
     }
     if (judged.readout != 0.0) {
       AdjustToReadout(observed, judged.readout, refinement, model, judged.corrected[i]);

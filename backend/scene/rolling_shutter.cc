@@ -81,6 +81,12 @@ std::vector<Eigen::Vector2d> DerivativeByReadout(const WhitenedTracks& observed,
   return d;
 }
 
+bool IsSettled(double shift, double sigma) {
+  constexpr double kSettled = 0.002;
+  constexpr double kSettledDeviations = 0.25;
+  return std::abs(shift) < std::max(kSettled, kSettledDeviations * sigma);
+}
+
 // Bundle adjustments of a model in which the readout is one unknown more.
 class ReadoutAdjuster {
  public:
@@ -119,6 +125,23 @@ class ReadoutAdjuster {
     return Adjusted{shift, result.final_cost};
   }
 
+  // The readout after steps from the estimate, with the inliers that each leaves.
+  double SettledWithOwnInliers(const ReadoutEstimate& estimate) {
+    constexpr int kMostRounds = 8;
+    constexpr double kMost = 0.99 * kMostReadout;
+    double readout = estimate.readout;
+    for (int round = 0; round < kMostRounds; ++round) {
+      model_.UpdateAllInliers(std::numeric_limits<double>::infinity());
+      model_.UpdateAllInliers(model_.ErrorBound());
+      const auto step = Step(readout);
+      if (!step) break;
+      readout = std::clamp(readout + step->shift, -kMost, kMost);
+      // The first round has the old noise's bound.
+      if (round > 0 && IsSettled(step->shift, estimate.sigma)) break;
+    }
+    return readout;
+  }
+
  private:
   void Correct(double readout) {
     corrected_ = observed_.WithPositions(AsGlobalShutter(observed_, model_, readout));
@@ -131,12 +154,6 @@ class ReadoutAdjuster {
   std::vector<int> frames_;
   bool first_ = true;
 };
-
-bool IsSettled(double shift, double sigma) {
-  constexpr double kSettled = 0.002;
-  constexpr double kSettledDeviations = 0.25;
-  return std::abs(shift) < std::max(kSettled, kSettledDeviations * sigma);
-}
 
 }  // namespace
 
@@ -222,10 +239,6 @@ ReadoutEstimate EstimateReadout(const WhitenedTracks& observed,
                                 WorkingModel& model,
                                 WhitenedTracks& corrected) {
   constexpr int kMostRounds = 15;
-  // Whether it rolls is told by the inliers of the model without it; but they are those that the
-  // rows bend least, and make the readout by some per cent too small. So a last time with its own.
-  constexpr int kMostRoundsWithOwnInliers = 8;
-  constexpr double kMostOfRolling = 0.99 * kMostReadout;
   const WorkingModel before(model);
   ReadoutAdjuster adjuster(observed, model, corrected);
   const double cost_without = adjuster.CostWithout();
@@ -244,16 +257,18 @@ ReadoutEstimate EstimateReadout(const WhitenedTracks& observed,
     model = before;
     return estimate;
   }
-  for (int round = 0; round < kMostRoundsWithOwnInliers; ++round) {
-    model.UpdateAllInliers(std::numeric_limits<double>::infinity());
-    model.UpdateAllInliers(model.ErrorBound());
-    const auto step = adjuster.Step(estimate.readout);
-    if (!step) break;
-    estimate.readout = std::clamp(estimate.readout + step->shift, -kMostOfRolling, kMostOfRolling);
-    // The first round has the old noise's bound.
-    if (round > 0 && IsSettled(step->shift, estimate.sigma)) break;
-  }
+  // Whether it rolls is told by the inliers of the model without it; but they are those that the
+  // rows bend least, and make the readout by some per cent too small. So a last time with its own.
+  estimate.readout = adjuster.SettledWithOwnInliers(estimate);
   return estimate;
+}
+
+double RefineReadout(const WhitenedTracks& observed,
+                     const ReadoutEstimate& estimate,
+                     WorkingModel& model,
+                     WhitenedTracks& corrected) {
+  ReadoutAdjuster adjuster(observed, model, corrected);
+  return adjuster.SettledWithOwnInliers(estimate);
 }
 
 }  // namespace cohort

@@ -37,6 +37,13 @@ ReadoutEstimate EstimateReadout(const WhitenedTracks& observed,
                                 WorkingModel& model,
                                 WhitenedTracks& corrected);
 
+// An estimate's readout, refined from there: of a model whose camera has been refined since. The
+// model comes back adjusted to it.
+double RefineReadout(const WhitenedTracks& observed,
+                     const ReadoutEstimate& estimate,
+                     WorkingModel& model,
+                     WhitenedTracks& corrected);
+
 // Adjusts the model to observations corrected for a readout, which depend on its motion: twice.
 void AdjustToReadout(const WhitenedTracks& observed,
                      double readout,
