@@ -23,16 +23,27 @@ Eigen::Matrix2d Whitening(const BundleObservation& observation) {
   return cholesky.matrixL().solve(Eigen::Matrix2d::Identity());
 }
 
+std::vector<int> Indices(const std::array<bool, kSharedSize>& values, bool value) {
+  std::vector<int> indices;
+  for (int i = 0; i < kSharedSize; ++i) {
+    if (values[i] == value) indices.push_back(i);
+  }
+  return indices;
+}
+
 // The problem as Ceres holds it. Owns all that Ceres points into.
 class Adjuster {
  public:
   Adjuster(BundleProblem problem, const BundleOptions& options)
-      : problem_(std::move(problem)),
-        options_(options),
-        intrinsics_(ToIntrinsicVector(problem_.intrinsics)) {
+      : problem_(std::move(problem)), options_(options) {
     CheckIndices();
     Check(!(options.refine_shift && options.RefinesIntrinsics()),
           "either the shift or intrinsics are refined");
+    if (options.refine_shift) {
+      shared_[0] = problem_.shift;
+    } else {
+      shared_.head<5>() = ToIntrinsicVector(problem_.intrinsics);
+    }
     for (const BundleCamera& camera : problem_.cameras) {
       const Rigid3 world_from_cam = camera.cam_from_world.Inverse();
       Eigen::Matrix<double, kPoseSize, 1> pose;
@@ -154,13 +165,13 @@ class Adjuster {
       point_used_[o.point] = true;
       if (refines) {
         refining_.emplace_back(&problem_.intrinsics, o.xy, whitening);
-        ceres_->AddResidualBlock(&refining_.back(), loss_.get(), pose, point, intrinsics_.data());
+        ceres_->AddResidualBlock(&refining_.back(), loss_.get(), pose, point, shared_.data());
       } else {
         const Eigen::Vector2d n = problem_.intrinsics.Unproject(o.xy);
         const Eigen::Matrix2d d_n = ProjectPixel(problem_.intrinsics, n).d_n;
         if (options_.refine_shift) {
           shifted_.emplace_back(n, d_n.inverse() * o.d_shift, whitening * d_n);
-          ceres_->AddResidualBlock(&shifted_.back(), loss_.get(), pose, point, &problem_.shift);
+          ceres_->AddResidualBlock(&shifted_.back(), loss_.get(), pose, point, shared_.data());
         } else {
           calibrated_.emplace_back(n, whitening * d_n);
           ceres_->AddResidualBlock(&calibrated_.back(), loss_.get(), pose, point);
@@ -174,31 +185,27 @@ class Adjuster {
         ceres_->SetParameterBlockConstant(poses_[i].data());
       }
     }
-    if (refines && !problem_.observations.empty()) HoldIntrinsics();
+    if (SharesUnknowns()) HoldShared();
   }
 
-  std::vector<int> RefinedIntrinsics() const {
-    std::vector<int> refined;
-    if (options_.refine_focal) refined.push_back(0);
-    if (options_.refine_principal_point) refined.insert(refined.end(), {1, 2});
-    if (options_.refine_radial) refined.insert(refined.end(), {3, 4});
-    return refined;
+  bool SharesUnknowns() const { return !refining_.empty() || !shifted_.empty(); }
+
+  std::array<bool, kSharedSize> FreeOfShared() const {
+    const bool principal_point = options_.refine_principal_point;
+    return {options_.refine_shift || options_.refine_focal,
+            principal_point,
+            principal_point,
+            options_.refine_radial,
+            options_.refine_radial};
   }
 
-  void HoldIntrinsics() {
-    const std::vector<int> refined = RefinedIntrinsics();
-    std::vector<int> constant;
-    for (int i = 0; i < kIntrinsicSize; ++i) {
-      if (std::find(refined.begin(), refined.end(), i) == refined.end()) constant.push_back(i);
-    }
-    if (!constant.empty()) {
-      intrinsic_manifold_ = std::make_unique<ceres::SubsetManifold>(kIntrinsicSize, constant);
-      ceres_->SetManifold(intrinsics_.data(), intrinsic_manifold_.get());
-    }
+  void HoldShared() {
+    shared_manifold_ = std::make_unique<SharedManifold>(FreeOfShared());
+    ceres_->SetManifold(shared_.data(), shared_manifold_.get());
     if (options_.refine_focal) {
       focal_prior_ =
           std::make_unique<FocalPrior>(problem_.intrinsics.fx, options_.focal_prior_log_sigma);
-      ceres_->AddResidualBlock(focal_prior_.get(), nullptr, intrinsics_.data());
+      ceres_->AddResidualBlock(focal_prior_.get(), nullptr, shared_.data());
     }
   }
 
@@ -213,8 +220,7 @@ class Adjuster {
     for (std::size_t i = 0; i < point_used_.size(); ++i) {
       if (point_used_[i]) ordering->AddElementToGroup(problem_.points_in_world[i].data(), 0);
     }
-    if (!refining_.empty()) ordering->AddElementToGroup(intrinsics_.data(), 1);
-    if (!shifted_.empty()) ordering->AddElementToGroup(&problem_.shift, 1);
+    if (SharesUnknowns()) ordering->AddElementToGroup(shared_.data(), 1);
     solver.linear_solver_ordering = ordering;
     // Tracks of a video are short against the clip, so the reduced camera matrix is a band and its
     // sparse factor stays small far beyond the sizes that unordered photographs allow.
@@ -248,7 +254,11 @@ class Adjuster {
       const CameraPose pose = ReadPose(poses_[i].data());
       problem_.cameras[i].cam_from_world = {pose.rotation, -(pose.rotation * pose.center)};
     }
-    problem_.intrinsics = WithIntrinsics(problem_.intrinsics, intrinsics_);
+    if (options_.refine_shift) {
+      problem_.shift = shared_[0];
+    } else {
+      problem_.intrinsics = WithIntrinsics(problem_.intrinsics, shared_.head<5>());
+    }
   }
 
   std::optional<BundleCovariances> EstimateCovariances() {
@@ -269,9 +279,13 @@ class Adjuster {
       columns.cameras.push_back(static_cast<int>(i));
       evaluate.parameter_blocks.push_back(poses_[i].data());
     }
+    std::unique_ptr<ceres::SubsetManifold> without_held;
     if (!refining_.empty()) {
-      columns.intrinsics = RefinedIntrinsics();
-      evaluate.parameter_blocks.push_back(intrinsics_.data());
+      columns.intrinsics = Indices(FreeOfShared(), true);
+      without_held =
+          std::make_unique<ceres::SubsetManifold>(kSharedSize, Indices(FreeOfShared(), false));
+      ceres_->SetManifold(shared_.data(), without_held.get());
+      evaluate.parameter_blocks.push_back(shared_.data());
     }
     ceres::CRSMatrix jacobian;
     if (!ceres_->Evaluate(evaluate, nullptr, nullptr, nullptr, &jacobian)) return std::nullopt;
@@ -280,14 +294,14 @@ class Adjuster {
 
   BundleProblem problem_;
   BundleOptions options_;
-  IntrinsicVector intrinsics_;
+  SharedVector shared_ = SharedVector::Zero();  // intrinsics, or the shift
   std::vector<Eigen::Matrix<double, kPoseSize, 1>> poses_;
   int anchor_ = 0;
   std::optional<int> scale_camera_;  // none if two cameras or more are fixed
   double scale_length_ = 0.0;
   std::unique_ptr<ceres::LossFunction> loss_;
   PoseManifold pose_manifold_;
-  std::unique_ptr<ceres::SubsetManifold> intrinsic_manifold_;
+  std::unique_ptr<SharedManifold> shared_manifold_;
   std::unique_ptr<FocalPrior> focal_prior_;
   std::deque<CalibratedCost> calibrated_;  // Ceres points into it
   std::deque<ShiftedCost> shifted_;

@@ -4,6 +4,7 @@
 
 #include <ceres/ceres.h>
 
+#include <array>
 #include <cmath>
 
 #include "backend/scene/reprojection.h"
@@ -12,10 +13,14 @@ namespace cohort {
 
 using RowMajor27 = Eigen::Matrix<double, 2, 7, Eigen::RowMajor>;
 using RowMajor23 = Eigen::Matrix<double, 2, 3, Eigen::RowMajor>;
-using RowMajor25 = Eigen::Matrix<double, 2, 5, Eigen::RowMajor>;
+using RowMajor26 = Eigen::Matrix<double, 2, 6, Eigen::RowMajor>;
 
 inline constexpr int kPoseSize = 7;  // quaternion x, y, z, w; centre
-inline constexpr int kIntrinsicSize = 5;
+// What all cameras share, the intrinsics or the shift: filled up to the six dimensions of a pose,
+// because Ceres eliminates the points several times as fast where all blocks are of one size, which
+// it then knows when it is compiled.
+inline constexpr int kSharedSize = 6;
+using SharedVector = Eigen::Matrix<double, kSharedSize, 1>;
 
 inline CameraPose ReadPose(const double* pose) {
   return {Eigen::Quaterniond(pose), Eigen::Vector3d(pose + 4)};
@@ -58,6 +63,36 @@ class PoseManifold final : public ceres::Manifold {
   }
 };
 
+// Moves the `free` ones alone. It stays at six dimensions, see kSharedSize: the others' columns of
+// the Jacobian are 0, and so are their steps.
+class SharedManifold final : public ceres::Manifold {
+ public:
+  explicit SharedManifold(const std::array<bool, kSharedSize>& free) {
+    for (int i = 0; i < kSharedSize; ++i) free_[i] = free[i] ? 1.0 : 0.0;
+  }
+  int AmbientSize() const override { return kSharedSize; }
+  int TangentSize() const override { return kSharedSize; }
+  bool Plus(const double* x, const double* delta, double* x_plus_delta) const override {
+    for (int i = 0; i < kSharedSize; ++i) x_plus_delta[i] = x[i] + free_[i] * delta[i];
+    return true;
+  }
+  bool PlusJacobian(const double*, double* jacobian) const override {
+    Eigen::Map<Eigen::Matrix<double, kSharedSize, kSharedSize>> j(jacobian);
+    j = free_.asDiagonal();
+    return true;
+  }
+  bool Minus(const double* y, const double* x, double* y_minus_x) const override {
+    for (int i = 0; i < kSharedSize; ++i) y_minus_x[i] = free_[i] * (y[i] - x[i]);
+    return true;
+  }
+  bool MinusJacobian(const double* x, double* jacobian) const override {
+    return PlusJacobian(x, jacobian);
+  }
+
+ private:
+  SharedVector free_ = SharedVector::Zero();
+};
+
 // Known intrinsics: the observation is unprojected once to n, and the residual W (n(x) - n) has in
 // W the pixels' covariance and the camera's derivative at n.
 class CalibratedCost final : public ceres::SizedCostFunction<2, kPoseSize, 3> {
@@ -90,7 +125,7 @@ class CalibratedCost final : public ceres::SizedCostFunction<2, kPoseSize, 3> {
 };
 
 // The same where the observation moves with an unknown that all share: W (n(x) - n - shift d_shift).
-class ShiftedCost final : public ceres::SizedCostFunction<2, kPoseSize, 3, 1> {
+class ShiftedCost final : public ceres::SizedCostFunction<2, kPoseSize, 3, kSharedSize> {
  public:
   ShiftedCost(const Eigen::Vector2d& n,
               const Eigen::Vector2d& d_shift,
@@ -102,7 +137,9 @@ class ShiftedCost final : public ceres::SizedCostFunction<2, kPoseSize, 3, 1> {
     unshifted_.Evaluate(parameters, residuals, jacobians);
     for (int i = 0; i < 2; ++i) residuals[i] -= parameters[2][0] * whitened_d_shift_[i];
     if (jacobians != nullptr && jacobians[2] != nullptr) {
-      for (int i = 0; i < 2; ++i) jacobians[2][i] = -whitened_d_shift_[i];
+      Eigen::Map<RowMajor26> d_shared(jacobians[2]);
+      d_shared.setZero();
+      d_shared.col(0) = -whitened_d_shift_;
     }
     return true;
   }
@@ -112,7 +149,7 @@ class ShiftedCost final : public ceres::SizedCostFunction<2, kPoseSize, 3, 1> {
   Eigen::Vector2d whitened_d_shift_;
 };
 
-class RefiningCost final : public ceres::SizedCostFunction<2, kPoseSize, 3, kIntrinsicSize> {
+class RefiningCost final : public ceres::SizedCostFunction<2, kPoseSize, 3, kSharedSize> {
  public:
   RefiningCost(const Camera* camera, const Eigen::Vector2d& xy, const Eigen::Matrix2d& whitening)
       : camera_(camera), xy_(xy), whitening_(whitening) {}
@@ -137,8 +174,9 @@ class RefiningCost final : public ceres::SizedCostFunction<2, kPoseSize, 3, kInt
       d_point = d_n * p.d_point;
     }
     if (jacobians[2] != nullptr) {
-      Eigen::Map<RowMajor25> d_intrinsics(jacobians[2]);
-      d_intrinsics = whitening_ * q.d_intrinsics;
+      Eigen::Map<RowMajor26> d_shared(jacobians[2]);
+      d_shared.leftCols<5>() = whitening_ * q.d_intrinsics;
+      d_shared.col(5).setZero();
     }
     return true;
   }
@@ -150,7 +188,7 @@ class RefiningCost final : public ceres::SizedCostFunction<2, kPoseSize, 3, kInt
 };
 
 // (log(f / guess) / sigma)^2
-class FocalPrior final : public ceres::SizedCostFunction<1, kIntrinsicSize> {
+class FocalPrior final : public ceres::SizedCostFunction<1, kSharedSize> {
  public:
   FocalPrior(double guess, double log_sigma) : guess_(guess), log_sigma_(log_sigma) {}
   bool Evaluate(double const* const* parameters,
@@ -160,7 +198,7 @@ class FocalPrior final : public ceres::SizedCostFunction<1, kIntrinsicSize> {
     if (focal <= 0.0) return false;
     residuals[0] = std::log(focal / guess_) / log_sigma_;
     if (jacobians != nullptr && jacobians[0] != nullptr) {
-      Eigen::Map<Eigen::Matrix<double, 1, kIntrinsicSize>> d(jacobians[0]);
+      Eigen::Map<Eigen::Matrix<double, 1, kSharedSize>> d(jacobians[0]);
       d.setZero();
       d[0] = 1.0 / (focal * log_sigma_);
     }
