@@ -4,7 +4,8 @@
 #                      PRECOMPILE <opencv2/core.hpp>)
 # With INSTALL it is among those of cmake/install.cmake; so must be what it links of ours.
 add_library(cohort_build_flags INTERFACE)
-target_compile_options(cohort_build_flags INTERFACE -Wall -Wextra)
+# Multiply-adds are not fused where the machine could (arm64): the same bytes on every one.
+target_compile_options(cohort_build_flags INTERFACE -Wall -Wextra -ffp-contract=off)
 if(COHORT_WERROR)
   target_compile_options(cohort_build_flags INTERFACE -Werror)
 endif()

@@ -155,8 +155,8 @@ void AdjustParts(const MapperOptions& options,
     }
     if (refines) {
       // The focal length first: distortion would take its part while it is wrong.
-      const CameraRefinement first{.focal = refinement.focal};
-      for (int round = 0; round < kRefiningRounds; ++round) AdjustAll(model, first);
+      const int rounds = refinement.focal ? kRefiningRounds : 0;
+      for (int round = 0; round < rounds; ++round) AdjustAll(model, {.focal = true});
       AdjustUntilSettled(model, refinement, 6, 10);
       if (i == 0 && rolling) {
         judged.readout = RefineReadout(observed, *rolling, model, judged.corrected[i]);

@@ -117,6 +117,19 @@ TEST(RollingShutter, ReadoutIsFoundFromTheTracks) {
   }
 }
 
+TEST(RollingShutter, IsFoundTogetherWithAGuessedFocalLength) {
+  SyntheticTracks scene = Rolling(0.7);
+  const double true_focal = scene.file.camera->fx;
+  Camera guess = *scene.file.camera;
+  guess.known = false;
+  guess.fx = guess.fy = 1.25 * true_focal;
+  scene.file.camera = guess;
+  const MapperResult result = ReconstructWithCeres(scene.file);
+  ASSERT_EQ(result.termination, MapperTermination::kSuccess) << result.summary.Brief();
+  EXPECT_NEAR(result.reconstruction.readout, 0.7, 0.05);
+  EXPECT_NEAR(result.reconstruction.camera.fx / true_focal, 1.0, 0.03);
+}
+
 TEST(RollingShutter, GivenOneIsTakenAndCostsLittleAccuracy) {
   MapperOptions given;
   given.estimate_readout = false;
