@@ -6,6 +6,7 @@
 
 #include <Eigen/Cholesky>
 #include <algorithm>
+#include <array>
 #include <deque>
 #include <memory>
 
@@ -42,7 +43,7 @@ class Adjuster {
     if (options.refine_shift) {
       shared_[0] = problem_.shift;
     } else {
-      shared_.head<5>() = ToIntrinsicVector(problem_.intrinsics);
+      shared_.head<kIntrinsicSize>() = ToIntrinsicVector(problem_.intrinsics);
     }
     for (const BundleCamera& camera : problem_.cameras) {
       const Rigid3 world_from_cam = camera.cam_from_world.Inverse();
@@ -257,7 +258,7 @@ class Adjuster {
     if (options_.refine_shift) {
       problem_.shift = shared_[0];
     } else {
-      problem_.intrinsics = WithIntrinsics(problem_.intrinsics, shared_.head<5>());
+      problem_.intrinsics = WithIntrinsics(problem_.intrinsics, shared_.head<kIntrinsicSize>());
     }
   }
 

@@ -16,6 +16,7 @@ using RowMajor23 = Eigen::Matrix<double, 2, 3, Eigen::RowMajor>;
 using RowMajor26 = Eigen::Matrix<double, 2, 6, Eigen::RowMajor>;
 
 inline constexpr int kPoseSize = 7;  // quaternion x, y, z, w; centre
+inline constexpr int kIntrinsicSize = 5;
 // What all cameras share, the intrinsics or the shift: filled up to the six dimensions of a pose,
 // because Ceres eliminates the points several times as fast where all blocks are of one size, which
 // it then knows when it is compiled.
@@ -175,8 +176,8 @@ class RefiningCost final : public ceres::SizedCostFunction<2, kPoseSize, 3, kSha
     }
     if (jacobians[2] != nullptr) {
       Eigen::Map<RowMajor26> d_shared(jacobians[2]);
-      d_shared.leftCols<5>() = whitening_ * q.d_intrinsics;
-      d_shared.col(5).setZero();
+      d_shared.setZero();
+      d_shared.leftCols<kIntrinsicSize>() = whitening_ * q.d_intrinsics;
     }
     return true;
   }
