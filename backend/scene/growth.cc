@@ -68,8 +68,9 @@ std::optional<int> NextFrame(const WorkingModel& model,
 
 void GrowModel(WorkingModel& model,
                const std::vector<int>& keyframes,
-               const CameraRefinement& refinement) {
-  AdjustAll(model, refinement);
+               const GrowthOptions& options) {
+  model.SetMinRayAngle(options.min_ray_angle_deg);
+  AdjustAll(model, options.refinement);
   double adjusted_at = model.registered();
   std::set<int> refused;
   int stuck_at = -1;  // frames registered
@@ -81,7 +82,7 @@ void GrowModel(WorkingModel& model,
       stuck_at = model.registered();
       refused.clear();
       model.Relax(true);
-      AdjustAll(model, refinement);
+      AdjustAll(model, options.refinement);
       continue;
     }
     if (!RegisterFromNeighbour(model, *frame)) {
@@ -95,13 +96,14 @@ void GrowModel(WorkingModel& model,
     AdjustAround(model, *frame);
     model.UpdateInliers(tracks, kInfinity);
     if (model.registered() >= kGlobalGrowth * adjusted_at) {
-      AdjustAll(model, refinement);
+      AdjustAll(model, options.refinement);
       adjusted_at = model.registered();
     }
   }
   model.Relax(false);
-  AdjustAll(model, refinement);
-  AdjustUntilSettled(model, refinement, 4, 5);
+  model.SetMinRayAngle(kFarRayAngleDeg);
+  AdjustAll(model, options.refinement);
+  AdjustUntilSettled(model, options.refinement, 4, 5);
 }
 
 void RegisterOtherFrames(WorkingModel& model) {

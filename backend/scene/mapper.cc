@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numeric>
 #include <span>
 
 #include "backend/scene/judgement.h"
@@ -116,6 +117,52 @@ std::string DescribeBetterCamera(const Camera& better, const Camera& given) {
       given.k2);
 }
 
+// The parts of a clip, the largest first, adjusted by the camera given; or why there is none.
+struct GrownParts {
+  MapperEnd end = {};
+  std::vector<MappedPart> parts = {};
+};
+
+GrownParts GrowParts(const WhitenedTracks& whitened,
+                     const Camera& camera,
+                     const GrowthOptions& growth,
+                     const std::vector<int>& keyframes) {
+  PartResult first = MapPart(whitened, camera, growth, keyframes);
+  GrownParts grown;
+  grown.end = first.end;
+  if (!first.model) return grown;
+  grown.parts = MapRemainingParts(std::move(first), camera, growth, keyframes);
+  for (MappedPart& part : grown.parts) AdjustUntilSettled(part.model, {}, 3, 4);
+  return grown;
+}
+
+// By far points too and, where those are many, by near ones alone as well (kNearRayAngleDeg): the
+// parts whose largest fits the tracks better.
+GrownParts GrowPartsBothWays(const WhitenedTracks& whitened,
+                             const Camera& camera,
+                             const CameraRefinement& refinement,
+                             const std::vector<int>& keyframes) {
+  // Of the inliers. Where far points had less, both ways gave the same model on real clips; where
+  // one of them lost the scale, they had a quarter at least.
+  constexpr double kManyFarPoints = 0.05;
+  GrownParts far = GrowParts(whitened, camera, {refinement, kFarRayAngleDeg}, keyframes);
+  if (!far.parts.empty() && far.parts.front().model.ShareOfFarPoints() < kManyFarPoints) return far;
+  GrownParts near = GrowParts(whitened, camera, {refinement, kNearRayAngleDeg}, keyframes);
+  if (near.parts.empty()) return far;
+  if (far.parts.empty()) return near;
+  const WorkingModel& by_far = far.parts.front().model;
+  const WorkingModel& by_near = near.parts.front().model;
+  std::vector<int> frames(whitened.frame_count());
+  std::iota(frames.begin(), frames.end(), 0);
+  const ComparedCosts costs = CompareCosts(by_near, by_far, frames);
+  spdlog::debug("grown by near points {} frames, cost {:.1f}; by far ones {}, {:.1f}",
+                by_near.registered(),
+                costs.a,
+                by_far.registered(),
+                costs.b);
+  return costs.a <= costs.b ? std::move(near) : std::move(far);
+}
+
 // The parts of a clip and what is to be thought of them, in the same order.
 struct JudgedParts {
   std::vector<MappedPart> parts;
@@ -133,7 +180,6 @@ void AdjustParts(const MapperOptions& options,
                  JudgedParts& judged) {
   constexpr int kRefiningRounds = 5;  // of points that a wrong focal length made outliers
   const bool refines = refinement.focal || refinement.radial || refinement.principal_point;
-  for (MappedPart& part : judged.parts) AdjustUntilSettled(part.model, {}, 3, 4);
   WorkingModel& largest = judged.parts.front().model;
   const WhitenedTracks& observed = largest.whitened();
   judged.corrected.assign(judged.parts.size(), observed);
@@ -169,13 +215,12 @@ void AdjustParts(const MapperOptions& options,
   }
 }
 
-JudgedParts JudgeParts(PartResult first,
+JudgedParts JudgeParts(GrownParts grown,
                        const Camera& camera,
                        const MapperOptions& options,
-                       const CameraRefinement& growth,
                        const CameraRefinement& refinement,
                        const std::vector<int>& keyframes) {
-  JudgedParts judged{.parts = MapRemainingParts(std::move(first), camera, growth, keyframes)};
+  JudgedParts judged{.parts = std::move(grown.parts)};
   AdjustParts(options, refinement, judged);
   for (const MappedPart& part : judged.parts) {
     judged.judgements.push_back(JudgeModel(part.model, camera, keyframes));
@@ -235,14 +280,12 @@ MapperResult MapTracks(const TrackFile& file, const MapperOptions& options) {
   const std::vector<int> keyframes =
       SelectKeyframes(whitened, camera, kKeyframeParallaxPx, kMinKeyframes);
   // A guessed focal length is held while the model grows; where nothing grows by it, it is not.
-  CameraRefinement growth;
-  PartResult first = MapPart(whitened, camera, growth, keyframes);
-  if (!first.model && refinement.focal) {
-    growth = refinement;
-    first = MapPart(whitened, camera, growth, keyframes);
+  GrownParts grown = GrowPartsBothWays(whitened, camera, {}, keyframes);
+  if (grown.parts.empty() && refinement.focal) {
+    grown = GrowPartsBothWays(whitened, camera, refinement, keyframes);
   }
-  if (!first.model) return WithEnd(std::move(result), first.end);
-  JudgedParts judged = JudgeParts(std::move(first), camera, options, growth, refinement, keyframes);
+  if (grown.parts.empty()) return WithEnd(std::move(result), grown.end);
+  JudgedParts judged = JudgeParts(std::move(grown), camera, options, refinement, keyframes);
   const Judgement& judgement = judged.judgements[judged.chosen];
   result.depth_uncertainty = judgement.depth_uncertainty;
   result.unexplained_parallax = judgement.unexplained_parallax;

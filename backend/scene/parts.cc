@@ -17,16 +17,14 @@ constexpr std::size_t kMaxParts = 20;  // a bound on time: a clip in more pieces
 // Grows the best start and, where the window could not tell it from another scene, its rival.
 PartResult GrowStart(std::vector<StartModel> starts,
                      const std::vector<int>& keyframes,
-                     const CameraRefinement& refinement) {
+                     const GrowthOptions& growth) {
   StartModel* const rival = FindRival(starts);
   WorkingModel& best = starts.front().model;
-  GrowModel(best, keyframes, refinement);
+  GrowModel(best, keyframes, growth);
   if (rival == nullptr) return {{}, std::move(best)};
 
-  GrowModel(rival->model, keyframes, refinement);
-  const double bound = std::min(best.ErrorBound(), rival->model.ErrorBound());
-  const double cost = best.TruncatedCost(keyframes, bound);
-  const double rival_cost = rival->model.TruncatedCost(keyframes, bound);
+  GrowModel(rival->model, keyframes, growth);
+  const auto [cost, rival_cost] = CompareCosts(best, rival->model, keyframes);
   const double noise = std::min(best.noise(), rival->model.noise());
   spdlog::debug("two scenes fit the start; over all keyframes their costs are {:.1f} and {:.1f}",
                 cost,
@@ -43,7 +41,7 @@ PartResult GrowStart(std::vector<StartModel> starts,
 
 PartResult MapBody(const WhitenedTracks& whitened,
                    const Camera& camera,
-                   const CameraRefinement& refinement,
+                   const GrowthOptions& growth,
                    const std::vector<int>& keyframes) {
   const std::vector<FramePairMotion> pairs = RankPairs(whitened, camera, keyframes);
   if (pairs.empty()) {
@@ -52,8 +50,8 @@ PartResult MapBody(const WhitenedTracks& whitened,
   }
   // Whether it has parallax is judged by the model, if there is one: the noise of fast, shaken
   // cameras is hard to tell.
-  Start start = FindStart(whitened, camera, pairs, refinement.focal);
-  if (!start.models.empty()) return GrowStart(std::move(start.models), keyframes, refinement);
+  Start start = FindStart(whitened, camera, pairs, growth.refinement.focal);
+  if (!start.models.empty()) return GrowStart(std::move(start.models), keyframes, growth);
   return {ExplainMissingModel(
       whitened,
       camera,
@@ -92,7 +90,7 @@ std::size_t CountObservations(const WhitenedTracks& whitened, const std::vector<
 // a wall) the one of most tracks is found, and no mixture of both.
 std::optional<WorkingModel> MapOtherBody(const WorkingModel& model,
                                          const Camera& camera,
-                                         const CameraRefinement& refinement,
+                                         const GrowthOptions& growth,
                                          const std::vector<int>& keyframes) {
   constexpr double kManyUnexplained = 0.15;  // share of the observations; by eye
   const WhitenedTracks& whitened = model.whitened();
@@ -101,17 +99,16 @@ std::optional<WorkingModel> MapOtherBody(const WorkingModel& model,
       kManyUnexplained * static_cast<double>(CountObservations(whitened, keyframes))) {
     return std::nullopt;
   }
-  const PartResult body = MapBody(unexplained, camera, refinement, keyframes);
+  const PartResult body = MapBody(unexplained, camera, growth, keyframes);
   if (!body.model) return std::nullopt;
   WorkingModel other(whitened, body.model->camera());
   for (const int frame : body.model->RegisteredFrames()) {
     other.SetPose(frame, body.model->Pose(frame));
   }
+  other.SetMinRayAngle(kFarRayAngleDeg);
   other.TriangulateAllTracks();
-  AdjustUntilSettled(other, refinement, 4, 5);
-  const double bound = std::min(model.ErrorBound(), other.ErrorBound());
-  const double cost = model.TruncatedCost(keyframes, bound);
-  const double other_cost = other.TruncatedCost(keyframes, bound);
+  AdjustUntilSettled(other, growth.refinement, 4, 5);
+  const auto [cost, other_cost] = CompareCosts(model, other, keyframes);
   spdlog::debug("another body: {} tracks, {} frames; costs over all tracks {:.1f}, by it {:.1f}",
                 unexplained.track_count(),
                 other.registered(),
@@ -125,11 +122,11 @@ std::optional<WorkingModel> MapOtherBody(const WorkingModel& model,
 
 PartResult MapPart(const WhitenedTracks& whitened,
                    const Camera& camera,
-                   const CameraRefinement& refinement,
+                   const GrowthOptions& growth,
                    const std::vector<int>& keyframes) {
-  PartResult part = MapBody(whitened, camera, refinement, keyframes);
+  PartResult part = MapBody(whitened, camera, growth, keyframes);
   if (!part.model) return part;
-  if (auto other = MapOtherBody(*part.model, camera, refinement, keyframes)) {
+  if (auto other = MapOtherBody(*part.model, camera, growth, keyframes)) {
     part.model = std::move(other);
   }
   return part;
@@ -137,7 +134,7 @@ PartResult MapPart(const WhitenedTracks& whitened,
 
 std::vector<MappedPart> MapRemainingParts(PartResult first,
                                           const Camera& camera,
-                                          const CameraRefinement& refinement,
+                                          const GrowthOptions& growth,
                                           std::vector<int> keyframes) {
   const WhitenedTracks& whitened = first.model->whitened();
   std::vector<MappedPart> parts;
@@ -151,7 +148,7 @@ std::vector<MappedPart> MapRemainingParts(PartResult first,
     parts.push_back({std::move(*part.model), std::move(part.doubts)});
     if (rest.size() < 2) break;
     keyframes = std::move(rest);
-    part = MapPart(whitened, camera, refinement, keyframes);
+    part = MapPart(whitened, camera, growth, keyframes);
   }
   std::stable_sort(parts.begin(), parts.end(), [](const MappedPart& a, const MappedPart& b) {
     return a.model.registered() > b.model.registered();

@@ -3,7 +3,7 @@
 #include <optional>
 #include <vector>
 
-#include "backend/scene/adjustment.h"
+#include "backend/scene/growth.h"
 #include "backend/scene/mapper_termination.h"
 
 namespace cohort {
@@ -20,7 +20,7 @@ struct PartResult {
 // is returned, with this doubt.
 PartResult MapPart(const WhitenedTracks& whitened,
                    const Camera& camera,
-                   const CameraRefinement& refinement,
+                   const GrowthOptions& growth,
                    const std::vector<int>& keyframes);
 
 // A part of the clip, and what there was to doubt when it began (PartResult).
@@ -33,7 +33,7 @@ struct MappedPart {
 // where the tracks break off, models of what it left over. The one of most frames is first.
 std::vector<MappedPart> MapRemainingParts(PartResult first,
                                           const Camera& camera,
-                                          const CameraRefinement& refinement,
+                                          const GrowthOptions& growth,
                                           std::vector<int> keyframes);
 
 }  // namespace cohort

@@ -216,11 +216,11 @@ std::optional<double> WorkingModel::WhitenedError(int observation) const {
   return (whitened_->observations()[observation].whitening * *error).norm();
 }
 
-bool WorkingModel::HasEnoughAngle(int track) const {
+bool WorkingModel::IsSeenAtAngle(int track, double degrees) const {
   // The widest pair, nearly: the ray farthest from the first, then the one farthest from that.
   const auto [first, last] = whitened_->TrackRange(track);
   const Eigen::Vector3d& x = Point(track);
-  const double min_angle = kMinRayAngleDeg * kDegree;
+  const double min_angle = degrees * kDegree;
   std::optional<Eigen::Vector3d> from;
   for (int pass = 0; pass < 2; ++pass) {
     double widest = -1.0;
@@ -266,7 +266,7 @@ int WorkingModel::UpdateInliers(std::span<const int> tracks, double max_error, d
       if (inlier != IsInlier(o)) ++changes;
       is_inlier_[o] = inlier ? 1 : 0;
     }
-    if (views < min_views || !HasEnoughAngle(track)) {
+    if (views < min_views || !IsSeenAtAngle(track, min_ray_angle_deg_)) {
       changes += views;
       DropPoint(track);
     }
@@ -319,6 +319,20 @@ double WorkingModel::TruncatedCost(std::span<const int> frames, double bound) co
   return cost;
 }
 
+double WorkingModel::ShareOfFarPoints() const {
+  std::size_t inliers = 0;
+  std::size_t far = 0;
+  for (int t = 0; t < whitened_->track_count(); ++t) {
+    if (!HasPoint(t)) continue;
+    const auto [first, last] = whitened_->TrackRange(t);
+    const auto views = static_cast<std::size_t>(
+        std::count(is_inlier_.begin() + first, is_inlier_.begin() + last, 1));
+    inliers += views;
+    if (!IsSeenAtAngle(t, kNearRayAngleDeg)) far += views;
+  }
+  return inliers > 0 ? static_cast<double>(far) / static_cast<double>(inliers) : 0.0;
+}
+
 double WorkingModel::MedianError(int frame) const {
   std::vector<double> errors;
   for (const int o : whitened_->ObservationsIn(frame)) {
@@ -348,7 +362,7 @@ double WorkingModel::MedianDepthUncertainty() const {
   const double noise = noise_ / MeanFocal();
   std::vector<double> values;
   for (int t = 0; t < whitened_->track_count(); ++t) {
-    if (!HasPoint(t)) continue;
+    if (!HasPoint(t) || !IsSeenAtAngle(t, kNearRayAngleDeg)) continue;
     // Each ray leaves the point free along itself only.
     Eigen::Matrix3d information = Eigen::Matrix3d::Zero();
     double nearest = std::numeric_limits<double>::infinity();
@@ -389,6 +403,13 @@ void WorkingModel::Normalise() {
   for (auto& point : points_) {
     if (point) *point = scale * (origin * *point);
   }
+}
+
+ComparedCosts CompareCosts(const WorkingModel& a,
+                           const WorkingModel& b,
+                           std::span<const int> frames) {
+  const double bound = std::min(a.ErrorBound(), b.ErrorBound());
+  return {a.TruncatedCost(frames, bound), b.TruncatedCost(frames, bound)};
 }
 
 }  // namespace cohort

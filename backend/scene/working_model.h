@@ -11,9 +11,12 @@ namespace cohort {
 
 // Never beyond this is an observation an inlier [px]; COLMAP's bound.
 inline constexpr double kMaxReprojectionPx = 4.0;
-// Least of the largest angle between two rays of a point [deg]. Chosen by eye on the tuning clips;
-// COLMAP's 1.5 is for photographs.
-inline constexpr double kMinRayAngleDeg = 0.5;
+// Least of the largest angle between two rays of a point [deg]; COLMAP's 1.5 is for photographs.
+// A model in which only near points count loses its scale where the camera goes ahead and the tracks
+// are short: of far points those stay that noise made near. One in which far points count loses it
+// where the camera hardly leaves its place. So a model is grown by both and the cost decides.
+inline constexpr double kNearRayAngleDeg = 0.5;
+inline constexpr double kFarRayAngleDeg = 0.1;
 // Noise of a whitened coordinate: less is no information, but a clip without noise.
 inline constexpr double kMinWhitenedNoise = 0.02;
 
@@ -63,6 +66,9 @@ class WorkingModel {
   // smaller share of the points agrees with, at wider bounds.
   void Relax(bool relaxed) { relaxed_ = relaxed; }
 
+  // Points that no two rays see at this angle [deg] are none.
+  void SetMinRayAngle(double degrees) { min_ray_angle_deg_ = degrees; }
+
   // Observations of tracks with a point in this frame.
   int CountVisiblePoints(int frame) const;
   // Finds the pose of a frame from the points it sees. False where too few of them agree.
@@ -99,10 +105,13 @@ class WorkingModel {
   // Median of the inliers' whitened errors in a frame; 0 without any.
   double MedianError(int frame) const;
 
+  // Share of the inliers whose points no two rays see at kNearRayAngleDeg.
+  double ShareOfFarPoints() const;
+
   // How differently two models see the same points: median absolute deviation of the logarithm of
   // their depths' ratio in a frame. About 0 for models that differ by a similarity.
   static double DepthDisagreement(const WorkingModel& a, const WorkingModel& b, int frame);
-  // Median over points of the standard deviation of depth, relative to the distance.
+  // Median over near points of the standard deviation of depth, relative to the distance.
   double MedianDepthUncertainty() const;
 
   // Moves the world so that the first registered frame is its origin and the median distance of the
@@ -111,7 +120,7 @@ class WorkingModel {
 
  private:
   std::optional<double> WhitenedError(int observation) const;
-  bool HasEnoughAngle(int track) const;
+  bool IsSeenAtAngle(int track, double degrees) const;
   int MinViews() const { return registered_ >= 3 && !relaxed_ ? 3 : 2; }
   void DropPoint(int track);
   void MeasureNoise(std::vector<double>& squared_errors);
@@ -126,8 +135,18 @@ class WorkingModel {
   std::vector<char> is_inlier_;
   int registered_ = 0;
   bool relaxed_ = false;
+  double min_ray_angle_deg_ = kNearRayAngleDeg;
   double noise_ = 1.0;
   double loss_turn_ = 2.0;
 };
+
+// TruncatedCost of two models over the same frames, by the lower of their ErrorBounds.
+struct ComparedCosts {
+  double a = 0.0;
+  double b = 0.0;
+};
+ComparedCosts CompareCosts(const WorkingModel& a,
+                           const WorkingModel& b,
+                           std::span<const int> frames);
 
 }  // namespace cohort

@@ -148,6 +148,25 @@ TEST(IncrementalMapper, TracksThatDriftGiveNoGoodModelWhereTheCameraHasNoParalla
   EXPECT_LT(Ate(result, scene), 0.05);
 }
 
+// Slowly ahead: most points are seen at less than half a degree, and who waits for more than that
+// breaks off after 15 and 21 frames.
+TEST(IncrementalMapper, SmallStepsAheadThroughShortTracksStayInOnePiece) {
+  for (const double path_length : {0.5, 1.0}) {
+    SCOPED_TRACE(path_length);
+    SyntheticTracksOptions options = Scene(CameraPath::kForward, 1.0);
+    options.frames = 50;
+    options.path_length = path_length;
+    options.points = 4000;
+    options.max_track_length = 5;
+    options.drift_px = 0.2;
+    options.outlier_fraction = 0.1;
+    const SyntheticTracks scene = MakeSyntheticTracks(options);
+    const MapperResult result = ReconstructWithCeres(scene.file);
+    ASSERT_EQ(result.summary.registered, 50u) << result.summary.Brief();
+    EXPECT_LT(Ate(result, scene), 0.06 * 2.5 * path_length);
+  }
+}
+
 TEST(IncrementalMapper, WeighsObservationsByTheirCovariance) {
   // Half of the features are measured five times worse than the others, and say so.
   double plain = 0.0;
