@@ -3,6 +3,7 @@
 #include <fmt/ranges.h>
 
 #include <array>
+#include <cmath>
 
 #include "frontend/core/error.h"
 
@@ -55,10 +56,15 @@ const ModelRow& Row(ColmapCameraModel model) {
   ThrowUnsupported(fmt::format("{}", static_cast<int>(model)));
 }
 
+// COLMAP refines every parameter of a guessed camera's model: it must have no more than Ceres' does,
+// one focal length and two radial coefficients.
 ColmapCameraModel SmallestModel(const Camera& camera) {
   if (camera.model == CameraModel::kFisheye) return ColmapCameraModel::kOpencvFisheye;
   if (!camera.HasAtMostFourCoefficients()) return ColmapCameraModel::kFullOpencv;
-  if (!camera.known) return ColmapCameraModel::kSimpleRadial;
+  const bool one_focal_length = std::abs(camera.fx - camera.fy) <= 1e-9 * camera.fx;
+  if (!camera.known && one_focal_length && camera.p1 == 0.0 && camera.p2 == 0.0) {
+    return camera.k2 == 0.0 ? ColmapCameraModel::kSimpleRadial : ColmapCameraModel::kRadial;
+  }
   return camera.HasDistortion() ? ColmapCameraModel::kOpencv : ColmapCameraModel::kPinhole;
 }
 

@@ -70,7 +70,7 @@ double MedianFeatures(const TrackSet& tracks) {
 Arguments CommonArguments(const TrackFile& file,
                           const ColmapOptions& options,
                           const Workspace& workspace) {
-  const bool refine = !file.camera || !file.camera->known;
+  const bool refine = (!file.camera || !file.camera->known) && !options.hold_guess;
   return {Required("database_path", workspace.database),
           Required("image_path", workspace.images),
           Argument("random_seed", options.seed),

@@ -17,6 +17,9 @@ struct ColmapOptions {
   bool fewer_adjustments = true;
   bool final_adjustment = true;
   ColmapDatabaseOptions database;
+  // The guessed camera is another model's refined one: held while the mapper grows, refined by the
+  // final adjustment. Set by the program, no option of the command.
+  bool hold_guess = false;
 
   template <typename Self, typename Visitor>
   static void Visit(Self& o, Visitor& v) {

@@ -507,10 +507,7 @@ std::optional<ColmapModelFolder> ReadLargestColmapModel(const fs::path& folder) 
 
 ColmapModel ToColmapModel(const Reconstruction& reconstruction) {
   ColmapModel model;
-  // Exact whatever the camera: a refined guess may have what SIMPLE_RADIAL has not.
-  Camera camera = reconstruction.camera;
-  camera.known = true;
-  model.cameras[1] = ToColmapCamera(camera);
+  model.cameras[1] = ToColmapCamera(reconstruction.camera);
   for (const auto& [frame, cam_from_world] : reconstruction.cam_from_world) {
     const auto name = reconstruction.frame_names.find(frame);
     ColmapModelImage& image = model.images[ColmapImageIdOf(frame)];

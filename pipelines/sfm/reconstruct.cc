@@ -133,7 +133,7 @@ ReconstructResult MapOrAdjust(const TrackFile& file,
 }
 
 ReconstructResult ReconstructByColmap(TrackFile file,
-                                      const ReconstructOptions& options,
+                                      ReconstructOptions options,
                                       const fs::path& work_dir,
                                       const StageProgress& progress) {
   if (file.image_root.empty() && options.write_frames) {
@@ -145,6 +145,10 @@ ReconstructResult ReconstructByColmap(TrackFile file,
     return MapByColmap(file, options.colmap, work_dir);
   }
   const MapperResult by_ceres = ReconstructWithCeres(file, options.ceres);
+  if (options.ceres_start && !(file.camera && file.camera->known) && !by_ceres.summary.Failed()) {
+    file.camera = by_ceres.reconstruction.camera;  // still a guess, to be refined in the end
+    options.colmap.hold_guess = true;
+  }
   if (!options.global_shutter || by_ceres.reconstruction.readout == 0.0) {
     return MapOrAdjust(file, by_ceres, options, work_dir);
   }

@@ -222,6 +222,23 @@ TEST(ColmapDatabase, CamerasOfAllModelsComeBackFromTheirColmapForm) {
   }
 }
 
+// COLMAP refines whatever the model has: two focal lengths and tangential distortion of a camera
+// that nobody knows go astray in the dark.
+TEST(ColmapDatabase, AGuessedCameraHasOneFocalLengthAndRadialDistortionAlone) {
+  Camera camera = Camera::Guess(640, 480);
+  EXPECT_EQ(ToColmapCamera(camera).model, ColmapCameraModel::kSimpleRadial);
+  camera.k1 = 0.03;
+  camera.k2 = -0.01;
+  camera.fx *= 1.0 + 1e-15;  // refined, it is rounded
+  const ColmapCamera refined = ToColmapCamera(camera);
+  EXPECT_EQ(refined.model, ColmapCameraModel::kRadial);
+  const Camera back = FromColmapCamera(refined);
+  EXPECT_NEAR(back.fx, camera.fx, 1e-9);
+  EXPECT_EQ(back.k2, -0.01);
+  camera.p1 = 0.001;
+  EXPECT_EQ(ToColmapCamera(camera).model, ColmapCameraModel::kOpencv);
+}
+
 TEST(ColmapDatabase, ReadsFisheyesOfOneFocalLength) {
   EXPECT_EQ(ColmapModelFromName("SIMPLE_RADIAL_FISHEYE"), ColmapCameraModel::kSimpleRadialFisheye);
   ColmapCamera colmap{.model = ColmapCameraModel::kRadialFisheye,
