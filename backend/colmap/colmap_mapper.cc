@@ -67,10 +67,14 @@ double MedianFeatures(const TrackSet& tracks) {
   return Median(std::move(counts));
 }
 
+bool RefinesCamera(const TrackFile& file, const ColmapOptions& options) {
+  return (!file.camera || !file.camera->known) && !options.hold_guess;
+}
+
 Arguments CommonArguments(const TrackFile& file,
                           const ColmapOptions& options,
                           const Workspace& workspace) {
-  const bool refine = (!file.camera || !file.camera->known) && !options.hold_guess;
+  const bool refine = RefinesCamera(file, options);
   return {Required("database_path", workspace.database),
           Required("image_path", workspace.images),
           Argument("random_seed", options.seed),
@@ -132,7 +136,7 @@ Arguments MapperArguments(const TrackFile& file,
 }
 
 Arguments AdjusterArguments(const TrackFile& file, const ColmapOptions& options) {
-  const bool refine = !file.camera || !file.camera->known;
+  const bool refine = RefinesCamera(file, options);
   return {Argument("random_seed", options.seed),
           Argument("log_to_stderr", 1),
           Argument("log_target", "stderr"),

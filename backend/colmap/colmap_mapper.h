@@ -17,8 +17,8 @@ struct ColmapOptions {
   bool fewer_adjustments = true;
   bool final_adjustment = true;
   ColmapDatabaseOptions database;
-  // The guessed camera is another model's refined one: held while the mapper grows, refined by the
-  // final adjustment. Set by the program, no option of the command.
+  // The guessed camera is another model's refined one, and is kept. Set by the program, no option of
+  // the command.
   bool hold_guess = false;
 
   template <typename Self, typename Visitor>

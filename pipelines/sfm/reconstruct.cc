@@ -146,7 +146,7 @@ ReconstructResult ReconstructByColmap(TrackFile file,
   }
   const MapperResult by_ceres = ReconstructWithCeres(file, options.ceres);
   if (options.ceres_start && !(file.camera && file.camera->known) && !by_ceres.summary.Failed()) {
-    file.camera = by_ceres.reconstruction.camera;  // still a guess, to be refined in the end
+    file.camera = by_ceres.reconstruction.camera;
     options.colmap.hold_guess = true;
   }
   if (!options.global_shutter || by_ceres.reconstruction.readout == 0.0) {

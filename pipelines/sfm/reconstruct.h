@@ -42,13 +42,12 @@ struct ReconstructOptions {
            "Give COLMAP, which knows no rolling shutter, the positions as a global one would have "
            "seen them, if Ceres finds that the shutter rolls.",
            Tier::kCommon);
-    v.Flag(
-        "ceres_start",
-        o.ceres_start,
-        "Where COLMAP's mapper fails, or ends in a model that fits the tracks much worse than "
-        "Ceres' does, have COLMAP's bundle adjuster go on from Ceres' instead. Of a guessed camera "
-        "the mapper takes the one that Ceres found, and holds it until its last adjustment.",
-        Tier::kCommon);
+    v.Flag("ceres_start",
+           o.ceres_start,
+           "Where COLMAP's mapper fails, or ends in a model that fits the tracks much worse than "
+           "Ceres' does, have COLMAP's bundle adjuster go on from Ceres' instead; of a guessed "
+           "camera, take the one that Ceres found, and keep it.",
+           Tier::kCommon);
     v.Group("ceres", o.ceres, "backend ceres");
     v.Group("colmap", o.colmap, "backend colmap");
   }
