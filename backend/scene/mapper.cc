@@ -142,8 +142,9 @@ GrownParts GrowPartsBothWays(const WhitenedTracks& whitened,
                              const Camera& camera,
                              const CameraRefinement& refinement,
                              const std::vector<int>& keyframes) {
-  // Of the inliers. Where far points had less, both ways gave the same model on real clips; where
-  // one of them lost the scale, they had a quarter at least.
+  // Of the inliers. Where far points had less, both ways gave about the same model on real clips, but
+  // of a hand that turns the camera, where near ones alone were worse; where those lost the scale of
+  // a drive, far points had a quarter.
   constexpr double kManyFarPoints = 0.05;
   GrownParts far = GrowParts(whitened, camera, {refinement, kFarRayAngleDeg}, keyframes);
   if (!far.parts.empty() && far.parts.front().model.ShareOfFarPoints() < kManyFarPoints) return far;
