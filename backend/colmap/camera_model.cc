@@ -3,7 +3,6 @@
 #include <fmt/ranges.h>
 
 #include <array>
-#include <cmath>
 
 #include "frontend/core/error.h"
 
@@ -61,8 +60,7 @@ const ModelRow& Row(ColmapCameraModel model) {
 ColmapCameraModel SmallestModel(const Camera& camera) {
   if (camera.model == CameraModel::kFisheye) return ColmapCameraModel::kOpencvFisheye;
   if (!camera.HasAtMostFourCoefficients()) return ColmapCameraModel::kFullOpencv;
-  const bool one_focal_length = std::abs(camera.fx - camera.fy) <= 1e-9 * camera.fx;
-  if (!camera.known && one_focal_length && camera.p1 == 0.0 && camera.p2 == 0.0) {
+  if (!camera.known && camera.fx == camera.fy && camera.p1 == 0.0 && camera.p2 == 0.0) {
     return camera.k2 == 0.0 ? ColmapCameraModel::kSimpleRadial : ColmapCameraModel::kRadial;
   }
   return camera.HasDistortion() ? ColmapCameraModel::kOpencv : ColmapCameraModel::kPinhole;

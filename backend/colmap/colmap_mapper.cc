@@ -68,7 +68,7 @@ double MedianFeatures(const TrackSet& tracks) {
 }
 
 bool RefinesCamera(const TrackFile& file, const ColmapOptions& options) {
-  return (!file.camera || !file.camera->known) && !options.hold_guess;
+  return !file.KnowsCamera() && !options.hold_guess;
 }
 
 Arguments CommonArguments(const TrackFile& file,
@@ -170,7 +170,7 @@ std::string FailureIn(const fs::path& log, std::size_t offset, const ProgramEnd&
 // Takes out what the adjustment left behind a camera or further off than the mapper's own bound,
 // and points that fewer than two views are left of.
 void RemoveOutliers(const TrackFile& file, Reconstruction& reconstruction) {
-  reconstruction.camera.known = file.camera && file.camera->known;
+  reconstruction.camera.known = file.KnowsCamera();
   for (auto& [feature, point] : reconstruction.points) {
     std::erase_if(point.views, [&, in_world = point.in_world](const PointView& view) {
       const auto xy =
@@ -384,7 +384,7 @@ ColmapResult TriangulateWithColmap(const TrackFile& tracked,
                                    const fs::path& work_dir) {
   ValidateOptions(options);
   const TrackFile file = WithoutWeakObservations(tracked, options.database.max_relative_sigma);
-  if (!file.camera || !file.camera->known) {
+  if (!file.KnowsCamera()) {
     ThrowError("triangulation with given poses needs a known camera: give --camera");
   }
   const Stopwatch total;

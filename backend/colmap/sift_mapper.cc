@@ -65,8 +65,6 @@ void WriteFrames(const TrackFile& clip, const SiftOptions& options, const fs::pa
   }
 }
 
-bool KeepsIntrinsics(const TrackFile& clip) { return clip.camera && clip.camera->known; }
-
 Arguments LogArguments() {
   return {Argument({"log_to_stderr"}, 1),
           Argument({"log_target"}, "stderr"),
@@ -112,7 +110,7 @@ Arguments MapperArguments(const TrackFile& clip, const ColmapOptions& options, b
   const auto add = [&](std::string name, auto value) {
     arguments.push_back(Argument({std::move(name)}, value));
   };
-  const int refine = KeepsIntrinsics(clip) ? 0 : 1;
+  const int refine = clip.KnowsCamera() ? 0 : 1;
   add("random_seed", options.seed);
   add("Mapper.num_threads", options.threads);
   add("Mapper.extract_colors", 0);
@@ -151,7 +149,7 @@ ColmapModel WithOurIds(const ColmapModel& model, const TrackFile& clip) {
 
 Reconstruction ToReconstruction(const ColmapModel& model, const TrackFile& clip) {
   Reconstruction result = FromColmapModel(WithOurIds(model, clip));
-  result.camera.known = KeepsIntrinsics(clip);
+  result.camera.known = clip.KnowsCamera();
   for (const FrameInfo& frame : clip.frames) {
     if (!result.cam_from_world.contains(frame.index)) continue;
     result.frame_names[frame.index] = frame.name;

@@ -216,12 +216,12 @@ void AdjustParts(const MapperOptions& options,
   }
 }
 
-JudgedParts JudgeParts(GrownParts grown,
+JudgedParts JudgeParts(std::vector<MappedPart> parts,
                        const Camera& camera,
                        const MapperOptions& options,
                        const CameraRefinement& refinement,
                        const std::vector<int>& keyframes) {
-  JudgedParts judged{.parts = std::move(grown.parts)};
+  JudgedParts judged{.parts = std::move(parts)};
   AdjustParts(options, refinement, judged);
   for (const MappedPart& part : judged.parts) {
     judged.judgements.push_back(JudgeModel(part.model, camera, keyframes));
@@ -286,7 +286,7 @@ MapperResult MapTracks(const TrackFile& file, const MapperOptions& options) {
     grown = GrowPartsBothWays(whitened, camera, refinement, keyframes);
   }
   if (grown.parts.empty()) return WithEnd(std::move(result), grown.end);
-  JudgedParts judged = JudgeParts(std::move(grown), camera, options, refinement, keyframes);
+  JudgedParts judged = JudgeParts(std::move(grown.parts), camera, options, refinement, keyframes);
   const Judgement& judgement = judged.judgements[judged.chosen];
   result.depth_uncertainty = judgement.depth_uncertainty;
   result.unexplained_parallax = judgement.unexplained_parallax;
@@ -328,7 +328,7 @@ MapperResult TriangulateWithCeres(const TrackFile& file,
                                   const std::map<FrameIndex, Rigid3>& cam_from_world,
                                   const MapperOptions& options) {
   ValidateOptions(options);
-  if (!file.camera || !file.camera->known) {
+  if (!file.KnowsCamera()) {
     ThrowError("triangulation with given poses needs a known camera: give --camera");
   }
   constexpr int kRounds = 3;

@@ -48,7 +48,7 @@ inline IntrinsicVector ToIntrinsicVector(const Camera& camera) {
   return {camera.fx, camera.cx, camera.cy, camera.k1, camera.k2};
 }
 inline Camera WithIntrinsics(Camera camera, const IntrinsicVector& v) {
-  camera.fy *= v[0] / camera.fx;
+  camera.fy = v[0] * (camera.fy / camera.fx);  // exactly v[0] where fx = fy
   camera.fx = v[0];
   camera.cx = v[1];
   camera.cy = v[2];

@@ -30,6 +30,8 @@ struct TrackFile {
   std::vector<FrameInfo> frames;            // ascending; also frames without observations
   TrackSet tracks;
   bool complete = true;  // false: tracking still runs, or was ended before the last frame
+
+  bool KnowsCamera() const { return camera && camera->known; }
 };
 
 // Writes a .tracks file (SQLite; schema in docs/files.md) while tracking. Every AppendFrame is

@@ -145,7 +145,7 @@ ReconstructResult ReconstructByColmap(TrackFile file,
     return MapByColmap(file, options.colmap, work_dir);
   }
   const MapperResult by_ceres = ReconstructWithCeres(file, options.ceres);
-  if (options.ceres_start && !(file.camera && file.camera->known) && !by_ceres.summary.Failed()) {
+  if (options.ceres_start && !file.KnowsCamera() && !by_ceres.summary.Failed()) {
     file.camera = by_ceres.reconstruction.camera;
     options.colmap.hold_guess = true;
   }

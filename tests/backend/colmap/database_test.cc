@@ -9,6 +9,7 @@
 
 #include "backend/colmap/database.h"
 #include "backend/colmap/tracks_to_database.h"
+#include "backend/scene/reprojection.h"
 #include "frontend/core/output.h"
 #include "frontend/core/sqlite.h"
 #include "tests/support/cameras.h"
@@ -227,9 +228,7 @@ TEST(ColmapDatabase, CamerasOfAllModelsComeBackFromTheirColmapForm) {
 TEST(ColmapDatabase, AGuessedCameraHasOneFocalLengthAndRadialDistortionAlone) {
   Camera camera = Camera::Guess(640, 480);
   EXPECT_EQ(ToColmapCamera(camera).model, ColmapCameraModel::kSimpleRadial);
-  camera.k1 = 0.03;
-  camera.k2 = -0.01;
-  camera.fx *= 1.0 + 1e-15;  // refined, it is rounded
+  camera = WithIntrinsics(camera, {619.3, camera.cx, camera.cy, 0.03, -0.01});  // refined
   const ColmapCamera refined = ToColmapCamera(camera);
   EXPECT_EQ(refined.model, ColmapCameraModel::kRadial);
   const Camera back = FromColmapCamera(refined);

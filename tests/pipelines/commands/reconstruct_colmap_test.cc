@@ -61,5 +61,24 @@ TEST_F(ReconstructWithColmapCommand, GoesOnFromTheModelOfCeresWhereTheMapperGets
   EXPECT_THAT(summary["termination"].get<std::string>(), testing::HasSubstr("adjusted a model"));
 }
 
+TEST_F(ReconstructWithColmapCommand, KeepsTheCameraThatCeresFoundOfAGuessedOne) {
+  scene.file.camera.reset();
+  WriteTrackFile(path("a.tracks"), scene.file);
+  const auto camera_by = [&](const std::string& arguments) {
+    const test::ProgramEnd end = test::RunCohort("reconstruct " + path("a.tracks") + " --quiet " +
+                                                 arguments + " --out " + path("m"));
+    EXPECT_EQ(end.exit_code, 0) << end.out << end.err;
+    return ReadReconstruction(path("m")).camera;
+  };
+  const Camera ceres = camera_by("");
+  const Camera kept = camera_by("--backend colmap --no-write-frames");
+  EXPECT_DOUBLE_EQ(kept.fx, ceres.fx);
+  EXPECT_DOUBLE_EQ(kept.fy, ceres.fy);
+  EXPECT_DOUBLE_EQ(kept.k1, ceres.k1);
+  EXPECT_DOUBLE_EQ(kept.k2, ceres.k2);
+  EXPECT_NE(camera_by("--backend colmap --no-write-frames --no-ceres-start").fx, ceres.fx)
+      << "COLMAP's own refinement";
+}
+
 }  // namespace
 }  // namespace cohort
