@@ -12,6 +12,7 @@
 #include "backend/scene/judgement.h"
 #include "backend/scene/parts.h"
 #include "backend/scene/rolling_shutter.h"
+#include "frontend/core/part_times.h"
 #include "frontend/core/stopwatch.h"
 
 namespace cohort {
@@ -319,6 +320,7 @@ MapperResult MapTracks(const TrackFile& file, const MapperOptions& options) {
 }  // namespace
 
 MapperResult ReconstructWithCeres(const TrackFile& file, const MapperOptions& options) {
+  const TimedPart part("reconstruction");
   ValidateOptions(options);
   const Stopwatch stopwatch;
   return WithSummary(MapTracks(file, options), file, stopwatch);

@@ -5,6 +5,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "frontend/core/error.h"
+#include "frontend/core/part_times.h"
 
 namespace cohort {
 namespace {
@@ -157,6 +158,7 @@ std::vector<Eigen::Vector2d> DetectCorners(const cv::Mat& gray,
                                            int border_px,
                                            int max_new,
                                            const DetectorOptions& options) {
+  const TimedPart part("corners");
   Check(gray.type() == CV_32FC1, "DetectCorners takes CV_32FC1");
   std::vector<Eigen::Vector2d> corners;
   if (max_new <= 0) return corners;

@@ -5,6 +5,7 @@
 #include <opencv2/imgproc.hpp>
 #include <vector>
 
+#include "frontend/core/part_times.h"
 #include "frontend/core/statistics.h"
 #include "frontend/image/frame_offset.h"
 
@@ -121,6 +122,7 @@ std::optional<LightChange> EstimateLightChange(const Pyramid& previous, const Py
 }
 
 const LightChange& Exposure::Follow(const cv::Mat& gray) {
+  const TimedPart part("light");
   // Of a picture with less contrast nothing can be said, nor is it a light to bring others to.
   constexpr double kLeastDeviation = 0.05;
   Pyramid picture = BuildPyramid(gray);
@@ -162,6 +164,7 @@ std::optional<LightChange> Exposure::LightOf(const Pyramid& picture) {
 }
 
 cv::Mat WithoutLight(const cv::Mat& gray, const LightChange& light) {
+  const TimedPart part("light");
   if (light.gain == 1.0 && light.offset == 0.0) return gray;
   const cv::Mat picture = BuildPyramid(gray, 1).levels.front();
   return (picture - light.offset) / light.gain;

@@ -5,6 +5,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "frontend/core/error.h"
+#include "frontend/core/part_times.h"
 
 namespace cohort {
 namespace {
@@ -79,6 +80,7 @@ std::pair<Eigen::Vector2d, double> Descend(const cv::Mat& previous,
 }  // namespace
 
 Eigen::Vector2d RegisterFrames(const Pyramid& previous, const Pyramid& current) {
+  const TimedPart part("registration");
   Check(!previous.levels.empty() && previous.levels.size() == current.levels.size(),
         "RegisterFrames takes pyramids of the same size");
   const cv::Mat& from = previous.levels.back();

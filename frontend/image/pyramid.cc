@@ -4,10 +4,12 @@
 #include <opencv2/imgproc.hpp>
 
 #include "frontend/core/error.h"
+#include "frontend/core/part_times.h"
 
 namespace cohort {
 
 Pyramid BuildPyramid(const cv::Mat& gray, int num_levels) {
+  const TimedPart part("pyramid");
   Check(!gray.empty() && gray.channels() == 1, "BuildPyramid takes one-channel pictures");
   Pyramid pyramid;
   cv::Mat full;
@@ -34,6 +36,7 @@ Pyramid BuildPyramid(const cv::Mat& gray, int num_levels) {
 }
 
 Pyramid SmoothPyramid(const Pyramid& pyramid, double sigma_px) {
+  const TimedPart part("pyramid");
   Pyramid smooth;
   if (sigma_px <= 0.0) {
     smooth.levels.assign(pyramid.levels.begin(),

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "frontend/core/part_times.h"
 #include "frontend/image/in_parallel.h"
 
 namespace cohort {
@@ -40,6 +41,7 @@ FrameMeasurement::FrameMeasurement(const Pyramid& smooth,
       confirmation_(smooth, patch, there_and_back, calibration, features, measured_),
       verdicts_(features.size(), Verdict::kNotMeasured),
       observed_(features.size()) {
+  const TimedPart part("measurement");
   for (std::size_t f = 0; f < features.size(); ++f) {
     if (!features[f].confirmed) continue;
     Judge(f, confirmation_.TestPatch(features[f], measured_[f], starts_[f]));
@@ -48,14 +50,29 @@ FrameMeasurement::FrameMeasurement(const Pyramid& smooth,
 
 std::vector<Measurement> FrameMeasurement::MeasureFrom(
     const std::vector<Eigen::Vector2d>& starts) const {
+  const TimedPart part("measurement");
   std::vector<Measurement> measured(features_.size());
   ForEachInParallel(features_.size(), [&](std::size_t f) {
-    const Feature& feature = features_[f];
-    if (!feature.confirmed) return;
-    measured[f] =
-        MeasurePatch(smooth_, feature.anchor, starts[f], feature.window_px, calibration_.scale());
+    if (features_[f].confirmed) measured[f] = MeasureFrom(f, starts[f]);
   });
   return measured;
+}
+
+Measurement FrameMeasurement::MeasureFrom(std::size_t f, const Eigen::Vector2d& start) const {
+  const Feature& feature = features_[f];
+  return MeasurePatch(smooth_, feature.anchor, start, feature.window_px, calibration_.scale());
+}
+
+void FrameMeasurement::MeasureFromBetter(std::span<const std::size_t> which,
+                                         const Eigen::Matrix2Xd& starts) {
+  const TimedPart part("measurement");
+  const std::vector<Eigen::Vector2d> better = StartsOf(features_, starts);
+  ForEachInParallel(which.size(), [&](std::size_t i) {
+    const std::size_t f = which[i];
+    if (better[f] == starts_[f]) return;
+    measured_[f] = MeasureFrom(f, better[f]);
+    Judge(f, confirmation_.TestPatch(features_[f], measured_[f], better[f]));
+  });
 }
 
 void FrameMeasurement::Judge(std::size_t f, Verdict verdict) {
@@ -77,6 +94,7 @@ std::vector<CovarianceCalibration::Sample> FrameMeasurement::Residuals(
 }
 
 void FrameMeasurement::TestPositions(std::span<const TrajectoryModel::Estimate> predicted) {
+  const TimedPart part("measurement");
   for (std::size_t f = 0; f < features_.size(); ++f) {
     if (!IsObserved(f)) continue;
     Judge(f, confirmation_.TestPosition(features_[f], measured_[f], predicted[f]));
@@ -86,10 +104,10 @@ void FrameMeasurement::TestPositions(std::span<const TrajectoryModel::Estimate> 
 void FrameMeasurement::MeasureAtPrediction(std::size_t f,
                                            const TrajectoryModel::Estimate& predicted,
                                            bool strong) {
+  const TimedPart part("measurement");
   const Feature& feature = features_[f];
   const Eigen::Vector2d& start = predicted.expected_xy;
-  measured_[f] =
-      MeasurePatch(smooth_, feature.anchor, start, feature.window_px, calibration_.scale());
+  measured_[f] = MeasureFrom(f, start);
   Judge(f, confirmation_.TestPatchAtPrediction(feature, measured_[f], predicted, strong));
   if (IsObserved(f)) return;
   const double sigma_px = std::sqrt(0.5 * predicted.measured_covariance.trace());

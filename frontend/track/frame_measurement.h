@@ -28,6 +28,9 @@ class FrameMeasurement {
                    const CovarianceCalibration& calibration,
                    const Eigen::Matrix2Xd& starts);
 
+  // Of what is not observed: the large patch once more from better starts, where these are others.
+  void MeasureFromBetter(std::span<const std::size_t> which, const Eigen::Matrix2Xd& starts);
+
   bool IsObserved(std::size_t f) const { return verdicts_[f] == Verdict::kObserved; }
   Verdict verdict(std::size_t f) const { return verdicts_[f]; }
   const Measurement& measurement(std::size_t f) const { return measured_[f]; }
@@ -49,6 +52,7 @@ class FrameMeasurement {
 
  private:
   void Judge(std::size_t f, Verdict verdict);
+  Measurement MeasureFrom(std::size_t f, const Eigen::Vector2d& start) const;
   std::vector<Measurement> MeasureFrom(const std::vector<Eigen::Vector2d>& starts) const;
 
   const Pyramid& smooth_;

@@ -4,6 +4,8 @@
 #include <numeric>
 #include <utility>
 
+#include "frontend/core/part_times.h"
+
 namespace cohort {
 namespace {
 
@@ -81,6 +83,7 @@ FilledHistory HistoryFiller::Fill(const Eigen::Vector2d& xy,
                                   const AnchorPatch& anchor,
                                   const History& others,
                                   const CovarianceCalibration& calibration) const {
+  const TimedPart part("births");
   const Neighbours near = Nearest(others.front(), xy);
   FilledHistory past;
   past.xy.push_back(xy);

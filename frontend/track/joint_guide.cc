@@ -3,6 +3,7 @@
 #include <cmath>
 #include <utility>
 
+#include "frontend/core/part_times.h"
 #include "frontend/core/statistics.h"
 #include "frontend/energy/patch_energy.h"
 #include "frontend/image/frame_offset.h"
@@ -132,6 +133,7 @@ Eigen::Matrix2Xd JointGuide::Start(const Pyramid& current) const {
 OptimizerResult JointGuide::Minimize(const Pyramid& current,
                                      std::span<const Feature> features,
                                      const Eigen::Matrix2Xd& start) const {
+  const TimedPart part("guide");
   const GuidePast past = Past(features);
   OptimizerResult all;
   all.x = start;
@@ -165,6 +167,7 @@ GuidePast JointGuide::Past(std::span<const Feature> features) const {
 void JointGuide::Remember(const Pyramid& current,
                           Eigen::Matrix2Xd x,
                           std::span<const Feature> features) {
+  const TimedPart part("guide");
   const double contrast = Contrast(current.levels[0], x, features, options_.template_px);
   if (contrast > 0.0) contrast_ = 0.8 * contrast_ + 0.2 * contrast;
   history_.push_front(std::move(x));

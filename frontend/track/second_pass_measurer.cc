@@ -6,6 +6,7 @@
 #include <opencv2/core.hpp>
 #include <set>
 
+#include "frontend/core/part_times.h"
 #include "frontend/core/statistics.h"
 #include "frontend/image/in_parallel.h"
 #include "frontend/image/pyramid.h"
@@ -55,6 +56,7 @@ SecondPassMeasurer::SecondPassMeasurer(const SecondPassMeasurementOptions& optio
 
 void SecondPassMeasurer::Learn(const Frame& frame, std::span<const ModelPrediction> predictions) {
   if (predictions.empty()) return;
+  const TimedPart part("templates");
   const Pyramid pyramid = SmoothPyramidOf(frame, options_.patch.denoise_sigma_px);
   const int largest_px = windows_.back().px;
   std::vector<Template*> templates;
@@ -89,6 +91,7 @@ void SecondPassMeasurer::FinishTemplates() {
 }
 
 void SecondPassMeasurer::Measure(const Frame& frame, std::span<const ModelPrediction> predictions) {
+  const TimedPart part("measurement");
   FinishTemplates();
   const Pyramid pyramid = SmoothPyramidOf(frame, options_.patch.denoise_sigma_px);
   for (Window& window : windows_) MeasureWith(window, frame, predictions, pyramid);

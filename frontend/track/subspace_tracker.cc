@@ -1,8 +1,11 @@
 #include "frontend/track/subspace_tracker.h"
 
+#include <Eigen/LU>
 #include <algorithm>
+#include <optional>
 #include <utility>
 
+#include "frontend/core/part_times.h"
 #include "frontend/track/anchor_deformation.h"
 #include "frontend/track/covariance_calibration.h"
 #include "frontend/track/frame_measurement.h"
@@ -36,6 +39,9 @@ class SubspaceMover final : public FeatureMover {
     bool strong = false;  // what contradicts them is not observed
   };
 
+  Eigen::Matrix2Xd Measure(const Pyramid& current,
+                           const Pyramid& smooth,
+                           std::optional<FrameMeasurement>& frame);
   Others AskOthers(FrameMeasurement& frame);
   Move Observe(const Measurement& m, const Confirmation& confirmation, Feature& feature) const;
   Eigen::Matrix2Xd Fuse(const FrameMeasurement& frame, std::vector<Move>& moves);
@@ -53,19 +59,14 @@ class SubspaceMover final : public FeatureMover {
 
 // The steps of docs/how_it_works.md, "One frame".
 std::vector<Move> SubspaceMover::MoveFeatures(const Pyramid& current) {
+  const TimedPart part("bookkeeping");
   const PatchOptions& patch = measurement_.patch;
   Pyramid smooth = SmoothPyramid(current, patch.denoise_sigma_px);
 
-  // 1. The guide.
-  const Eigen::Matrix2Xd joint = guide_.Minimize(current, features_, guide_.Start(current)).x;
-  const Eigen::Matrix2Xd& before = guide_.history().front();
-  there_and_back_.Track(current, before, features_);
-  const Eigen::Matrix2Xd starts =
-      ThereAndBack::BetterStarts(current, joint, features_, options_.template_px);
-  DeformAnchors(CommonSimilarity(before, starts, features_), patch.warp_noise, features_);
-
-  // 2. and 3. A large patch, tested; then against what the other features say.
-  FrameMeasurement frame(smooth, features_, patch, there_and_back_, calibration_, starts);
+  // 1. to 3. The guide; from there a large patch, tested; then against what the other features say.
+  std::optional<FrameMeasurement> measured;
+  const Eigen::Matrix2Xd starts = Measure(current, smooth, measured);
+  FrameMeasurement& frame = *measured;
   const Others others = AskOthers(frame);
 
   std::vector<Move> moves;
@@ -94,8 +95,52 @@ std::vector<Move> SubspaceMover::MoveFeatures(const Pyramid& current) {
     features_[f].confirmed = moves[f].state == ObservationState::kObserved;
   }
   guide_.Remember(current, std::move(fused), features_);
+  there_and_back_.Remember(current);
   filler_.Remember(std::move(smooth), static_cast<std::size_t>(options_.history_length));
   return moves;
+}
+
+// Every feature from the guide's position. Where it is not seen from there, from where Lucas-Kanade
+// finds it. Returns the starts.
+Eigen::Matrix2Xd SubspaceMover::Measure(const Pyramid& current,
+                                        const Pyramid& smooth,
+                                        std::optional<FrameMeasurement>& frame) {
+  const Eigen::Matrix2Xd joint = guide_.Minimize(current, features_, guide_.Start(current)).x;
+  const Eigen::Matrix2Xd& before = guide_.history().front();
+  const auto starts_with = [&](std::span<const std::size_t> tracked) {
+    there_and_back_.Track(current, before, tracked, features_);
+    return ThereAndBack::BetterStarts(current, joint, features_, options_.template_px);
+  };
+  const auto measure = [&](const Eigen::Matrix2Xd& starts) {
+    frame.emplace(smooth, features_, measurement_.patch, there_and_back_, calibration_, starts);
+  };
+  std::vector<std::size_t> asked;  // of Lucas-Kanade
+  std::size_t confirmed = 0;
+  for (std::size_t f = 0; f < features_.size(); ++f) {
+    features_[f].returned_xy.reset();
+    if (!features_[f].confirmed) continue;
+    ++confirmed;
+    if (features_[f].open) asked.push_back(f);
+  }
+  Eigen::Matrix2Xd starts = starts_with(asked);
+  const Eigen::Matrix2d similarity = CommonSimilarity(before, starts, features_);
+  DeformAnchors(similarity, measurement_.patch.warp_noise, features_);
+  measure(starts);
+
+  asked.clear();
+  for (std::size_t f = 0; f < features_.size(); ++f) {
+    if (features_[f].confirmed && !frame->IsObserved(f)) asked.push_back(f);
+  }
+  if (asked.empty()) return starts;
+  starts = starts_with(asked);
+  if (2 * asked.size() < confirmed) {
+    frame->MeasureFromBetter(asked, starts);
+    return starts;
+  }
+  // A camera too fast for the guide: nor is the similarity that of its motion.
+  DeformAnchors(CommonSimilarity(before, starts, features_) * similarity.inverse(), 0.0, features_);
+  measure(starts);
+  return starts;
 }
 
 // What looks like its anchor tells the model of this frame, and the model where all should be. With
@@ -151,12 +196,14 @@ Eigen::Matrix2Xd SubspaceMover::Fuse(const FrameMeasurement& frame, std::vector<
 }
 
 void SubspaceMover::Keep(std::span<const std::uint8_t> keep) {
+  const TimedPart part("bookkeeping");
   KeepFeatures(keep, features_);
   guide_.Keep(keep);
   model_.Keep(keep);
 }
 
 void SubspaceMover::Add(std::span<const Eigen::Vector2d> born, const Pyramid& current) {
+  const TimedPart part("births");
   if (features_.empty()) Begin(current);
   std::vector<std::vector<Eigen::Vector2d>> births;
   for (const Eigen::Vector2d& xy : born) {
@@ -173,7 +220,7 @@ void SubspaceMover::Add(std::span<const Eigen::Vector2d> born, const Pyramid& cu
 void SubspaceMover::Begin(const Pyramid& current) {
   guide_.Begin(current);
   filler_.Begin(SmoothPyramid(current, measurement_.patch.denoise_sigma_px));
-  there_and_back_.Begin(current);
+  there_and_back_.Remember(current);
   model_ = TrajectoryModel(kModelFrames, measurement_.max_rank, measurement_.perspective);
   model_.Update({});
 }

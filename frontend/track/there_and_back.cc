@@ -3,6 +3,7 @@
 #include <cmath>
 #include <utility>
 
+#include "frontend/core/part_times.h"
 #include "frontend/energy/patch_energy.h"
 #include "frontend/track/lucas_kanade.h"
 
@@ -16,36 +17,37 @@ constexpr double kReturnPx = 1.0;
 
 }  // namespace
 
-void ThereAndBack::Begin(const Pyramid& picture) {
-  previous_ = LkPyramid(picture, kWindowPx, kMaxLevel);
+void ThereAndBack::Remember(const Pyramid& picture) {
+  previous_ = picture;
+  lk_previous_ = std::exchange(lk_current_, {});
 }
 
 void ThereAndBack::Track(const Pyramid& current,
                          const Eigen::Matrix2Xd& newest,
+                         std::span<const std::size_t> which,
                          std::span<Feature> features) {
-  for (Feature& feature : features) feature.returned_xy.reset();
-  std::vector<cv::Mat> picture = LkPyramid(current, kWindowPx, kMaxLevel);
-  std::vector<Feature*> tracked;
+  if (which.empty()) return;
+  const TimedPart part("there and back");
+  if (lk_previous_.empty()) lk_previous_ = LkPyramid(previous_, kWindowPx, kMaxLevel);
+  if (lk_current_.empty()) lk_current_ = LkPyramid(current, kWindowPx, kMaxLevel);
   std::vector<cv::Point2f> starts;
-  for (std::size_t f = 0; f < features.size(); ++f) {
-    if (!features[f].confirmed) continue;
+  for (const std::size_t f : which) {
     const Eigen::Vector2f xy = newest.col(static_cast<Eigen::Index>(f)).cast<float>();
-    tracked.push_back(&features[f]);
     starts.emplace_back(xy.x(), xy.y());
   }
   const LkResult returned =
-      TrackThereAndBack(previous_, picture, starts, kWindowPx, kMaxLevel, kReturnPx);
-  for (std::size_t i = 0; i < tracked.size(); ++i) {
+      TrackThereAndBack(lk_previous_, lk_current_, starts, kWindowPx, kMaxLevel, kReturnPx);
+  for (std::size_t i = 0; i < which.size(); ++i) {
     if (returned.found[i] == 0) continue;
-    tracked[i]->returned_xy = Eigen::Vector2d(returned.ends[i].x, returned.ends[i].y);
+    features[which[i]].returned_xy = Eigen::Vector2d(returned.ends[i].x, returned.ends[i].y);
   }
-  previous_ = std::move(picture);
 }
 
 Eigen::Matrix2Xd ThereAndBack::BetterStarts(const Pyramid& current,
                                             const Eigen::Matrix2Xd& guide,
                                             std::span<const Feature> features,
                                             int n) {
+  const TimedPart part("there and back");
   constexpr double kElsewherePx = 3.0;
   Eigen::Matrix2Xd starts = guide;
   for (std::size_t f = 0; f < features.size(); ++f) {

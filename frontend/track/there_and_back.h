@@ -12,7 +12,8 @@
 namespace cohort {
 
 // Lucas-Kanade from the last picture and back, as a plain tracker would: beside the joint guide, a
-// second opinion of where each feature went, which reaches further (BetterStarts).
+// second opinion of where a feature went, which reaches further (BetterStarts). It costs more than
+// the guide, and is asked where the guide's position shows something else, or might.
 //
 // Where the camera moves fast, the other features cannot say where a new one is, and alignment may
 // end at any similar pattern nearby. So what they leave open by more than `max_open_px` must be
@@ -21,9 +22,13 @@ class ThereAndBack {
  public:
   explicit ThereAndBack(double max_open_px) : max_open_px_(max_open_px) {}
 
-  void Begin(const Pyramid& picture);
-  // Sets returned_xy of all features. `newest`: 2 x F, where they were in the last picture.
-  void Track(const Pyramid& current, const Eigen::Matrix2Xd& newest, std::span<Feature> features);
+  // The last picture of the next call.
+  void Remember(const Pyramid& picture);
+  // Sets returned_xy of the features `which`. `newest`: 2 x F, where all were in the last picture.
+  void Track(const Pyramid& current,
+             const Eigen::Matrix2Xd& newest,
+             std::span<const std::size_t> which,
+             std::span<Feature> features);
 
   // The guide, but where Lucas-Kanade is elsewhere and the picture looks more like the template
   // there: a camera too fast for the guide. `n`: side of the templates.
@@ -36,7 +41,10 @@ class ThereAndBack {
 
  private:
   double max_open_px_;
-  std::vector<cv::Mat> previous_;
+  Pyramid previous_;
+  // Lucas-Kanade's own pyramids, made when first needed.
+  std::vector<cv::Mat> lk_previous_;
+  std::vector<cv::Mat> lk_current_;
 };
 
 }  // namespace cohort

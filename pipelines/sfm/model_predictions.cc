@@ -5,6 +5,8 @@
 #include <array>
 #include <cmath>
 
+#include "frontend/core/part_times.h"
+
 namespace cohort {
 namespace {
 
@@ -41,6 +43,7 @@ ModelPredictions::ModelPredictions(const TrackFile& file,
 }
 
 std::vector<ModelPrediction> ModelPredictions::ForTemplates(FrameIndex frame) const {
+  const TimedPart part("projection");
   std::vector<ModelPrediction> predictions;
   const auto it = template_features_.find(frame);
   if (it == template_features_.end()) return predictions;
@@ -53,6 +56,7 @@ std::vector<ModelPrediction> ModelPredictions::ForTemplates(FrameIndex frame) co
 }
 
 std::vector<ModelPrediction> ModelPredictions::InSight(FrameIndex frame) const {
+  const TimedPart part("projection");
   std::vector<ModelPrediction> predictions;
   if (!model_.cam_from_world.contains(frame)) return predictions;
   for (const auto& [feature, middle] : middle_) {

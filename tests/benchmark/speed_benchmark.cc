@@ -1,289 +1,236 @@
-// Frames per second of tracker `subspace` beside KLT 21x21, and where its time goes.
-//   speed_benchmark CLIP... [--level medium] [--frames N] [--page FILE]
-// All trackers take turns frame by frame in one process and one thread; times are processor time,
-// without decoding and without the search for corners (the same for all). Clips are those of
-// `cohort synth`; they are degraded here.
+// What both passes of tracker `subspace` cost beside OpenCV's KLT with its check.
+//   speed_benchmark CLIP [--level medium] [--frames N] [--benchmark_out=speed.json ...]
+// The trackers take turns frame by frame, then the second pass and KLT clip by clip, all on the same
+// decoded frames in one thread; times are this thread's processor time. Decoding and the search for
+// corners, which are the same for all, do not count.
+//
+// One benchmark a number of features F and length L of history. Its counters, a frame:
+//   first_ms, second_ms, klt_ms    both passes and KLT of 21 x 21 px; klt31_ms: of 31 x 31 px
+//   first_klt, second_klt          how many times KLT's time; the median of the frames' ratios, and
+//                                  of the whole second pass with all its rounds
+//   companion_klt                  of the first pass with KLT riding along for the second
+//   alive, klt_alive               features
+//   first: PART, second: PART      where it goes [ms]
+#include <benchmark/benchmark.h>
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 
 #include <CLI/CLI.hpp>
-#include <algorithm>
-#include <filesystem>
+#include <map>
 #include <memory>
 #include <opencv2/core/utility.hpp>
+#include <string>
 #include <vector>
 
 #include "datasets/degrade/degrade.h"
 #include "datasets/open_sequence.h"
-#include "frontend/core/output.h"
+#include "frontend/core/part_times.h"
 #include "frontend/core/statistics.h"
-#include "frontend/image/frame_offset.h"
-#include "frontend/track/track_loop.h"
-#include "tests/support/cpu_clock.h"
+#include "pipelines/sfm/track_sequence.h"
 
 namespace cohort {
 namespace {
 
-namespace fs = std::filesystem;
-
-struct Setting {
-  int features;
-  int history_length;
-  double target_fps;
-};
-constexpr Setting kSettings[] = {{35, 5, 150.0}, {35, 10, 80.0}, {300, 10, 25.0}};
 // The window of every tracker is full.
 constexpr std::size_t kFirstTimedFrame = 12;
+constexpr std::string_view kCorners = "corners";
 
-// Adds up the processor time of another mover.
-class TimedMover final : public FeatureMover {
+// Decoded frames.
+class Film final : public Sequence {
  public:
-  TimedMover(const TrackerOptions& options, double& ms) : mover_(MakeMover(options)), ms_(ms) {}
+  Film(Sequence& of, const std::optional<DegradeOptions>& degrade)
+      : name_(of.Name()), camera_(of.KnownCamera()) {
+    while (auto frame = of.Next()) {
+      if (degrade) frame->gray = DegradeFrame(frame->gray, *degrade, ToInt(frame->index));
+      frames_.push_back(std::move(*frame));
+    }
+  }
 
-  std::vector<Move> MoveFeatures(const Pyramid& current) override {
-    const double start_ms = test::CpuMs();
-    std::vector<Move> moves = mover_->MoveFeatures(current);
-    ms_ += test::CpuMs() - start_ms;
-    return moves;
+  std::optional<Frame> Next() override {
+    if (next_ == frames_.size()) return std::nullopt;
+    return frames_[next_++];
   }
-  void Keep(std::span<const std::uint8_t> keep) override {
-    const double start_ms = test::CpuMs();
-    mover_->Keep(keep);
-    ms_ += test::CpuMs() - start_ms;
-  }
-  void Add(std::span<const Eigen::Vector2d> born, const Pyramid& current) override {
-    const double start_ms = test::CpuMs();
-    mover_->Add(born, current);
-    ms_ += test::CpuMs() - start_ms;
-  }
+  void Rewind() override { next_ = 0; }
+  std::string Name() const override { return name_; }
+  std::filesystem::path ImageRoot() const override { return {}; }
+  std::optional<std::size_t> FrameCount() const override { return frames_.size(); }
+  std::optional<Camera> KnownCamera() const override { return camera_; }
+  const std::map<FrameIndex, Rigid3>& TrueCamFromWorld() const override { return no_poses_; }
+  std::optional<cv::Mat> TrueDepth(FrameIndex) const override { return std::nullopt; }
+  std::optional<cv::Mat> OccluderMask(FrameIndex) const override { return std::nullopt; }
+  const std::string& Warning() const override { return no_warning_; }
 
  private:
-  std::unique_ptr<FeatureMover> mover_;
-  double& ms_;
+  std::string name_;
+  std::optional<Camera> camera_;
+  std::vector<Frame> frames_;
+  std::size_t next_ = 0;
+  std::map<FrameIndex, Rigid3> no_poses_;
+  std::string no_warning_;
 };
+
+using Parts = std::map<std::string, double>;
+
+// Adds the times of what `work` does to `parts`; returns their sum, without the search for corners.
+template <typename Work>
+double Timed(const Work& work, Parts& parts) {
+  const PartTimes times;
+  {
+    const TimedPart rest("rest");
+    work();
+  }
+  double sum_ms = 0.0;
+  for (const auto& [name, ms] : times.ms()) {
+    if (name == kCorners) continue;
+    parts[std::string(name)] += ms;
+    sum_ms += ms;
+  }
+  return sum_ms;
+}
 
 // A tracker as `cohort track` runs it.
 class Racer {
  public:
-  explicit Racer(const TrackerOptions& options)
-      : loop_(options, {}, std::make_unique<TimedMover>(options, ms_)) {}
+  Racer(Film film, const TrackSequenceOptions& options)
+      : film_(std::move(film)), tracker_(film_, options) {
+    film_.Rewind();
+    film_.Next();
+    file_ = tracker_.Header();
+  }
   Racer(const Racer&) = delete;
   Racer& operator=(const Racer&) = delete;
 
-  // Returns the processor time without the pyramid and the search for corners.
-  double Step(const Frame& frame) {
-    ms_ = 0.0;
-    features_ = loop_.Track(frame).observations.size();
-    return ms_;
+  bool HasNext() { return tracker_.HasNext(); }
+  void Step() {
+    Parts parts;
+    TrackedFrame frame;
+    const double ms = Timed([&] { frame = tracker_.TrackNext(); }, parts);
+    file_.frames.push_back(frame.info);
+    const auto& now = frame.result.observations;
+    observations_.insert(observations_.end(), now.begin(), now.end());
+    ends_.insert(ends_.end(), frame.result.ends.begin(), frame.result.ends.end());
+    if (file_.frames.size() <= kFirstTimedFrame) return;
+    ms_.push_back(ms);
+    alive_ += static_cast<double>(now.size());
+    for (const auto& [name, part_ms] : parts) parts_[name] += part_ms;
   }
 
-  std::size_t features() const { return features_; }
+  TrackFile Finish() {
+    file_.tracks = TrackSet::Build(std::move(observations_), std::move(ends_));
+    return file_;
+  }
+  const std::vector<double>& ms() const { return ms_; }
+  double alive() const { return alive_ / static_cast<double>(ms_.size()); }
+  const Parts& parts() const { return parts_; }
 
  private:
-  double ms_ = 0.0;
-  std::size_t features_ = 0;
-  TrackLoop loop_;
+  Film film_;
+  SequenceTracker tracker_;
+  TrackFile file_;
+  std::vector<Observation> observations_;
+  std::vector<TrackEnd> ends_;
+  std::vector<double> ms_;
+  double alive_ = 0.0;
+  Parts parts_;
 };
 
-struct Times {
-  std::vector<double> ms;
-  std::vector<double> features;
-
-  double MedianMs() const { return InterpolatedMedian(ms); }
-  double MeanMs() const { return Mean(ms); }
-  double MeanFeatures() const { return Mean(features); }
-
- private:
-  static double Mean(const std::vector<double>& values) {
-    double sum = 0.0;
-    for (const double value : values) sum += value;
-    return sum / static_cast<double>(values.size());
-  }
-};
-
-enum Racers : std::size_t { kOurs, kGuideOnly, kKlt, kKltUnchecked, kRacers };
-
-struct Results {
-  Times racers[kRacers];
-  Times pyramid;
-  Times registration;
-};
-
-std::vector<std::unique_ptr<Racer>> MakeRacers(const Setting& setting) {
-  TrackerOptions options;
-  options.detector.max_features = setting.features;
-  options.subspace.history_length = setting.history_length;
-  TrackerOptions guide = options;
-  guide.measurement.enabled = false;
-  TrackerOptions klt = options;
-  klt.tracker = TrackerKind::kKlt;
-  TrackerOptions unchecked = klt;
-  unchecked.klt.forward_backward_px = 0.0;
-  std::vector<std::unique_ptr<Racer>> racers;
-  for (const TrackerOptions& o : {options, guide, klt, unchecked}) {
-    racers.push_back(std::make_unique<Racer>(o));
-  }
-  return racers;
+TrackSequenceOptions Options(int features, int history_length) {
+  TrackSequenceOptions options;
+  options.tracker.detector.max_features = features;
+  options.tracker.subspace.history_length = history_length;
+  return options;
 }
 
-void Race(const std::vector<Frame>& film, const Setting& setting, Results& results) {
-  const auto racers = MakeRacers(setting);
-  Pyramid previous;
-  for (std::size_t i = 0; i < film.size(); ++i) {
-    const bool timed = i >= kFirstTimedFrame;
-    const double start_ms = test::CpuMs();
-    const Pyramid current = BuildPyramid(film[i].gray);
-    const double pyramid_ms = test::CpuMs() - start_ms;
-    if (timed) {
-      const double built_ms = test::CpuMs();
-      RegisterFrames(previous, current);
-      results.registration.ms.push_back(test::CpuMs() - built_ms);
-      results.pyramid.ms.push_back(pyramid_ms);
+TrackSequenceOptions Klt(int features, int window_px) {
+  TrackSequenceOptions options = Options(features, 10);
+  options.tracker.tracker = TrackerKind::kKlt;
+  options.tracker.klt.window_px = window_px;
+  return options;
+}
+
+double MedianRatio(const std::vector<double>& a, const std::vector<double>& b) {
+  std::vector<double> ratios;
+  for (std::size_t i = 0; i < a.size(); ++i) ratios.push_back(a[i] / b[i]);
+  return InterpolatedMedian(ratios);
+}
+
+void Race(benchmark::State& state, const Film& film, bool second_pass) {
+  const auto features = static_cast<int>(state.range(0));
+  const auto history_length = static_cast<int>(state.range(1));
+  TrackSequenceOptions alone = Options(features, history_length);
+  alone.second_pass.companion = false;
+  for (auto _ : state) {
+    enum : std::size_t { kOurs, kWithCompanion, kKlt21, kKlt31, kRacers };
+    std::vector<std::unique_ptr<Racer>> racers;
+    for (const auto& options :
+         {alone, Options(features, history_length), Klt(features, 21), Klt(features, 31)}) {
+      racers.push_back(std::make_unique<Racer>(film, options));
     }
-    previous = current;
-    for (std::size_t turn = 0; turn < kRacers; ++turn) {
-      const std::size_t r = (i + turn) % kRacers;
-      const double ms = racers[r]->Step(film[i]);
-      if (!timed) continue;
-      results.racers[r].ms.push_back(pyramid_ms + ms);
-      results.racers[r].features.push_back(static_cast<double>(racers[r]->features()));
+    for (std::size_t i = 0; racers[0]->HasNext(); ++i) {
+      for (std::size_t turn = 0; turn < kRacers; ++turn) racers[(i + turn) % kRacers]->Step();
     }
+    const std::vector<double>& klt_ms = racers[kKlt21]->ms();
+    const auto timed = static_cast<double>(klt_ms.size());
+    auto& counters = state.counters;
+    counters["first_ms"] = InterpolatedMedian(racers[kOurs]->ms());
+    counters["klt_ms"] = InterpolatedMedian(klt_ms);
+    counters["klt31_ms"] = InterpolatedMedian(racers[kKlt31]->ms());
+    counters["first_klt"] = MedianRatio(racers[kOurs]->ms(), klt_ms);
+    counters["companion_klt"] = MedianRatio(racers[kWithCompanion]->ms(), klt_ms);
+    counters["alive"] = racers[kOurs]->alive();
+    counters["klt_alive"] = racers[kKlt21]->alive();
+    for (const auto& [name, ms] : racers[kOurs]->parts()) counters["first: " + name] = ms / timed;
+    state.SetIterationTime(1e-3 * counters["first_ms"]);
+    if (!second_pass) continue;
+
+    Film copy = film;
+    const double frames = static_cast<double>(*film.FrameCount());
+    Parts parts;
+    const double second_ms =
+        Timed([&] { WithSecondPass(racers[kOurs]->Finish(), copy, {}, alone.second_pass); }, parts);
+    Racer klt(film, Klt(features, 21));
+    while (klt.HasNext()) klt.Step();
+    counters["second_ms"] = second_ms / frames;
+    counters["second_klt"] = second_ms / frames / InterpolatedMedian(klt.ms());
+    for (const auto& [name, ms] : parts) counters["second: " + name] = ms / frames;
   }
-}
-
-std::string SpeedTable(const std::vector<Results>& all) {
-  std::string text =
-      "| F, L | alive | median [ms] | fps | target | mean fps | `klt` [ms] | `klt` / ours | "
-      "unchecked "
-      "[ms] | unchecked / ours |\n"
-      "|---|---|---|---|---|---|---|---|---|---|\n";
-  for (std::size_t s = 0; s < all.size(); ++s) {
-    const Times& ours = all[s].racers[kOurs];
-    const double klt_ms = all[s].racers[kKlt].MedianMs();
-    const double unchecked_ms = all[s].racers[kKltUnchecked].MedianMs();
-    text += fmt::format(
-        "| {}, {} | {:.0f} / {:.0f} | {:.2f} | {:.0f} | {:.0f} | {:.0f} | {:.2f} | {:.2f} | {:.2f} "
-        "| {:.2f} "
-        "|\n",
-        kSettings[s].features,
-        kSettings[s].history_length,
-        ours.MeanFeatures(),
-        all[s].racers[kKlt].MeanFeatures(),
-        ours.MedianMs(),
-        1e3 / ours.MedianMs(),
-        kSettings[s].target_fps,
-        1e3 / ours.MeanMs(),
-        klt_ms,
-        klt_ms / ours.MedianMs(),
-        unchecked_ms,
-        unchecked_ms / ours.MedianMs());
-  }
-  return text;
-}
-
-std::string ShareTable(const std::vector<Results>& all) {
-  std::string text =
-      "| F, L | pyramid | whole-frame shift | guide | measurement and trajectory model | together "
-      "|\n|---|---|---|---|---|---|\n";
-  for (std::size_t s = 0; s < all.size(); ++s) {
-    const Results& r = all[s];
-    const double pyramid = r.pyramid.MedianMs();
-    const double shift = r.registration.MedianMs();
-    const double guide = r.racers[kGuideOnly].MedianMs();
-    const double whole = r.racers[kOurs].MedianMs();
-    text += fmt::format("| {}, {} | {:.2f} | {:.2f} | {:.2f} | {:.2f} | {:.2f} |\n",
-                        kSettings[s].features,
-                        kSettings[s].history_length,
-                        pyramid,
-                        shift,
-                        guide - shift - pyramid,
-                        whole - guide,
-                        whole);
-  }
-  return text;
-}
-
-std::string Page(const std::vector<std::string>& clips,
-                 const std::string& level,
-                 const std::vector<Results>& all) {
-  std::vector<std::string> names;
-  for (const std::string& clip : clips) names.push_back(fs::path(clip).filename().string());
-  return fmt::format(
-      R"(# Frames per second
-
-Tracker `subspace` beside `klt` (OpenCV's pyramidal Lucas-Kanade, 21 x 21 px, four levels), 640 x 480 px, one thread.
-This page is written by
-
-```console
-$ speed_benchmark --page docs/results/speed.md \
-    WORK/clips/{{{}}}
-```
-
-which is built in `build/tests/benchmark`; the clips are those of [paper.md](paper.md), degraded to the level {}.
-The trackers take turns frame by frame in one process, so that their ratio holds where the milliseconds do not. Times
-are processor time of a frame, from the decoded picture to the features' positions (pyramid included; decoding and the
-search for corners, which is common to all, excluded): medians over the frames of all clips from frame {} on. The
-mean holds in addition what births cost. F features are asked for; those that end are replaced as `cohort track` does.
-Alive are so many with ours / with `klt`; fps are frames per second. `klt` tracks every feature back as a check; the
-last columns are without.
-
-{}
-Where it goes [ms], medians: the pyramid and the whole-frame shift by themselves; the guide (minimum of the total
-energy over four levels, with the blurred pictures for the measurement) from a run without measurement; the rest is the
-measurement and the trajectory model.
-
-{})",
-      fmt::join(names, ","),
-      level,
-      kFirstTimedFrame,
-      SpeedTable(all),
-      ShareTable(all));
-}
-
-std::vector<Frame> MakeFilm(const std::string& clip, const std::string& level, unsigned frames) {
-  const auto sequence = OpenSequence(clip, Layout::kAuto, FrameRange{0, frames, 1});
-  DegradeOptions degrade;
-  degrade.level = ParseLevel(level);
-  std::vector<Frame> film;
-  while (auto frame = sequence->Next()) {
-    frame->gray = DegradeFrame(frame->gray, degrade, ToInt(frame->index));
-    film.push_back(std::move(*frame));
-  }
-  if (film.size() <= kFirstTimedFrame) {
-    ThrowError("{}: {} frames; give a clip of more than {}", clip, film.size(), kFirstTimedFrame);
-  }
-  return film;
 }
 
 }  // namespace
 }  // namespace cohort
 
 int main(int argc, char** argv) {
-  CLI::App app("Frames per second of tracker subspace");
-  std::vector<std::string> clips;
+  benchmark::Initialize(&argc, argv);  // takes its own options out
+  CLI::App app("What both passes of tracker subspace cost beside KLT");
+  std::string clip;
   std::string level = "medium";
-  unsigned frames = 40;
-  std::string page;
-  app.add_option("clips", clips, "clips of `cohort synth`")->required();
-  app.add_option("--level", level, "of degradation");
-  app.add_option("--frames", frames, "of each clip, at most");
-  app.add_option("--page", page, "file for the page");
+  unsigned frames = 60;
+  std::vector<std::int64_t> features{35, 100, 300, 1000, 4000};
+  std::vector<std::int64_t> lengths{10};
+  app.add_option("clip", clip, "what `cohort track` takes")->required();
+  app.add_option("--level", level, "of degradation; as-is: none");
+  app.add_option("--frames", frames, "of the clip, at most");
+  app.add_option("--features", features, "F")->delimiter(',');
+  app.add_option("--lengths", lengths, "L")->delimiter(',');
   CLI11_PARSE(app, argc, argv);
   try {
     cv::setNumThreads(1);
-    std::vector<cohort::Results> all(std::size(cohort::kSettings));
-    for (const std::string& clip : clips) {
-      const auto film = cohort::MakeFilm(clip, level, frames);
-      for (std::size_t s = 0; s < all.size(); ++s) {
-        cohort::Race(film, cohort::kSettings[s], all[s]);
+    const auto sequence =
+        cohort::OpenSequence(clip, cohort::Layout::kAuto, cohort::FrameRange{0, frames, 1});
+    std::optional<cohort::DegradeOptions> degrade;
+    if (level != "as-is") degrade.emplace().level = cohort::ParseLevel(level);
+    const cohort::Film film(*sequence, degrade);
+    for (const std::int64_t length : lengths) {
+      for (const std::int64_t F : features) {
+        benchmark::RegisterBenchmark(
+            "track", [&](benchmark::State& state) { cohort::Race(state, film, true); })
+            ->ArgNames({"F", "L"})
+            ->Args({F, length})
+            ->Iterations(1)
+            ->UseManualTime()
+            ->Unit(benchmark::kMillisecond);
       }
     }
-    fmt::print("{}\n{}", cohort::SpeedTable(all), cohort::ShareTable(all));
-    if (!page.empty()) {
-      cohort::OutputFile file(page);
-      cohort::WriteBytes(file.partial(), cohort::Page(clips, level, all));
-      file.Commit();
-    }
+    benchmark::RunSpecifiedBenchmarks();
   } catch (const std::exception& e) {
     fmt::print(stderr, "error: {}\n", e.what());
     return 1;

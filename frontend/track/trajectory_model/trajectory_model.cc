@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "frontend/core/error.h"
+#include "frontend/core/part_times.h"
 #include "frontend/track/trajectory_model/camera_fit.h"
 #include "frontend/track/trajectory_model/feature_fit.h"
 #include "frontend/track/trajectory_model/gauge.h"
@@ -32,11 +33,13 @@ bool TrajectoryModel::CanFit(std::span<const Observation> now) const {
 
 std::vector<TrajectoryModel::Estimate> TrajectoryModel::Predict(
     std::span<const Observation> now) const {
+  const TimedPart part("model");
   if (!CanFit(now)) return {};
   return PredictAllFeatures(state_, FitNewCamera(state_, now));
 }
 
 std::vector<TrajectoryModel::Estimate> TrajectoryModel::Update(std::span<const Observation> now) {
+  const TimedPart part("model");
   Check(now.size() == state_.features.size(), "the model has the tracker's features");
   const bool fits = CanFit(now);
   ModelFrame frame{{now.begin(), now.end()}, trajectory_model::Camera::Zero(3, state_.rank + 1)};
@@ -95,6 +98,7 @@ void TrajectoryModel::Keep(std::span<const std::uint8_t> keep) {
 }
 
 void TrajectoryModel::Add(std::span<const Observation> trajectory) {
+  const TimedPart part("model");
   for (std::size_t l = 0; l < state_.frames.size(); ++l) {
     state_.frames[l].observations.push_back(l < trajectory.size() ? trajectory[l] : Observation{});
   }

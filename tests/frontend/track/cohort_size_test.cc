@@ -5,10 +5,10 @@
 #include <cstdio>
 #include <vector>
 
+#include "frontend/core/part_times.h"
 #include "frontend/core/statistics.h"
 #include "frontend/detect/corners.h"
 #include "frontend/track/track_loop.h"
-#include "tests/support/cpu_clock.h"
 #include "tests/support/plane_scene.h"
 
 namespace cohort {
@@ -132,9 +132,9 @@ CrowdRun FollowCrowd(int features, const std::vector<cv::Mat>& film) {
     Frame frame;
     frame.index = FrameIndex{static_cast<std::uint32_t>(i)};
     frame.gray = film[i];
-    const double start_ms = test::CpuMs();
+    const double start_ms = ThreadCpuMs();
     const FrameResult result = tracker->Track(frame);
-    if (i > 0) run.ms += test::CpuMs() - start_ms;
+    if (i > 0) run.ms += ThreadCpuMs() - start_ms;
     if (i == 0) {
       for (const Observation& o : result.observations) first.push_back(o.xy);
       run.born = first.size();
