@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "frontend/core/part_times.h"
+#include "frontend/core/statistics.h"
 #include "frontend/track/anchor_deformation.h"
 #include "frontend/track/covariance_calibration.h"
 #include "frontend/track/frame_measurement.h"
@@ -22,6 +23,11 @@ namespace {
 constexpr std::size_t kModelFrames = 31;
 // From so many frames of history on, the other features are believed.
 constexpr std::size_t kEnoughHistory = 4;
+
+double MedianDistance(const Eigen::Matrix2Xd& a, const Eigen::Matrix2Xd& b) {
+  const Eigen::VectorXd distances = (a - b).colwise().norm();
+  return Median({distances.begin(), distances.end()});
+}
 
 class SubspaceMover final : public FeatureMover {
  public:
@@ -100,8 +106,8 @@ std::vector<Move> SubspaceMover::MoveFeatures(const Pyramid& current) {
   return moves;
 }
 
-// Every feature from the guide's position. Where it is not seen from there, from where Lucas-Kanade
-// finds it. Returns the starts.
+// Every feature from the guide's position. Where it is not seen from there, or might be mistaken
+// there, from where Lucas-Kanade finds it. Returns the starts.
 Eigen::Matrix2Xd SubspaceMover::Measure(const Pyramid& current,
                                         const Pyramid& smooth,
                                         std::optional<FrameMeasurement>& frame) {
@@ -114,19 +120,23 @@ Eigen::Matrix2Xd SubspaceMover::Measure(const Pyramid& current,
   const auto measure = [&](const Eigen::Matrix2Xd& starts) {
     frame.emplace(smooth, features_, measurement_.patch, there_and_back_, calibration_, starts);
   };
+  // Further in a frame than the features' surroundings are alike, the guide may end anywhere [px].
+  constexpr double kFastPx = 8.0;
+  const bool fast = MedianDistance(before, joint) > kFastPx;
   std::vector<std::size_t> asked;  // of Lucas-Kanade
   std::size_t confirmed = 0;
   for (std::size_t f = 0; f < features_.size(); ++f) {
     features_[f].returned_xy.reset();
     if (!features_[f].confirmed) continue;
     ++confirmed;
-    if (features_[f].open) asked.push_back(f);
+    if (fast || features_[f].open) asked.push_back(f);
   }
   Eigen::Matrix2Xd starts = starts_with(asked);
   const Eigen::Matrix2d similarity = CommonSimilarity(before, starts, features_);
   DeformAnchors(similarity, measurement_.patch.warp_noise, features_);
   measure(starts);
 
+  if (fast) return starts;
   asked.clear();
   for (std::size_t f = 0; f < features_.size(); ++f) {
     if (features_[f].confirmed && !frame->IsObserved(f)) asked.push_back(f);

@@ -38,8 +38,9 @@ void ThereAndBack::Track(const Pyramid& current,
   const LkResult returned =
       TrackThereAndBack(lk_previous_, lk_current_, starts, kWindowPx, kMaxLevel, kReturnPx);
   for (std::size_t i = 0; i < which.size(); ++i) {
-    if (returned.found[i] == 0) continue;
-    features[which[i]].returned_xy = Eigen::Vector2d(returned.ends[i].x, returned.ends[i].y);
+    auto& returned_xy = features[which[i]].returned_xy;
+    returned_xy.reset();
+    if (returned.found[i] != 0) returned_xy = {returned.ends[i].x, returned.ends[i].y};
   }
 }
 

@@ -18,10 +18,10 @@
 #include "datasets/open_sequence.h"
 #include "datasets/truth/track_truth.h"
 #include "frontend/core/output.h"
+#include "frontend/core/part_times.h"
 #include "frontend/core/statistics.h"
 #include "frontend/track/joint_guide.h"
 #include "pipelines/experiment/paper_protocol.h"
-#include "tests/support/cpu_clock.h"
 
 namespace cohort {
 namespace {
@@ -132,10 +132,10 @@ class Cohort {
     const Pyramid& current = film_.pictures[frame];
     const JointGuide& guide = guides_[optimizer];
     const Eigen::Matrix2Xd start = guide.Start(current);
-    const double before_ms = test::CpuMs();
+    const double before_ms = ThreadCpuMs();
     const OptimizerResult result = guide.Minimize(current, features_, start);
     Reached reached;
-    reached.ms = test::CpuMs() - before_ms;
+    reached.ms = ThreadCpuMs() - before_ms;
     reached.x = result.x;
     reached.evaluations = result.evaluations;
     reached.steps = result.iterations;

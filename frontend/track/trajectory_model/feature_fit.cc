@@ -3,57 +3,64 @@
 #include <Eigen/Cholesky>
 
 #include "frontend/track/trajectory_model/noise.h"
+#include "frontend/track/trajectory_model/sized.h"
 
 namespace cohort::trajectory_model {
+namespace {
 
-FeatureEquations EquationsOfFeature(const State& state, std::size_t f, Noise noise) {
-  // Half a pixel, until a measurement tells; chosen by eye on the tuning clips.
-  const Eigen::Matrix2d kUnmeasuredAnchor = 4.0 * Eigen::Matrix2d::Identity();
+// Half a pixel, until a measurement tells; chosen by eye on the tuning clips.
+constexpr double kUnmeasuredAnchorInformation = 4.0;
+
+template <int R>
+FeatureEquations SizedEquations(const State& state, std::size_t f, Noise noise) {
   const Eigen::Index r = state.rank;
-  const Feature& feature = state.features[f];
-  FeatureEquations equations{Matrix::Zero(r + 2, r + 2), Vector::Zero(r + 2)};
+  const auto mean = Sized<R>::MeanOf(state.features[f]);
+  typename Sized<R>::Information information = Sized<R>::Information::Zero(r + 2, r + 2);
+  typename Sized<R>::Unknowns gradient = Sized<R>::Unknowns::Zero(r + 2);
   Eigen::Matrix2d sum = Eigen::Matrix2d::Zero();
   int count = 0;
   for (const Frame& frame : state.frames) {
     const Observation& o = frame.observations[f];
     if (!o.IsObserved()) continue;
-    const Projection at = Project(frame.camera, feature.mean);
-    const Eigen::Vector2d d = Residual(at, o, feature);
+    const auto at = ProjectSized<R>(Sized<R>::Of(frame.camera), mean);
+    const Eigen::Vector2d d = SizedResidual<R>(at, o, mean);
     const Eigen::Matrix2d W =
         noise == Noise::kStudent ? RobustInformation(o, d, frame.misfit) : o.information;
-    const auto WJ = (W * at.of_z).eval();
-    equations.information.topLeftCorner(r, r).noalias() += at.of_z.transpose() * WJ;
-    equations.gradient.head(r).noalias() += WJ.transpose() * d;
+    const typename Sized<R>::OfZ WJ = W.lazyProduct(at.of_z);
+    information.topLeftCorner(r, r) += at.of_z.transpose().lazyProduct(WJ);
+    gradient.head(r) += WJ.transpose().lazyProduct(d);
     if (!o.anchor) {
-      equations.information.bottomLeftCorner(2, r) += WJ;
-      equations.information.bottomRightCorner<2, 2>() += W;
-      equations.gradient.tail<2>() += W * d;
+      information.bottomLeftCorner(2, r) += WJ;
+      information.template bottomRightCorner<2, 2>() += W;
+      gradient.template tail<2>() += W * d;
       sum += o.information;
       ++count;
     }
   }
-  equations.anchor_information =
-      count > 0 ? Eigen::Matrix2d(sum / count) : Eigen::Matrix2d(kUnmeasuredAnchor);
-  equations.information.topRightCorner(r, 2) =
-      equations.information.bottomLeftCorner(2, r).transpose();
-  equations.information.diagonal().head(r).array() += 1.0;
-  equations.information.bottomRightCorner<2, 2>() += equations.anchor_information;
-  equations.gradient.head(r) -= feature.mean.head(r);
-  equations.gradient.tail<2>() -= equations.anchor_information * feature.mean.tail<2>();
-  return equations;
+  const Eigen::Matrix2d anchor_information =
+      count > 0 ? Eigen::Matrix2d(sum / count)
+                : Eigen::Matrix2d(kUnmeasuredAnchorInformation * Eigen::Matrix2d::Identity());
+  information.topRightCorner(r, 2) = information.bottomLeftCorner(2, r).transpose();
+  information.diagonal().head(r).array() += 1.0;
+  information.template bottomRightCorner<2, 2>() += anchor_information;
+  gradient.head(r) -= mean.head(r);
+  gradient.template tail<2>() -= anchor_information * mean.template tail<2>();
+  return {information, gradient, anchor_information};
 }
 
-double CostOfFeature(const State& state,
-                     std::size_t f,
-                     const Eigen::Matrix2d& anchor_information,
-                     Noise noise) {
-  const Feature& feature = state.features[f];
-  double cost = feature.mean.head(state.rank).squaredNorm() +
-                feature.mean.tail<2>().dot(anchor_information * feature.mean.tail<2>());
+template <int R>
+double SizedCost(const State& state,
+                 std::size_t f,
+                 const Eigen::Matrix2d& anchor_information,
+                 Noise noise) {
+  const auto mean = Sized<R>::MeanOf(state.features[f]);
+  double cost = mean.head(state.rank).squaredNorm() +
+                mean.template tail<2>().dot(anchor_information * mean.template tail<2>());
   for (const Frame& frame : state.frames) {
     const Observation& o = frame.observations[f];
     if (!o.IsObserved()) continue;
-    const Eigen::Vector2d d = Residual(Project(frame.camera, feature.mean), o, feature);
+    const auto at = ProjectSized<R>(Sized<R>::Of(frame.camera), mean);
+    const Eigen::Vector2d d = SizedResidual<R>(at, o, mean);
     const double square = d.dot(o.information * d);
     cost += noise == Noise::kStudent && !o.anchor
                 ? frame.misfit * StudentCost(square / frame.misfit)
@@ -62,9 +69,28 @@ double CostOfFeature(const State& state,
   return cost;
 }
 
+}  // namespace
+
+FeatureEquations EquationsOfFeature(const State& state, std::size_t f, Noise noise) {
+  return WithRank(state.rank,
+                  [&](auto rank) { return SizedEquations<rank.value>(state, f, noise); });
+}
+
+double CostOfFeature(const State& state,
+                     std::size_t f,
+                     const Eigen::Matrix2d& anchor_information,
+                     Noise noise) {
+  return WithRank(state.rank, [&](auto rank) {
+    return SizedCost<rank.value>(state, f, anchor_information, noise);
+  });
+}
+
 void FitFeature(State& state, std::size_t f) {
   constexpr int kStepsOfNew = 8;
   constexpr int kHalvings = 5;
+  // Half the square of a step in its deviations, where the posterior is as good as quadratic: such a
+  // step needs no comparison of costs, which takes twice the time of the step.
+  constexpr double kSmallStep = 0.1;
   const Eigen::Index dimensions = state.rank + 2;
   Feature& feature = state.features[f];
   const bool is_new = feature.mean.size() != dimensions;
@@ -73,10 +99,12 @@ void FitFeature(State& state, std::size_t f) {
     // At zero the residuals of a new feature say nothing of its measurements.
     const Noise noise = is_new && i == 0 ? Noise::kGaussian : Noise::kStudent;
     const FeatureEquations equations = EquationsOfFeature(state, f, noise);
-    feature.covariance =
-        equations.information.llt().solve(Matrix::Identity(dimensions, dimensions));
+    feature.covariance = InverseOf(equations.information);
     const Vector before = feature.mean;
     Vector step = feature.covariance * equations.gradient;
+    feature.mean = before + step;
+    if (!is_new && step.dot(equations.gradient) <= kSmallStep) return;
+    feature.mean = before;
     const double cost = CostOfFeature(state, f, equations.anchor_information, noise);
     for (int halving = 0;; ++halving, step *= 0.5) {
       feature.mean = before + step;
@@ -91,6 +119,15 @@ void FitFeature(State& state, std::size_t f) {
 
 void FitAllFeatures(State& state) {
   for (std::size_t f = 0; f < state.features.size(); ++f) FitFeature(state, f);
+}
+
+Matrix InverseOf(const Matrix& information) {
+  return WithRank(static_cast<int>(information.rows()) - 2, [&](auto rank) -> Matrix {
+    using Information = typename Sized<rank.value>::Information;
+    const Eigen::Index n = information.rows();
+    const Eigen::Map<const Information> sized(information.data(), n, n);
+    return Eigen::LLT<Information>(sized).solve(Information::Identity(n, n));
+  });
 }
 
 }  // namespace cohort::trajectory_model

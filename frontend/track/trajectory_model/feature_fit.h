@@ -32,6 +32,9 @@ double CostOfFeature(const State& state,
                      const Eigen::Matrix2d& anchor_information,
                      Noise noise);
 
+// The covariance of a feature's unknowns.
+Matrix InverseOf(const Matrix& information);
+
 // The posterior N(x, information^-1), by one Gauss-Newton step from what it was before; from zero
 // and by eight for a feature that is new. A step is halved until the cost is no higher: across a
 // camera's plane at infinity (1 + c'z = 0) a full one leads anywhere.

@@ -2,107 +2,162 @@
 
 #include <Eigen/Cholesky>
 #include <algorithm>
+#include <array>
 #include <vector>
 
 #include "frontend/track/trajectory_model/feature_fit.h"
 #include "frontend/track/trajectory_model/noise.h"
+#include "frontend/track/trajectory_model/sized.h"
 
 namespace cohort::trajectory_model {
 namespace {
 
 // One feature, taken out of the joint equations.
+template <int R>
 struct EliminatedFeature {
   // N_Cf of one camera: [1 z] (x) block, block = H' W J.
   struct Coupling {
-    Eigen::Index frame;
-    Eigen::Matrix<double, 3, Eigen::Dynamic, 0, 3, kMaxDimensions> block;
+    std::size_t frame = 0;
+    typename Sized<R>::Coupling block;
   };
-  Vector homogeneous;  // [1 z]
+  typename Sized<R>::Homogeneous homogeneous;  // [1 z]
   Eigen::Matrix2d anchor_information;
-  Matrix covariance;  // N_ff^-1
-  Vector step;        // N_ff^-1 g_f: if the cameras stay
-  std::vector<Coupling> couplings;
+  typename Sized<R>::Information covariance;  // N_ff^-1
+  typename Sized<R>::Unknowns step;           // N_ff^-1 g_f: if the cameras stay
+  std::array<Coupling, JointFit::kMostFrames> couplings;
+  std::size_t coupled = 0;
+};
+
+// The cameras' normal matrix while features are added. What a feature says of cameras k and l is
+// [1 z][1 z]' (x) M, M 3 x 3: of the first factor the lower triangle will do, and what is summed,
+// M's entries times the triangle's, lies in one piece.
+class CameraSums {
+ public:
+  CameraSums(Eigen::Index columns, std::size_t frames)
+      : columns_(columns), triangle_(columns * (columns + 1) / 2), frames_(frames) {
+    sums_.assign(frames * (frames + 1) / 2 * static_cast<std::size_t>(9 * triangle_), 0.0);
+  }
+
+  // The lower triangle of [1 z][1 z]', as Add takes it.
+  template <typename Homogeneous>
+  void SetFeature(const Homogeneous& z) {
+    Eigen::Index i = 0;
+    for (Eigen::Index p = 0; p < columns_; ++p) {
+      for (Eigen::Index q = 0; q <= p; ++q) zz_[static_cast<std::size_t>(i++)] = z[p] * z[q];
+    }
+  }
+  // k >= l.
+  void Add(std::size_t k, std::size_t l, const Eigen::Matrix3d& M) {
+    double* sum = sums_.data() + Offset(k, l);
+    const double* m = M.data();
+    for (Eigen::Index i = 0; i < triangle_; ++i, sum += 9) {
+      const double z = zz_[static_cast<std::size_t>(i)];
+      for (int j = 0; j < 9; ++j) sum[j] += z * m[j];
+    }
+  }
+  // The lower triangle of the normal matrix of all vec(C).
+  Eigen::MatrixXd Normal() const {
+    const Eigen::Index n = 3 * columns_;
+    const auto frames = static_cast<Eigen::Index>(frames_);
+    Eigen::MatrixXd normal = Eigen::MatrixXd::Zero(n * frames, n * frames);
+    for (Eigen::Index k = 0; k < frames; ++k) {
+      for (Eigen::Index l = 0; l <= k; ++l) {
+        const double* sum =
+            sums_.data() + Offset(static_cast<std::size_t>(k), static_cast<std::size_t>(l));
+        for (Eigen::Index p = 0; p < columns_; ++p) {
+          for (Eigen::Index q = 0; q <= p; ++q, sum += 9) {
+            const Eigen::Map<const Eigen::Matrix3d> block(sum);
+            normal.block<3, 3>(n * k + 3 * p, n * l + 3 * q) = block;
+            normal.block<3, 3>(n * k + 3 * q, n * l + 3 * p) = block;
+          }
+        }
+      }
+    }
+    return normal;
+  }
+
+ private:
+  std::size_t Offset(std::size_t k, std::size_t l) const {
+    return (k * (k + 1) / 2 + l) * static_cast<std::size_t>(9 * triangle_);
+  }
+
+  Eigen::Index columns_;
+  Eigen::Index triangle_;
+  std::size_t frames_;
+  std::vector<double> sums_;
+  std::array<double, kMaxDimensions*(kMaxDimensions + 1) / 2> zz_{};
 };
 
 // The cameras' equations, and what has been taken out of them.
+template <int R>
 struct JointEquations {
   Eigen::MatrixXd normal;  // its lower triangle
   Eigen::VectorXd rhs;
-  std::vector<EliminatedFeature> features;
+  std::vector<EliminatedFeature<R>> features;
   double cost = 0.0;  // at the linearisation
 };
 
-// Adds [1 z][1 z]' (x) block to the block of cameras k and l.
-void AddBlock(const Matrix& zz,
-              Eigen::Index k,
-              Eigen::Index l,
-              const Eigen::Matrix3d& block,
-              Eigen::MatrixXd& normal) {
-  const Eigen::Index columns = zz.rows();
-  const Eigen::Index n = 3 * columns;
-  for (Eigen::Index p = 0; p < columns; ++p) {
-    for (Eigen::Index q = 0; q < columns; ++q) {
-      normal.block<3, 3>(n * k + 3 * p, n * l + 3 * q) += zz(p, q) * block;
-    }
-  }
-}
-
 // Adds what a feature says of the cameras, itself eliminated.
-void Eliminate(const State& state, std::size_t f, JointEquations& equations) {
+template <int R>
+EliminatedFeature<R> Eliminate(
+    const State& state, std::size_t f, std::size_t frames, CameraSums& sums, Eigen::VectorXd& rhs) {
   const Eigen::Index r = state.rank;
   const Eigen::Index n = 3 * (r + 1);
   const Feature& feature = state.features[f];
+  const auto mean = Sized<R>::MeanOf(feature);
   const FeatureEquations own = EquationsOfFeature(state, f, Noise::kStudent);
-  EliminatedFeature e;
+  EliminatedFeature<R> e;
   e.homogeneous.resize(r + 1);
-  e.homogeneous << 1.0, feature.mean.head(r);
+  e.homogeneous << 1.0, mean.head(r);
   e.anchor_information = own.anchor_information;
-  e.covariance = own.information.llt().solve(Matrix::Identity(r + 2, r + 2));
+  e.covariance = InverseOf(own.information);
   e.step = e.covariance * own.gradient;
-  const Matrix zz = e.homogeneous * e.homogeneous.transpose();
-  for (Eigen::Index l = 0; n * l < equations.rhs.size(); ++l) {
-    const Frame& frame = state.frames[static_cast<std::size_t>(l)];
+  sums.SetFeature(e.homogeneous);
+  for (std::size_t l = 0; l < frames; ++l) {
+    const Frame& frame = state.frames[l];
     const Observation& o = frame.observations[f];
     if (!o.IsObserved()) continue;
-    const Projection at = Project(frame.camera, feature.mean);
-    const Eigen::Vector2d d = Residual(at, o, feature);
-    const Eigen::Matrix<double, 3, 2> HW =
-        at.of_homogeneous.transpose() * RobustInformation(o, d, frame.misfit);
-    EliminatedFeature::Coupling& c = e.couplings.emplace_back();
+    const auto at = ProjectSized<R>(Sized<R>::Of(frame.camera), mean);
+    const Eigen::Vector2d d = SizedResidual<R>(at, o, mean);
+    const Eigen::Matrix<double, 2, 3> H = at.OfHomogeneous();
+    const Eigen::Matrix<double, 3, 2> HW = H.transpose() * RobustInformation(o, d, frame.misfit);
+    auto& c = e.couplings[e.coupled++];
     c.frame = l;
     c.block.setZero(3, r + 2);
-    c.block.leftCols(r) = HW * at.of_z;
-    if (!o.anchor) c.block.rightCols(2) = HW;
-    AddBlock(zz, l, l, HW * at.of_homogeneous, equations.normal);
-    const Eigen::Vector3d g = HW * d - c.block * e.step;
+    c.block.leftCols(r) = HW.lazyProduct(at.of_z);
+    if (!o.anchor) c.block.template rightCols<2>() = HW;
+    sums.Add(l, l, HW * H);
+    const Eigen::Vector3d g = HW * d - c.block.lazyProduct(e.step);
     for (Eigen::Index p = 0; p <= r; ++p) {
-      equations.rhs.segment<3>(n * l + 3 * p) += e.homogeneous[p] * g;
+      rhs.segment<3>(n * static_cast<Eigen::Index>(l) + 3 * p) += e.homogeneous[p] * g;
     }
   }
-  for (std::size_t i = 0; i < e.couplings.size(); ++i) {
-    const auto with_feature = (e.couplings[i].block * e.covariance).eval();
+  for (std::size_t i = 0; i < e.coupled; ++i) {
+    const typename Sized<R>::Coupling with_feature =
+        -e.couplings[i].block.lazyProduct(e.covariance);
     for (std::size_t j = 0; j <= i; ++j) {
-      AddBlock(zz,
-               e.couplings[i].frame,
+      sums.Add(e.couplings[i].frame,
                e.couplings[j].frame,
-               -with_feature * e.couplings[j].block.transpose(),
-               equations.normal);
+               with_feature.lazyProduct(e.couplings[j].block.transpose()));
     }
   }
-  equations.features.push_back(std::move(e));
+  return e;
 }
 
-JointEquations EquationsOf(const State& state, Eigen::Index frames) {
+template <int R>
+JointEquations<R> EquationsOf(const State& state, std::size_t frames) {
   const Eigen::Index n = 3 * (state.rank + 1);
-  JointEquations equations;
-  equations.normal = Eigen::MatrixXd::Zero(n * frames, n * frames);
-  equations.rhs = Eigen::VectorXd::Zero(n * frames);
+  JointEquations<R> equations;
+  equations.rhs = Eigen::VectorXd::Zero(n * static_cast<Eigen::Index>(frames));
+  equations.features.reserve(state.features.size());
+  CameraSums sums(state.rank + 1, frames);
   for (std::size_t f = 0; f < state.features.size(); ++f) {
-    Eliminate(state, f, equations);
+    equations.features.push_back(Eliminate<R>(state, f, frames, sums, equations.rhs));
     equations.cost +=
         CostOfFeature(state, f, equations.features[f].anchor_information, Noise::kStudent);
   }
-  for (Eigen::Index l = 0; l < frames; ++l) {
+  equations.normal = sums.Normal();
+  for (Eigen::Index l = 0; n * l < equations.rhs.size(); ++l) {
     FixCameraGauge(state.perspective, equations.normal.block(n * l, n * l, n, n));
   }
   return equations;
@@ -110,55 +165,65 @@ JointEquations EquationsOf(const State& state, Eigen::Index frames) {
 
 // Moves cameras by `step`, their vec's below each other, and every feature by what follows of it.
 // Returns the cost there.
-double Move(const JointEquations& equations,
+template <int R>
+double Move(const JointEquations<R>& equations,
             const Eigen::VectorXd& step,
             const std::vector<Camera>& cameras,
             const std::vector<Feature>& features,
             State& state) {
   const Eigen::Index n = 3 * (state.rank + 1);
-  const auto step_of = [&](Eigen::Index l) {
-    return step.segment(n * l, n).reshaped(3, state.rank + 1);
-  };
+  std::vector<typename Sized<R>::Camera> steps;
   for (std::size_t l = 0; l < cameras.size(); ++l) {
-    state.frames[l].camera = cameras[l] + step_of(static_cast<Eigen::Index>(l));
+    steps.push_back(step.segment(n * static_cast<Eigen::Index>(l), n).reshaped(3, state.rank + 1));
+    state.frames[l].camera = cameras[l] + steps.back();
   }
   double cost = 0.0;
   for (std::size_t f = 0; f < features.size(); ++f) {
-    const EliminatedFeature& e = equations.features[f];
-    Vector of_cameras = Vector::Zero(state.rank + 2);  // N_fC dC
-    for (const EliminatedFeature::Coupling& c : e.couplings) {
-      of_cameras += c.block.transpose() * (step_of(c.frame) * e.homogeneous);
+    const EliminatedFeature<R>& e = equations.features[f];
+    typename Sized<R>::Unknowns of_cameras = Sized<R>::Unknowns::Zero(state.rank + 2);  // N_fC dC
+    for (std::size_t i = 0; i < e.coupled; ++i) {
+      const auto& c = e.couplings[i];
+      const Eigen::Vector3d moved = steps[c.frame].lazyProduct(e.homogeneous);
+      of_cameras += c.block.transpose().lazyProduct(moved);
     }
-    state.features[f].mean = features[f].mean + e.step - e.covariance * of_cameras;
+    state.features[f].mean = features[f].mean + e.step - e.covariance.lazyProduct(of_cameras);
     cost += CostOfFeature(state, f, e.anchor_information, Noise::kStudent);
   }
   return cost;
 }
 
-}  // namespace
-
-void JointFit::Step(State& state) {
+// One step; returns false where five dampings find none.
+template <int R>
+bool SizedStep(State& state, std::size_t count, double& damping) {
   constexpr int kDampings = 5;
   constexpr double kLeastDamping = 1e-6;
-  const std::size_t count = std::min(kFrames, state.frames.size());
-  for (Frame& frame : state.frames) frame.misfit = MisfitOfFrame(frame, state.features);
-  const JointEquations equations = EquationsOf(state, static_cast<Eigen::Index>(count));
+  const JointEquations<R> equations = EquationsOf<R>(state, count);
   std::vector<Camera> cameras;
   for (std::size_t l = 0; l < count; ++l) cameras.push_back(state.frames[l].camera);
   const std::vector<Feature> features = state.features;
   for (int i = 0; i < kDampings; ++i) {
     Eigen::MatrixXd damped = equations.normal;
-    damped.diagonal() *= 1.0 + damping_;
+    damped.diagonal() *= 1.0 + damping;
     const Eigen::VectorXd step = damped.selfadjointView<Eigen::Lower>().ldlt().solve(equations.rhs);
     if (Move(equations, step, cameras, features, state) <= equations.cost) {
-      damping_ = std::max(0.1 * damping_, kLeastDamping);
-      return;
+      damping = std::max(0.1 * damping, kLeastDamping);
+      return true;
     }
-    damping_ *= 10.0;
+    damping *= 10.0;
   }
-  damping_ = kFirstDamping;
   state.features = features;
   for (std::size_t l = 0; l < count; ++l) state.frames[l].camera = cameras[l];
+  return false;
+}
+
+}  // namespace
+
+void JointFit::Step(State& state) {
+  const std::size_t count = FramesOf(state);
+  for (Frame& frame : state.frames) frame.misfit = MisfitOfFrame(frame, state.features);
+  const bool found = WithRank(
+      state.rank, [&](auto rank) { return SizedStep<rank.value>(state, count, damping_); });
+  if (!found) damping_ = kFirstDamping;
 }
 
 }  // namespace cohort::trajectory_model

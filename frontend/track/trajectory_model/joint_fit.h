@@ -12,9 +12,13 @@ namespace cohort::trajectory_model {
 // dx_f = N_ff^-1 (g_f - N_fC dC). The diagonal of the left side times 1 + damping.
 class JointFit {
  public:
-  // The newest frames, whose cameras move; older ones are left to RefitCamera. Time grows with the
-  // square of it.
-  static constexpr std::size_t kFrames = 12;
+  static constexpr std::size_t kMostFrames = 12;
+  // So many of the newest frames' cameras move, older ones are left to RefitCamera: all of a short
+  // window, of a long one few, as the time grows with the square of it.
+  static std::size_t FramesOf(const State& state) {
+    constexpr std::size_t kFrames = 6;
+    return state.frames.size() <= kMostFrames ? state.frames.size() : kFrames;
+  }
 
   // One step that does not raise the cost. None where five dampings find none.
   void Step(State& state);

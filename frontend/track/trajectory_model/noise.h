@@ -16,7 +16,7 @@ inline double StudentWeight(double square) {
   return (kStudentFreedom + 2.0) / (kStudentFreedom + square);
 }
 inline double StudentCost(double square) {
-  return (kStudentFreedom + 2.0) * std::log1p(square / kStudentFreedom);
+  return (kStudentFreedom + 2.0) * std::log(1.0 + square / kStudentFreedom);
 }
 
 // Of chi-square with two degrees of freedom: 2 log 2.

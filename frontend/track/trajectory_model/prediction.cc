@@ -1,5 +1,7 @@
 #include "frontend/track/trajectory_model/prediction.h"
 
+#include "frontend/track/trajectory_model/sized.h"
+
 namespace cohort::trajectory_model {
 namespace {
 
@@ -7,31 +9,35 @@ namespace {
 // tuning clips.
 constexpr double kUnknownDepthPx = 1.5;
 
-}  // namespace
-
-Estimate PredictFeature(const CameraFit& fit, const Feature& feature) {
+template <int R>
+Estimate PredictSized(const CameraFit& fit, const Feature& feature) {
   const Eigen::Index r = fit.camera.cols() - 1;
-  const Projection at = Project(fit.camera, feature.mean);
-  Jacobian J(2, r + 2);
-  J.leftCols(r) = at.of_z;
-  J.rightCols(2).setZero();
-  Vector z(r + 1);
-  z << 1.0, feature.mean.head(r);
+  const auto mean = Sized<R>::MeanOf(feature);
+  const auto at = ProjectSized<R>(Sized<R>::Of(fit.camera), mean);
   Eigen::Matrix3d homogeneous = Eigen::Matrix3d::Zero();  // cov(C [1 z]) by that of C
   for (Eigen::Index p = 0; p <= r; ++p) {
     for (Eigen::Index q = 0; q <= r; ++q) {
-      homogeneous += z[p] * z[q] * fit.covariance.block<3, 3>(3 * p, 3 * q);
+      const double zz = (p == 0 ? 1.0 : mean[p - 1]) * (q == 0 ? 1.0 : mean[q - 1]);
+      homogeneous += zz * fit.covariance.block<3, 3>(3 * p, 3 * q);
     }
   }
-  Eigen::Matrix2d of_camera = at.of_homogeneous * homogeneous * at.of_homogeneous.transpose();
+  const Eigen::Matrix<double, 2, 3> H = at.OfHomogeneous();
+  Eigen::Matrix2d of_camera = H * homogeneous * H.transpose();
   if (r < 3) of_camera += kUnknownDepthPx * kUnknownDepthPx * Eigen::Matrix2d::Identity();
+  const auto covariance = Sized<R>::CovarianceOf(feature);
   Estimate e;
   e.xy = at.xy;
-  e.covariance = J * feature.covariance * J.transpose() + of_camera;
-  e.expected_xy = e.xy + feature.mean.tail<2>();
-  J.rightCols(2).setIdentity();
-  e.measured_covariance = J * feature.covariance * J.transpose() + of_camera;
+  e.covariance = CovarianceOfPosition<R>(at.of_z, covariance, false) + of_camera;
+  e.expected_xy = e.xy + mean.template tail<2>();
+  e.measured_covariance = CovarianceOfPosition<R>(at.of_z, covariance, true) + of_camera;
   return e;
+}
+
+}  // namespace
+
+Estimate PredictFeature(const CameraFit& fit, const Feature& feature) {
+  return WithRank(static_cast<int>(fit.camera.cols()) - 1,
+                  [&](auto rank) { return PredictSized<rank.value>(fit, feature); });
 }
 
 std::vector<Estimate> PredictAllFeatures(const State& state, const CameraFit& fit) {

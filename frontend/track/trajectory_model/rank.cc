@@ -14,8 +14,6 @@
 namespace cohort::trajectory_model {
 namespace {
 
-constexpr int kRigidRank = 3;  // of a rigid scene under a moving camera
-
 // Which features may add a coordinate.
 std::vector<std::uint8_t> MayAdd(const State& state) {
   // So often a feature was observed that is no newcomer; chosen by eye on the tuning clips with an

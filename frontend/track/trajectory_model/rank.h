@@ -9,6 +9,8 @@
 
 namespace cohort::trajectory_model {
 
+inline constexpr int kRigidRank = 3;  // of a rigid scene under a moving camera
+
 // From rank 0 to 2, once there are features enough: the coordinates are the first features'
 // positions in the newest frame, and all cameras that of this frame.
 void BeginWithPositions(State& state);

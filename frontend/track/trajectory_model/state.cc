@@ -5,17 +5,32 @@
 
 #include "frontend/core/statistics.h"
 #include "frontend/track/trajectory_model/noise.h"
+#include "frontend/track/trajectory_model/sized.h"
 
 namespace cohort::trajectory_model {
 
+namespace {
+
+template <int R>
+double SquareOf(const Frame& frame, const Observation& o, const Feature& feature) {
+  const auto mean = Sized<R>::MeanOf(feature);
+  const auto at = ProjectSized<R>(Sized<R>::Of(frame.camera), mean);
+  const Eigen::Vector2d d = SizedResidual<R>(at, o, mean);
+  return d.dot(o.information * d);
+}
+
+}  // namespace
+
 double MisfitOfFrame(const Frame& frame, std::span<const Feature> features) {
   std::vector<double> squares;
-  for (std::size_t f = 0; f < features.size(); ++f) {
-    const Observation& o = frame.observations[f];
-    if (!o.IsObserved() || o.anchor) continue;
-    const Eigen::Vector2d d = Residual(Project(frame.camera, features[f].mean), o, features[f]);
-    squares.push_back(d.dot(o.information * d));
-  }
+  squares.reserve(features.size());
+  WithRank(static_cast<int>(frame.camera.cols()) - 1, [&](auto rank) {
+    for (std::size_t f = 0; f < features.size(); ++f) {
+      const Observation& o = frame.observations[f];
+      if (!o.IsObserved() || o.anchor) continue;
+      squares.push_back(SquareOf<rank.value>(frame, o, features[f]));
+    }
+  });
   return std::max(1.0, Median(std::move(squares)) / kMedianChiSquare);
 }
 
@@ -23,16 +38,16 @@ double MisfitOfFeature(const State& state, std::size_t f) {
   // Degrees of freedom that count as if they fitted; chosen by eye on the tuning clips.
   constexpr double kPrior = 6.0;
   if (state.rank == 0) return 1.0;
-  const Feature& feature = state.features[f];
   double chi_square = kPrior;
   double freedom = -static_cast<double>(state.rank);
-  for (const Frame& frame : state.frames) {
-    const Observation& o = frame.observations[f];
-    if (!o.IsObserved() || o.anchor) continue;
-    const Eigen::Vector2d d = Residual(Project(frame.camera, feature.mean), o, feature);
-    chi_square += d.dot(o.information * d);
-    freedom += 2.0;
-  }
+  WithRank(state.rank, [&](auto rank) {
+    for (const Frame& frame : state.frames) {
+      const Observation& o = frame.observations[f];
+      if (!o.IsObserved() || o.anchor) continue;
+      chi_square += SquareOf<rank.value>(frame, o, state.features[f]);
+      freedom += 2.0;
+    }
+  });
   return chi_square / (std::max(freedom, 0.0) + kPrior);
 }
 

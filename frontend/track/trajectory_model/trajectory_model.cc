@@ -53,18 +53,24 @@ std::vector<TrajectoryModel::Estimate> TrajectoryModel::Update(std::span<const O
   if (state_.rank == 0) return {};
   FitAllFeatures(state_);
   if (!fits) return {};
-  // What is new takes more passes; later every frame goes on from the last.
-  const int passes = state_.frames.size() < 8 ? 6 : 2;
-  for (int pass = 0; pass < passes; ++pass) {
+  // What is new takes more passes; later every frame goes on from the last, and what changes slowly,
+  // old cameras and the rank of a rigid scene, is looked at in every fourth.
+  constexpr std::size_t kYoungFrames = 8;
+  constexpr std::size_t kYoungPasses = 6;
+  constexpr std::size_t kTurns = 4;
+  const bool young = state_.frames.size() < kYoungFrames;
+  turn_ = (turn_ + 1) % kTurns;
+  for (std::size_t pass = 0; pass < (young ? kYoungPasses : 1); ++pass) {
     joint_fit_.Step(state_);
-    for (std::size_t l = JointFit::kFrames; l < state_.frames.size(); ++l) {
-      RefitCamera(state_, state_.frames[l]);
+    for (std::size_t l = JointFit::FramesOf(state_); l < state_.frames.size(); ++l) {
+      if (young || l % kTurns == turn_) RefitCamera(state_, state_.frames[l]);
     }
     FitAllFeatures(state_);
     if (state_.perspective) CenterDepths(state_);
     NormalizeCoordinates(state_);
   }
-  AdaptRank(state_, max_rank_);
+  if (young || state_.rank < trajectory_model::kRigidRank || turn_ == 0)
+    AdaptRank(state_, max_rank_);
   // The camera is that of the joint fit; only its covariance is taken from a fit by itself.
   CameraFit fit = FitNewCamera(state_, state_.frames.front().observations);
   fit.camera = state_.frames.front().camera;

@@ -21,8 +21,10 @@ namespace cohort {
 // subspace.
 //
 // Fitted to a sliding window of frames: a new frame's camera (camera_fit.h), then the newest
-// cameras and all features together (joint_fit.h), older cameras one by one, and each feature by
-// itself (feature_fit.h); the rank r grows where residuals ask for it (rank.h).
+// cameras and all features together (joint_fit.h), older cameras one by one, a quarter of them a
+// frame, and each feature by itself (feature_fit.h); the rank r grows where residuals ask for it
+// (rank.h). The time of a frame is linear in the features, and so is every loop over them that is
+// not of fixed size (sized.h).
 class TrajectoryModel {
  public:
   using Observation = trajectory_model::Observation;
@@ -61,6 +63,7 @@ class TrajectoryModel {
   int max_rank_;
   trajectory_model::State state_;
   trajectory_model::JointFit joint_fit_;
+  std::size_t turn_ = 0;  // of what is not looked at in every frame
 };
 
 }  // namespace cohort

@@ -9,20 +9,23 @@ namespace {
 
 const Eigen::Vector2d kMotion(6, -4);
 
-// All features of the grid, from a picture to the next one.
+// All features of the grid but the sixth, from a picture to the next one.
 std::vector<Feature> Tracked(double max_open_px, const Pyramid& next) {
   const Pyramid first = test::ShiftedNoise({0, 0});
   std::vector<Feature> features = test::FeaturesAt(first, test::GridOfTwenty());
   features[4].open = false;
-  features[5].confirmed = false;
   features[6].returned_xy = {1, 1};  // of an earlier frame
   ThereAndBack there_and_back(max_open_px);
-  there_and_back.Begin(first);
-  there_and_back.Track(next, test::GridOfTwenty(), features);
+  there_and_back.Remember(first);
+  std::vector<std::size_t> asked;
+  for (std::size_t f = 0; f < features.size(); ++f) {
+    if (f != 5) asked.push_back(f);
+  }
+  there_and_back.Track(next, test::GridOfTwenty(), asked, features);
   return features;
 }
 
-TEST(ThereAndBack, FindsWhatIsConfirmedWhereItWent) {
+TEST(ThereAndBack, FindsWhatItIsAskedForWhereItWent) {
   const std::vector<Feature> features = Tracked(1.5, test::ShiftedNoise(kMotion));
   EXPECT_FALSE(features[5].returned_xy);
   for (const std::size_t f : {4u, 6u, 7u, 12u, 13u}) {
@@ -52,7 +55,7 @@ TEST(ThereAndBack, IsTheStartWhereTheGuideIsElsewhereAndLooksWorse) {
   const Eigen::Matrix2Xd starts = ThereAndBack::BetterStarts(next, guide, features, 11);
   EXPECT_LT((starts.col(6) - truth.col(6)).norm(), 0.2);
   EXPECT_EQ(starts.col(7), guide.col(7)) << "near enough";
-  EXPECT_EQ(starts.col(5), guide.col(5)) << "was not confirmed";
+  EXPECT_EQ(starts.col(5), guide.col(5)) << "was not asked for";
   // Where the guide is right, what Lucas-Kanade says elsewhere does not look like the template.
   std::vector<Feature> misled = features;
   misled[6].returned_xy = truth.col(6) + Eigen::Vector2d(9, -9);

@@ -81,7 +81,7 @@ TEST(JointFit, MovesOnlyTheNewestCameras) {
   JointFit fit;
   fit.Step(state);
   EXPECT_NE(state.frames[0].camera, before.frames[0].camera);
-  for (std::size_t l = JointFit::kFrames; l < 16; ++l) {
+  for (std::size_t l = JointFit::FramesOf(state); l < 16; ++l) {
     EXPECT_EQ(state.frames[l].camera, before.frames[l].camera) << l;
   }
 }
