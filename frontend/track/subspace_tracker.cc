@@ -123,31 +123,34 @@ Eigen::Matrix2Xd SubspaceMover::Measure(const Pyramid& current,
   // Further in a frame than the features' surroundings are alike, the guide may end anywhere [px].
   constexpr double kFastPx = 8.0;
   const bool fast = MedianDistance(before, joint) > kFastPx;
+  // Where that shows at more than so many of them, what is seen at the others may be chance.
+  constexpr double kManyLost = 0.2;
+  std::vector<std::size_t> confirmed;
   std::vector<std::size_t> asked;  // of Lucas-Kanade
-  std::size_t confirmed = 0;
   for (std::size_t f = 0; f < features_.size(); ++f) {
     features_[f].returned_xy.reset();
     if (!features_[f].confirmed) continue;
-    ++confirmed;
+    confirmed.push_back(f);
     if (fast || features_[f].open) asked.push_back(f);
   }
   Eigen::Matrix2Xd starts = starts_with(asked);
   const Eigen::Matrix2d similarity = CommonSimilarity(before, starts, features_);
   DeformAnchors(similarity, measurement_.patch.warp_noise, features_);
   measure(starts);
-
   if (fast) return starts;
+
   asked.clear();
-  for (std::size_t f = 0; f < features_.size(); ++f) {
-    if (features_[f].confirmed && !frame->IsObserved(f)) asked.push_back(f);
+  for (const std::size_t f : confirmed) {
+    if (!frame->IsObserved(f)) asked.push_back(f);
   }
   if (asked.empty()) return starts;
-  starts = starts_with(asked);
-  if (2 * asked.size() < confirmed) {
+  if (static_cast<double>(asked.size()) <= kManyLost * static_cast<double>(confirmed.size())) {
+    starts = starts_with(asked);
     frame->MeasureFromBetter(asked, starts);
     return starts;
   }
   // A camera too fast for the guide: nor is the similarity that of its motion.
+  starts = starts_with(confirmed);
   DeformAnchors(CommonSimilarity(before, starts, features_) * similarity.inverse(), 0.0, features_);
   measure(starts);
   return starts;

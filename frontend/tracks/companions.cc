@@ -119,6 +119,32 @@ std::optional<double> SigmaOfCompanions(const CompanionTracks& both,
 
 }  // namespace
 
+std::vector<Stretch> WeakStretches(const TrackSet& tracks, double share, std::size_t reach) {
+  const auto& frames = tracks.frames();
+  std::vector<double> links;
+  std::vector<double> observed;
+  for (std::size_t i = 1; i < frames.size(); ++i) {
+    const auto in_frame = tracks.InFrame(frames[i - 1]);
+    observed.push_back(static_cast<double>(std::count_if(
+        in_frame.begin(), in_frame.end(), [](const auto* o) { return IsObserved(*o); })));
+    const CompanionTracks alone{tracks, kFirstCompanion};
+    links.push_back(
+        static_cast<double>(LinksBetween(alone, frames[i - 1], frames[i]).first.size()));
+  }
+  const double usual = Median(links);
+  std::vector<Stretch> stretches;
+  std::size_t behind_last = 0;  // of the last stretch
+  for (std::size_t i = 0; i < links.size(); ++i) {
+    if (links[i] >= share * std::max(usual, observed[i])) continue;
+    const std::size_t first = i < reach ? 0 : i - reach;
+    const std::size_t last = std::min(i + 1 + reach, frames.size() - 1);
+    if (stretches.empty() || first > behind_last) stretches.push_back({frames[first], {}});
+    stretches.back().last = frames[last];
+    behind_last = last + 1;
+  }
+  return stretches;
+}
+
 TrackSet DropTwins(const CompanionTracks& both, double within_px) {
   const std::map<FeatureId, FeatureId> twins = FindTwins(both, within_px);
   return both.tracks.Select([&](FeatureId feature) { return !twins.contains(feature); });

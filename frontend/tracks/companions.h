@@ -1,8 +1,24 @@
 #pragma once
 
+#include <cstddef>
+#include <vector>
+
 #include "frontend/tracks/track_set.h"
 
 namespace cohort {
+
+// Ids from here on are of a companion: a second tracker of the same clip.
+inline constexpr FeatureId kFirstCompanion{1U << 30U};
+
+// Frames first to last, both included.
+struct Stretch {
+  FrameIndex first{};
+  FrameIndex last{};
+};
+// Where a tracker loses its features: pairs of consecutive frames that fewer than `share` of the
+// features of the first, or of the number usual between frames (the median), tie to each other; and
+// `reach` frames before and behind, in which a companion may take up features. Ascending, apart.
+std::vector<Stretch> WeakStretches(const TrackSet& tracks, double share, std::size_t reach);
 
 // Tracks of two trackers of one clip; the features from `first_companion` on are of the second.
 struct CompanionTracks {

@@ -193,7 +193,8 @@ TrackFile TracksToHalve(const ExperimentOptions& options, const TrackCell& cell)
                                    .mask = ReadMask(track.mask),
                                    .source = track.input.input});
   DescribeInput(track.input, *sequence, file);
-  return JoinCompanion(std::move(file));  // before: twins in both halves would agree by themselves
+  // Before: twins in both halves would agree by themselves.
+  return JoinCompanion(std::move(file), *sequence, ReadMask(track.mask));
 }
 
 }  // namespace

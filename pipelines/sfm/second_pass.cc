@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <set>
@@ -15,7 +16,7 @@
 #include "backend/scene/mapper.h"
 #include "frontend/core/statistics.h"
 #include "frontend/image/exposure.h"
-#include "frontend/track/companion_tracker.h"
+#include "frontend/track/tracker.h"
 #include "frontend/tracks/companions.h"
 #include "pipelines/json/option_list.h"
 #include "pipelines/sfm/model_predictions.h"
@@ -204,18 +205,6 @@ bool HaveMoved(std::span<const Reconstruction> models,
 // Two pixels: of what is nearer the patches are nearly the same.
 constexpr double kTwinsWithinPx = 2.0;
 
-// Makes one set of a first pass's tracks and its companion's. The first id of the companion's; none
-// without one.
-std::optional<FeatureId> JoinTracks(TrackFile& file) {
-  // Where the tracker holds half as many features as KLT has beside them, KLT's are wanted.
-  constexpr double kNeededShare = 0.5;
-  if (!file.meta.contains("companion")) return std::nullopt;
-  CompanionTracks both = KeepWhereNeeded(
-      JoinCompanions({std::move(file.tracks), kFirstCompanion}, kTwinsWithinPx), kNeededShare);
-  file.tracks = std::move(both.tracks);
-  return both.first_companion;
-}
-
 // The light of every frame against the first one's, followed once for all rounds and parts.
 struct LightsOfClip {
   Exposure exposure;
@@ -235,6 +224,82 @@ struct Pictures {
   const cv::Mat& mask;
   LightsOfClip& lights;
 };
+
+// KLT, as wide as the wider of the windows that baselines are compared with: it reaches further.
+TrackerOptions CompanionOptions(const TrackFile& file) {
+  constexpr int kWindowPx = 31;
+  TrackerOptions of_first;
+  if (const auto options = file.meta.find("options"); options != file.meta.end()) {
+    OptionLister lister;
+    TrackerOptions::Visit(of_first, lister);
+    SetFromJson(
+        lister.Take(), nlohmann::ordered_json::parse(options->second), "options of the tracks");
+  }
+  TrackerOptions klt;
+  klt.tracker = TrackerKind::kKlt;
+  klt.detector = of_first.detector;
+  klt.klt.window_px = kWindowPx;
+  return klt;
+}
+
+// Adds KLT's tracks over the stretches in which the tracker loses its features.
+void TrackCompanion(std::span<const Stretch> stretches,
+                    const Pictures& pictures,
+                    const StageProgress& progress,
+                    TrackFile& file) {
+  const auto first_observations = file.tracks.observations();
+  const auto first_ends = file.tracks.ends();
+  std::vector<Observation> observations(first_observations.begin(), first_observations.end());
+  std::vector<TrackEnd> ends(first_ends.begin(), first_ends.end());
+  const TrackerOptions options = CompanionOptions(file);
+  std::unique_ptr<Tracker> tracker;
+  std::uint32_t next = ToInt(kFirstCompanion);
+  std::uint32_t base = next;  // of this stretch
+  auto stretch = stretches.begin();
+  ForEachFrame(file, pictures.sequence, "bridge", progress, [&](Frame& frame) {
+    frame.gray = pictures.lights.Without(frame);
+    if (stretch == stretches.end() || frame.index < stretch->first) return;
+    if (!tracker) {
+      tracker = MakeTracker(options, pictures.mask);
+      base = next;
+    }
+    FrameResult result = tracker->Track(frame);
+    for (Observation& o : result.observations) {
+      o.feature = FeatureId{base + ToInt(o.feature)};
+      next = std::max(next, ToInt(o.feature) + 1);
+      observations.push_back(o);
+    }
+    for (TrackEnd& end : result.ends) {
+      end.feature = FeatureId{base + ToInt(end.feature)};
+      ends.push_back(end);
+    }
+    if (frame.index == stretch->last) {
+      tracker.reset();
+      ++stretch;
+    }
+  });
+  file.tracks = TrackSet::Build(std::move(observations), std::move(ends));
+}
+
+// Makes one set of a first pass's tracks and of KLT's where they are needed. The first id of KLT's;
+// none where there are none.
+std::optional<FeatureId> JoinTracks(const Pictures& pictures,
+                                    const StageProgress& progress,
+                                    TrackFile& file) {
+  // Where the tracker holds half as many features as KLT has beside them, KLT's are wanted.
+  constexpr double kNeededShare = 0.5;
+  // More, as how many KLT would have is not known before.
+  constexpr double kWeakShare = 0.7;
+  constexpr std::size_t kReach = 5;  // what KLT holds through fast motion is as short
+  if (!file.meta.contains("companion")) return std::nullopt;
+  const std::vector<Stretch> stretches = WeakStretches(file.tracks, kWeakShare, kReach);
+  if (stretches.empty()) return std::nullopt;
+  TrackCompanion(stretches, pictures, progress, file);
+  CompanionTracks both = KeepWhereNeeded(
+      JoinCompanions({std::move(file.tracks), kFirstCompanion}, kTwinsWithinPx), kNeededShare);
+  file.tracks = std::move(both.tracks);
+  return both.first_companion;
+}
 
 // The tracks of the file, those that are found again where the model says replaced.
 TrackSet MeasureWith(const TrackFile& file,
@@ -387,8 +452,9 @@ std::string SecondPassOptionsText(const SecondPassOptions& options) {
   return OptionsToJson(lister.Take()).dump();
 }
 
-TrackFile JoinCompanion(TrackFile first_pass) {
-  JoinTracks(first_pass);
+TrackFile JoinCompanion(TrackFile first_pass, Sequence& sequence, const cv::Mat& mask) {
+  LightsOfClip lights;
+  JoinTracks({sequence, mask, lights}, {}, first_pass);
   first_pass.meta.erase("companion");
   return first_pass;
 }
@@ -401,9 +467,10 @@ SecondPass WithSecondPass(TrackFile file,
   // A bound on time: where the model is far off at first, each round brings it nearer.
   constexpr int kMostRounds = 3;
   constexpr std::size_t kLeastFrames = 10;  // of a part beside the largest: each costs as much time
-  const std::optional<FeatureId> first_companion = JoinTracks(file);
-  SecondPass second{std::move(file), {}, {}};
   LightsOfClip lights;
+  const std::optional<FeatureId> first_companion =
+      JoinTracks({sequence, mask, lights}, progress, file);
+  SecondPass second{std::move(file), {}, {}};
   std::vector<Reconstruction> models;
   for (int round = 0; round < kMostRounds; ++round) {
     MapperResult result = ReconstructWithCeres(second.file, {});

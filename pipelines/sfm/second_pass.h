@@ -34,12 +34,12 @@ struct SecondPassOptions {
              "through the video again; auto does it for the tracker subspace, strong and "
              "measured.",
              Tier::kCommon);
-    v.Flag("companion",
-           o.companion,
-           "Let KLT track features of its own beside the tracker subspace until the second pass, "
-           "and use them where that one loses most of its: a camera too fast for it may not be too "
-           "fast for KLT.",
-           Tier::kCommon);
+    v.Flag(
+        "companion",
+        o.companion,
+        "Let KLT track features of its own where the tracker subspace loses most of its, and use "
+        "them in the second pass: a camera too fast for it may not be too fast for KLT.",
+        Tier::kCommon);
     VisitMeasurement(o, v);
   }
 
@@ -109,9 +109,10 @@ SecondPass MeasureAgain(const TrackFile& file,
                         const SecondPassOptions& options,
                         const StageProgress& progress = {});
 
-// One set of the tracks of a first pass and of its companion, as the second pass takes them: without
-// the companion's that are twins of others or not needed. As it is, without a companion.
-TrackFile JoinCompanion(TrackFile first_pass);
+// One set of the tracks of a first pass and of KLT's where that one loses its features, as the second
+// pass takes them: without those that are twins of others or not needed. As it is, where no
+// companion is wanted.
+TrackFile JoinCompanion(TrackFile first_pass, Sequence& sequence, const cv::Mat& mask);
 
 // The same with a model of its own, by Ceres, or one of each part of a clip that breaks; where
 // there is none, `file` itself, whose meta["second_pass"] says why.

@@ -5,7 +5,6 @@
 #include <vector>
 
 #include "frontend/core/stopwatch.h"
-#include "frontend/track/companion_tracker.h"
 #include "frontend/track/steady_light_tracker.h"
 #include "pipelines/json/option_list.h"
 #include "pipelines/sfm/input.h"
@@ -13,20 +12,10 @@
 namespace cohort {
 namespace {
 
-std::unique_ptr<Tracker> MakeTrackers(const TrackSequenceOptions& options) {
+std::unique_ptr<Tracker> MakeSteadyTracker(const TrackSequenceOptions& options) {
   auto tracker = MakeTracker(options.tracker, options.mask);
   if (options.tracker.tracker != TrackerKind::kSubspace) return tracker;
-  if (!WantsCompanion(options.second_pass, options.tracker)) {
-    return std::make_unique<SteadyLightTracker>(std::move(tracker));
-  }
-  // The wider of the windows that baselines are compared with: it reaches further.
-  constexpr int kWindowPx = 31;
-  TrackerOptions klt;
-  klt.tracker = TrackerKind::kKlt;
-  klt.detector = options.tracker.detector;
-  klt.klt.window_px = kWindowPx;
-  return std::make_unique<SteadyLightTracker>(
-      std::make_unique<CompanionTracker>(std::move(tracker), MakeTracker(klt, options.mask)));
+  return std::make_unique<SteadyLightTracker>(std::move(tracker));
 }
 
 }  // namespace
@@ -51,7 +40,7 @@ bool WantsCompanion(const SecondPassOptions& second_pass, const TrackerOptions& 
 }
 
 SequenceTracker::SequenceTracker(Sequence& sequence, const TrackSequenceOptions& options)
-    : sequence_(sequence), tracker_(MakeTrackers(options)) {
+    : sequence_(sequence), tracker_(MakeSteadyTracker(options)) {
   if (!HasNext()) {
     const std::string name = options.source.empty() ? sequence.Name() : options.source.string();
     ThrowError("{}: no frame to track. {}", name, sequence.Warning());

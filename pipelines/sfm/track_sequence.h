@@ -84,7 +84,7 @@ class SequenceTracker {
   double track_ms_ = 0.0;
 };
 
-// Does KLT ride along? Where the tracker is subspace and a second pass is to come.
+// May KLT help out in the second pass? Where the tracker is subspace and a second pass is to come.
 bool WantsCompanion(const SecondPassOptions& second_pass, const TrackerOptions& tracker);
 
 // Is there to be a second pass? Mode auto: for the tracker subspace, strong and measured.

@@ -8,7 +8,6 @@
 //   first_ms, second_ms, klt_ms    both passes and KLT of 21 x 21 px; klt31_ms: of 31 x 31 px
 //   first_klt, second_klt          how many times KLT's time; the median of the frames' ratios, and
 //                                  of the whole second pass with all its rounds
-//   companion_klt                  of the first pass with KLT riding along for the second
 //   alive, klt_alive               features
 //   first: PART, second: PART      where it goes [ms]
 #include <benchmark/benchmark.h>
@@ -156,13 +155,11 @@ double MedianRatio(const std::vector<double>& a, const std::vector<double>& b) {
 void Race(benchmark::State& state, const Film& film, bool second_pass) {
   const auto features = static_cast<int>(state.range(0));
   const auto history_length = static_cast<int>(state.range(1));
-  TrackSequenceOptions alone = Options(features, history_length);
-  alone.second_pass.companion = false;
+  const TrackSequenceOptions ours = Options(features, history_length);
   for (auto _ : state) {
-    enum : std::size_t { kOurs, kWithCompanion, kKlt21, kKlt31, kRacers };
+    enum : std::size_t { kOurs, kKlt21, kKlt31, kRacers };
     std::vector<std::unique_ptr<Racer>> racers;
-    for (const auto& options :
-         {alone, Options(features, history_length), Klt(features, 21), Klt(features, 31)}) {
+    for (const auto& options : {ours, Klt(features, 21), Klt(features, 31)}) {
       racers.push_back(std::make_unique<Racer>(film, options));
     }
     for (std::size_t i = 0; racers[0]->HasNext(); ++i) {
@@ -175,7 +172,6 @@ void Race(benchmark::State& state, const Film& film, bool second_pass) {
     counters["klt_ms"] = InterpolatedMedian(klt_ms);
     counters["klt31_ms"] = InterpolatedMedian(racers[kKlt31]->ms());
     counters["first_klt"] = MedianRatio(racers[kOurs]->ms(), klt_ms);
-    counters["companion_klt"] = MedianRatio(racers[kWithCompanion]->ms(), klt_ms);
     counters["alive"] = racers[kOurs]->alive();
     counters["klt_alive"] = racers[kKlt21]->alive();
     for (const auto& [name, ms] : racers[kOurs]->parts()) counters["first: " + name] = ms / timed;
@@ -186,7 +182,7 @@ void Race(benchmark::State& state, const Film& film, bool second_pass) {
     const double frames = static_cast<double>(*film.FrameCount());
     Parts parts;
     const double second_ms =
-        Timed([&] { WithSecondPass(racers[kOurs]->Finish(), copy, {}, alone.second_pass); }, parts);
+        Timed([&] { WithSecondPass(racers[kOurs]->Finish(), copy, {}, ours.second_pass); }, parts);
     Racer klt(film, Klt(features, 21));
     while (klt.HasNext()) klt.Step();
     counters["second_ms"] = second_ms / frames;

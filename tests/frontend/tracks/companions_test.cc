@@ -69,6 +69,25 @@ TEST(Companions, TwinsTellHowGoodTheOthersAre) {
   EXPECT_FALSE(joined.tracks.Track(FeatureId{0})[0].covariance);
 }
 
+// Between frames 9 and 10 it loses nearly all, between 29 and 30 ten of 16.
+TEST(Companions, ATrackerIsWeakWhereItLosesItsFeatures) {
+  std::vector<Observation> observations;
+  for (std::uint32_t i = 0; i < 10; ++i) {
+    AddTrack(i, 0, i == 0 ? 20 : 10, {20.0 + 15.0 * i, 40}, observations);
+    AddTrack(100 + i, 10, 30, {20.0 + 15.0 * i, 80}, observations);
+    AddTrack(200 + i, i < 4 ? 30 : 25, 40, {20.0 + 15.0 * i, 120}, observations);
+  }
+  const TrackSet tracks = TrackSet::Build(std::move(observations));
+  const std::vector<Stretch> stretches = WeakStretches(tracks, 0.7, 5);
+  ASSERT_EQ(stretches.size(), 2u);
+  EXPECT_EQ(stretches[0].first, FrameIndex{4});
+  EXPECT_EQ(stretches[0].last, FrameIndex{15});
+  EXPECT_EQ(stretches[1].first, FrameIndex{24});
+  EXPECT_EQ(stretches[1].last, FrameIndex{35});
+  EXPECT_EQ(WeakStretches(tracks, 0.7, 10).size(), 1u) << "they meet";
+  EXPECT_TRUE(WeakStretches(tracks, 0.0, 5).empty());
+}
+
 // Between frames 9 and 10 the first tracker loses nearly all.
 TEST(Companions, OnlyThoseAreKeptThatBridgeWhatTheTrackerLoses) {
   std::vector<Observation> observations;
