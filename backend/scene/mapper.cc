@@ -317,6 +317,14 @@ MapperResult MapTracks(const TrackFile& file, const MapperOptions& options) {
   return WithEnd(std::move(result), end);
 }
 
+void SetPoses(const std::map<FrameIndex, Rigid3>& cam_from_world, WorkingModel& model) {
+  const std::vector<FrameInfo>& frames = model.whitened().frames();
+  for (std::size_t frame = 0; frame < frames.size(); ++frame) {
+    const auto pose = cam_from_world.find(frames[frame].index);
+    if (pose != cam_from_world.end()) model.SetPose(static_cast<int>(frame), pose->second);
+  }
+}
+
 }  // namespace
 
 MapperResult ReconstructWithCeres(const TrackFile& file, const MapperOptions& options) {
@@ -324,6 +332,16 @@ MapperResult ReconstructWithCeres(const TrackFile& file, const MapperOptions& op
   ValidateOptions(options);
   const Stopwatch stopwatch;
   return WithSummary(MapTracks(file, options), file, stopwatch);
+}
+
+Reconstruction AdjustWithCeres(const TrackFile& file, const Reconstruction& start) {
+  const TimedPart part("reconstruction");
+  const WhitenedTracks whitened(file, WhiteningOptionsFrom({}));
+  WorkingModel model(whitened, start.camera);
+  SetPoses(start.cam_from_world, model);
+  model.TriangulateAllTracks();
+  AdjustUntilSettled(model, {}, 4, 5);
+  return ToReconstruction(model, whitened, 0.0);
 }
 
 MapperResult TriangulateWithCeres(const TrackFile& file,
@@ -337,10 +355,7 @@ MapperResult TriangulateWithCeres(const TrackFile& file,
   const Stopwatch stopwatch;
   const WhitenedTracks whitened(file, WhiteningOptionsFrom(options));
   WorkingModel model(whitened, CameraOrGuess(file));
-  for (int frame = 0; frame < whitened.frame_count(); ++frame) {
-    const auto pose = cam_from_world.find(whitened.frames()[frame].index);
-    if (pose != cam_from_world.end()) model.SetPose(frame, pose->second);
-  }
+  SetPoses(cam_from_world, model);
   model.TriangulateAllTracks();
   model.UpdateAllInliers(std::numeric_limits<double>::infinity());
   for (int round = 0; round < kRounds; ++round) {

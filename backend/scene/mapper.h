@@ -111,6 +111,11 @@ struct MapperResult {
 // input that makes no sense (no picture size, intrinsics that are not positive).
 MapperResult ReconstructWithCeres(const TrackFile& file, const MapperOptions& options = {});
 
+// A model adjusted to other tracks of its clip: poses of `start`, points anew, then all together.
+// Keeps the camera, which takes every frame for one moment, and registers no frame that `start` has
+// not.
+Reconstruction AdjustWithCeres(const TrackFile& file, const Reconstruction& start);
+
 // Points alone, from poses that are given and kept (true ones: isolates the tracks from the
 // solver): triangulation, then bundle adjustment that moves nothing but points, under the bounds of
 // the mapper. All frames with a pose count as registered; the camera of `file` must be known.

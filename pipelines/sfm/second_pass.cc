@@ -202,6 +202,13 @@ bool HaveMoved(std::span<const Reconstruction> models,
                                      kFar * options.measurement.patch.max_distance_px;
 }
 
+// May an adjustment tell where the model of new tracks would be, in place of a reconstruction, which
+// takes several times as long? Where the model is whole and nothing but poses and points moves.
+bool CanBeAdjusted(std::span<const Reconstruction> models, const TrackFile& file) {
+  return models.size() == 1 && models.front().cam_from_world.size() == file.frames.size() &&
+         models.front().readout == 0.0 && file.KnowsCamera();
+}
+
 // Two pixels: of what is nearer the patches are nearly the same.
 constexpr double kTwinsWithinPx = 2.0;
 
@@ -473,6 +480,10 @@ SecondPass WithSecondPass(TrackFile file,
   SecondPass second{std::move(file), {}, {}};
   std::vector<Reconstruction> models;
   for (int round = 0; round < kMostRounds; ++round) {
+    if (round > 0 && CanBeAdjusted(models, second.file) &&
+        !HaveMoved(models, AdjustWithCeres(second.file, models.front()), options)) {
+      break;
+    }
     MapperResult result = ReconstructWithCeres(second.file, {});
     if (result.summary.registered == 0) {
       if (round > 0) break;
