@@ -54,22 +54,24 @@ COHORT_SIMD_CLONES void Interpolate(const Pixels& pixels, int n, float* values, 
   }
 }
 
-COHORT_SIMD_CLONES void InterpolateRowWithGradient(const float* __restrict p0,
-                                                   const float* __restrict p1,
-                                                   float a,
-                                                   float b,
-                                                   int n,
-                                                   float* __restrict values,
-                                                   float* __restrict dx,
-                                                   float* __restrict dy) {
-  for (int c = 0; c < n; ++c) {
-    const float upper_step = p0[c + 1] - p0[c];
-    const float lower_step = p1[c + 1] - p1[c];
-    const float upper = p0[c] + a * upper_step;
-    const float lower = p1[c] + a * lower_step;
-    values[c] = upper + b * (lower - upper);
-    dx[c] = upper_step + b * (lower_step - upper_step);
-    dy[c] = lower - upper;
+// The gradient is that of the interpolant.
+COHORT_SIMD_CLONES void InterpolateWithGradient(
+    const Pixels& pixels, int n, float* values, float* dx, float* dy, int stride) {
+  for (int r = 0; r < n; ++r) {
+    const float* p = pixels.data + r * pixels.stride;
+    const float* q = p + pixels.stride;
+    for (int k = 0; k < n; k += kLanes) {
+      const FloatLanes p0 = LoadLanes(p + k);
+      const FloatLanes q0 = LoadLanes(q + k);
+      const FloatLanes upper_step = LoadLanes(p + k + 1) - p0;
+      const FloatLanes lower_step = LoadLanes(q + k + 1) - q0;
+      const FloatLanes upper = p0 + pixels.a * upper_step;
+      const FloatLanes lower = q0 + pixels.a * lower_step;
+      const int at = r * stride + k;
+      StoreLanes(upper + pixels.b * (lower - upper), values + at);
+      StoreLanes(upper_step + pixels.b * (lower_step - upper_step), dx + at);
+      StoreLanes(lower - upper, dy + at);
+    }
   }
 }
 
@@ -157,15 +159,17 @@ void SamplePatch(const cv::Mat& picture, double x, double y, int n, float* value
   for (int r = 0; r < n; ++r) std::copy_n(lanes + r * stride, n, values + r * n);
 }
 
-void SamplePatchWithGradient(
-    const cv::Mat& picture, double x, double y, int n, float* values, float* dx, float* dy) {
+void SamplePatchWithGradientInLanes(const cv::Mat& picture,
+                                    double x,
+                                    double y,
+                                    int n,
+                                    float* values,
+                                    float* dx,
+                                    float* dy,
+                                    int stride) {
   float copy[kGatherSize];
-  const Pixels pixels = Gather(picture, x, y, n, n, copy);
-  for (int r = 0; r < n; ++r) {
-    const float* row = pixels.data + r * pixels.stride;
-    InterpolateRowWithGradient(
-        row, row + pixels.stride, pixels.a, pixels.b, n, values + r * n, dx + r * n, dy + r * n);
-  }
+  const Pixels pixels = Gather(picture, x, y, n, RoundUpToLanes(n), copy);
+  InterpolateWithGradient(pixels, n, values, dx, dy, stride);
 }
 
 }  // namespace cohort

@@ -18,9 +18,15 @@ void SamplePatch(const cv::Mat& picture, double x, double y, int n, float* value
 void SamplePatchInLanes(
     const cv::Mat& picture, double x, double y, int n, float* values, int stride);
 
-// The same, with the exact derivative of the interpolant by x and y.
-void SamplePatchWithGradient(
-    const cv::Mat& picture, double x, double y, int n, float* values, float* dx, float* dy);
+// The same in whole lanes, with the exact derivative of the interpolant by x and y.
+void SamplePatchWithGradientInLanes(const cv::Mat& picture,
+                                    double x,
+                                    double y,
+                                    int n,
+                                    float* values,
+                                    float* dx,
+                                    float* dy,
+                                    int stride);
 
 // Bilinear samples at center + warp u, for u of an n x n window, in whole lanes as above. Outside
 // the picture its border repeats.
