@@ -203,7 +203,9 @@ bool HaveMoved(std::span<const Reconstruction> models,
 }
 
 // May an adjustment tell where the model of new tracks would be, in place of a reconstruction, which
-// takes several times as long? Where the model is whole and nothing but poses and points moves.
+// takes several times as long? Where the model is whole and nothing but poses and points moves. (Not
+// where the tracker lost its features somewhere: across such a seam a model may have two scales,
+// which no adjustment mends.)
 bool CanBeAdjusted(std::span<const Reconstruction> models, const TrackFile& file) {
   return models.size() == 1 && models.front().cam_from_world.size() == file.frames.size() &&
          models.front().readout == 0.0 && file.KnowsCamera();
@@ -480,7 +482,7 @@ SecondPass WithSecondPass(TrackFile file,
   SecondPass second{std::move(file), {}, {}};
   std::vector<Reconstruction> models;
   for (int round = 0; round < kMostRounds; ++round) {
-    if (round > 0 && CanBeAdjusted(models, second.file) &&
+    if (round > 0 && !first_companion && CanBeAdjusted(models, second.file) &&
         !HaveMoved(models, AdjustWithCeres(second.file, models.front()), options)) {
       break;
     }
