@@ -39,12 +39,11 @@ void FillAnchorWindow(const cv::Mat& wide,
   FillWarpedWindow(wide, {center, center}, picture_from_anchor.inverse(), n, window);
 }
 
-// Gauss-Newton for the translation on one level, until a step is shorter than `enough_px`; `x` in
-// px of the level. None where the window has no texture.
+// Gauss-Newton for the translation on one level; `x` in px of the level. None where the window has
+// no texture.
 std::optional<Eigen::Vector2d> Align(const cv::Mat& picture,
                                      const PatchWindow& window,
                                      int max_iterations,
-                                     double enough_px,
                                      const Eigen::Matrix2d& prior,
                                      Eigen::Vector2d x) {
   const Eigen::Vector2d start = x;
@@ -57,7 +56,7 @@ std::optional<Eigen::Vector2d> Align(const cv::Mat& picture,
     if (!std::isfinite(length)) return std::nullopt;
     if (length > 2.0) step *= 2.0 / length;
     x += step;
-    if (length < enough_px) break;  // if it never is: slow is not wrong, the tests decide
+    if (length < 0.01) break;  // if it never is: slow is not wrong, the tests decide
   }
   return x;
 }
@@ -179,9 +178,6 @@ Measurement MeasurePatch(const Pyramid& current,
                          double noise_variance,
                          const Eigen::Matrix2d& prior) {
   Check(window_px <= kMaxPatchSide, "the window fits the patch buffers");
-  // Another step follows each: on the next level, or that of translation and warp together.
-  constexpr double kEnoughOfHalfPx = 0.05;
-  constexpr double kEnoughPx = 0.02;
   const bool with_prior = prior.trace() > 0.0;
   Measurement m;
   m.xy = start;
@@ -189,13 +185,13 @@ Measurement MeasurePatch(const Pyramid& current,
   PatchWindow window;
   if (!with_prior && !anchor.half.empty()) {
     FillAnchorWindow(anchor.half, anchor.warp, window_px, window);
-    const auto half = Align(current.levels[1], window, 10, kEnoughOfHalfPx, prior, start / 2);
+    const auto half = Align(current.levels[1], window, 10, prior, start / 2);
     // Where the half resolution leads astray, the full one starts from the start.
     if (half && (2 * *half - start).norm() < 6.0) m.xy = 2 * *half;
   }
   FillAnchorWindow(anchor.full, anchor.warp, window_px, window);
   const double variance = noise_variance * noise_factor;
-  const auto full = Align(current.levels[0], window, 15, kEnoughPx, variance * prior, m.xy);
+  const auto full = Align(current.levels[0], window, 15, variance * prior, m.xy);
   if (!full) return m;
   m.xy = *full;
   m.converged = true;
