@@ -299,7 +299,7 @@ std::optional<FeatureId> JoinTracks(const Pictures& pictures,
   constexpr double kNeededShare = 0.5;
   // More, as how many KLT would have is not known before.
   constexpr double kWeakShare = 0.7;
-  constexpr std::size_t kReach = 5;  // what KLT holds through fast motion is as short
+  constexpr std::size_t kReach = 15;  // at 5 a fast clip broke at its seam in some seeds
   if (!file.meta.contains("companion")) return std::nullopt;
   const std::vector<Stretch> stretches = WeakStretches(file.tracks, kWeakShare, kReach);
   if (stretches.empty()) return std::nullopt;
