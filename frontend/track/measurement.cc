@@ -56,7 +56,7 @@ std::optional<Eigen::Vector2d> Align(const cv::Mat& picture,
     if (!std::isfinite(length)) return std::nullopt;
     if (length > 2.0) step *= 2.0 / length;
     x += step;
-    if (length < 0.01) break;  // if it never is: slow is not wrong, the tests decide
+    if (length < 0.01) break;  // if it never is: slow is not wrong, the tests on the result decide
   }
   return x;
 }

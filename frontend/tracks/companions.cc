@@ -19,12 +19,15 @@ struct Links {
   std::vector<FeatureId> first;
   std::vector<FeatureId> companions;
 };
-Links LinksBetween(const CompanionTracks& both, FrameIndex frame, FrameIndex next) {
+Links LinksBetween(const TrackSet& tracks,
+                   FeatureId first_companion,
+                   FrameIndex frame,
+                   FrameIndex next) {
   Links links;
-  for (const Observation* o : both.tracks.InFrame(frame)) {
-    const Observation* other = both.tracks.Find(o->feature, next);
+  for (const Observation* o : tracks.InFrame(frame)) {
+    const Observation* other = tracks.Find(o->feature, next);
     if (!IsObserved(*o) || other == nullptr || !IsObserved(*other)) continue;
-    (o->feature < both.first_companion ? links.first : links.companions).push_back(o->feature);
+    (o->feature < first_companion ? links.first : links.companions).push_back(o->feature);
   }
   return links;
 }
@@ -127,9 +130,8 @@ std::vector<Stretch> WeakStretches(const TrackSet& tracks, double share, std::si
     const auto in_frame = tracks.InFrame(frames[i - 1]);
     observed.push_back(static_cast<double>(std::count_if(
         in_frame.begin(), in_frame.end(), [](const auto* o) { return IsObserved(*o); })));
-    const CompanionTracks alone{tracks, kFirstCompanion};
-    links.push_back(
-        static_cast<double>(LinksBetween(alone, frames[i - 1], frames[i]).first.size()));
+    links.push_back(static_cast<double>(
+        LinksBetween(tracks, kFirstCompanion, frames[i - 1], frames[i]).first.size()));
   }
   const double usual = Median(links);
   std::vector<Stretch> stretches;
@@ -155,7 +157,7 @@ CompanionTracks KeepWhereNeeded(const CompanionTracks& both, double share) {
   std::vector<Links> links;
   std::vector<double> counts;
   for (std::size_t i = 1; i < frames.size(); ++i) {
-    links.push_back(LinksBetween(both, frames[i - 1], frames[i]));
+    links.push_back(LinksBetween(both.tracks, both.first_companion, frames[i - 1], frames[i]));
     counts.push_back(static_cast<double>(links.back().first.size()));
   }
   const double usual = Median(counts);

@@ -152,7 +152,7 @@ double MedianRatio(const std::vector<double>& a, const std::vector<double>& b) {
   return InterpolatedMedian(ratios);
 }
 
-void Race(benchmark::State& state, const Film& film, bool second_pass) {
+void Race(benchmark::State& state, const Film& film) {
   const auto features = static_cast<int>(state.range(0));
   const auto history_length = static_cast<int>(state.range(1));
   const TrackSequenceOptions ours = Options(features, history_length);
@@ -176,7 +176,6 @@ void Race(benchmark::State& state, const Film& film, bool second_pass) {
     counters["klt_alive"] = racers[kKlt21]->alive();
     for (const auto& [name, ms] : racers[kOurs]->parts()) counters["first: " + name] = ms / timed;
     state.SetIterationTime(1e-3 * counters["first_ms"]);
-    if (!second_pass) continue;
 
     Film copy = film;
     const double frames = static_cast<double>(*film.FrameCount());
@@ -217,8 +216,8 @@ int main(int argc, char** argv) {
     const cohort::Film film(*sequence, degrade);
     for (const std::int64_t length : lengths) {
       for (const std::int64_t F : features) {
-        benchmark::RegisterBenchmark(
-            "track", [&](benchmark::State& state) { cohort::Race(state, film, true); })
+        benchmark::RegisterBenchmark("track",
+                                     [&](benchmark::State& state) { cohort::Race(state, film); })
             ->ArgNames({"F", "L"})
             ->Args({F, length})
             ->Iterations(1)

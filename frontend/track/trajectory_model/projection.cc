@@ -5,7 +5,6 @@
 namespace cohort::trajectory_model {
 
 Projection Project(const Camera& camera, const Vector& z) {
-  constexpr double kLeastDepth = 0.1;
   const Eigen::Index r = camera.cols() - 1;
   Eigen::Vector3d h = camera.col(0) + camera.rightCols(r) * z.head(r);
   const double depth = std::max(h.z(), kLeastDepth);

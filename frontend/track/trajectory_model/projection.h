@@ -30,6 +30,7 @@ struct Projection {
   Eigen::Matrix<double, 2, 3> of_homogeneous;  // d xy / d h
   Jacobian of_z;                               // d xy / d z
 };
+inline constexpr double kLeastDepth = 0.1;
 // `z`: the coordinates come first, what follows them does not count. Depths h_3 below a tenth of
 // the features' mean (which is 1) are taken for a tenth, so that nothing is divided by zero.
 Projection Project(const Camera& camera, const Vector& z);

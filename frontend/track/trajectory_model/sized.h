@@ -16,7 +16,6 @@ struct Sized {
   static constexpr int Plus(int n) { return R == Eigen::Dynamic ? Eigen::Dynamic : R + n; }
   static constexpr int MostPlus(int n) { return R == Eigen::Dynamic ? kMaxDimensions : R + n; }
 
-  using Z = Eigen::Matrix<double, R, 1, 0, MostPlus(0), 1>;
   using Homogeneous = Eigen::Matrix<double, Plus(1), 1, 0, MostPlus(1), 1>;  // [1 z]
   using Unknowns = Eigen::Matrix<double, Plus(2), 1, 0, MostPlus(2), 1>;     // (z, e)
   using Information = Eigen::Matrix<double, Plus(2), Plus(2), 0, MostPlus(2), MostPlus(2)>;
@@ -69,7 +68,6 @@ struct SizedProjection {
 template <int R>
 SizedProjection<R> ProjectSized(const Eigen::Map<const typename Sized<R>::Camera>& camera,
                                 const Eigen::Map<const typename Sized<R>::Unknowns>& mean) {
-  constexpr double kLeastDepth = 0.1;
   const Eigen::Index r = camera.cols() - 1;
   double h[3] = {camera(0, 0), camera(1, 0), camera(2, 0)};
   for (Eigen::Index p = 0; p < r; ++p) {
