@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 
 #include "frontend/image/lanes.h"
 
@@ -75,50 +76,67 @@ COHORT_SIMD_CLONES void InterpolateWithGradient(
   }
 }
 
-// A row of a warped window from (x0, y0) on, in steps of (step_x, step_y).
-COHORT_SIMD_CLONES void InterpolateAlong(const float* picture,
-                                         int stride,
-                                         int last_x,
-                                         int last_y,
-                                         float x0,
-                                         float y0,
-                                         float step_x,
-                                         float step_y,
-                                         int n,
-                                         float* values) {
+// Where a warped window lies in a picture.
+struct WarpedGrid {
+  const float* picture;
+  int stride;
+  float last_x;  // column and row of the last pixel that has a right and a lower neighbour
+  float last_y;
+  float step_x;  // along a row of the window
+  float step_y;
+};
+
+// Eight pixels and their right neighbours: two are loaded at a time.
+struct PixelPairs {
+  FloatLanes left;
+  FloatLanes right;
+};
+COHORT_LANES_INLINE PixelPairs LoadPairs(const float* picture, const int* at) {
+  using Pairs = double __attribute__((vector_size(4 * kLanes)));
+  double pair[kLanes];
+  for (int l = 0; l < kLanes; ++l) std::memcpy(pair + l, picture + at[l], sizeof(double));
+  const Pairs first{pair[0], pair[1], pair[2], pair[3]};
+  const Pairs second{pair[4], pair[5], pair[6], pair[7]};
+  FloatLanes a;
+  FloatLanes b;
+  std::memcpy(&a, &first, sizeof(a));
+  std::memcpy(&b, &second, sizeof(b));
+  return {__builtin_shufflevector(a, b, 0, 2, 4, 6, 8, 10, 12, 14),
+          __builtin_shufflevector(a, b, 1, 3, 5, 7, 9, 11, 13, 15)};
+}
+
+// A row of a warped window whose middle is at (x0, y0).
+COHORT_SIMD_CLONES void InterpolateAlong(
+    const WarpedGrid& grid, float x0, float y0, int n, float* values) {
   const int half = n / 2;
   const FloatLanes zero{};
   const FloatLanes one = zero + 1.0F;
+  const FloatLanes last_x = zero + grid.last_x;
+  const FloatLanes last_y = zero + grid.last_y;
   for (int k = 0; k < n; k += kLanes) {
     const FloatLanes u = LaneNumbers() + static_cast<float>(k - half);
-    const FloatLanes x = x0 + step_x * u;
-    const FloatLanes y = y0 + step_y * u;
-    IntLanes xi = __builtin_convertvector(x, IntLanes);
-    IntLanes yi = __builtin_convertvector(y, IntLanes);
-    xi = xi < 0 ? IntLanes{} : xi;
-    yi = yi < 0 ? IntLanes{} : yi;
-    xi = xi > last_x ? IntLanes{} + last_x : xi;
-    yi = yi > last_y ? IntLanes{} + last_y : yi;
-    FloatLanes a = x - __builtin_convertvector(xi, FloatLanes);
-    FloatLanes b = y - __builtin_convertvector(yi, FloatLanes);
+    const FloatLanes x = x0 + grid.step_x * u;
+    const FloatLanes y = y0 + grid.step_y * u;
+    // The pixel above to the left, of those that have four neighbours.
+    FloatLanes left = x > zero ? x : zero;
+    FloatLanes top = y > zero ? y : zero;
+    left = left < last_x ? left : last_x;
+    top = top < last_y ? top : last_y;
+    const IntLanes column = __builtin_convertvector(left, IntLanes);
+    const IntLanes row = __builtin_convertvector(top, IntLanes);
+    FloatLanes a = x - __builtin_convertvector(column, FloatLanes);
+    FloatLanes b = y - __builtin_convertvector(row, FloatLanes);
     a = a < zero ? zero : a;
     b = b < zero ? zero : b;
     a = a > one ? one : a;
     b = b > one ? one : b;
-    const IntLanes at = yi * stride + xi;
-    FloatLanes p0{};
-    FloatLanes p1{};
-    FloatLanes q0{};
-    FloatLanes q1{};
-    for (int l = 0; l < kLanes; ++l) {
-      const float* p = picture + at[l];
-      p0[l] = p[0];
-      p1[l] = p[1];
-      q0[l] = p[stride];
-      q1[l] = p[stride + 1];
-    }
-    const FloatLanes upper = p0 + a * (p1 - p0);
-    const FloatLanes lower = q0 + a * (q1 - q0);
+    const IntLanes index = row * grid.stride + column;
+    int at[kLanes];
+    std::memcpy(at, &index, sizeof(at));
+    const PixelPairs p = LoadPairs(grid.picture, at);
+    const PixelPairs q = LoadPairs(grid.picture + grid.stride, at);
+    const FloatLanes upper = p.left + a * (p.right - p.left);
+    const FloatLanes lower = q.left + a * (q.right - q.left);
     StoreLanes(upper + b * (lower - upper), values + k);
   }
 }
@@ -138,15 +156,16 @@ void SampleWarpedInLanes(const cv::Mat& picture,
                          float* values,
                          int stride) {
   const int half = n / 2;
+  const WarpedGrid grid{picture.ptr<float>(),
+                        static_cast<int>(picture.step1()),
+                        static_cast<float>(picture.cols - 2),
+                        static_cast<float>(picture.rows - 2),
+                        static_cast<float>(warp(0, 0)),
+                        static_cast<float>(warp(1, 0))};
   for (int v = -half; v <= half; ++v, values += stride) {
-    InterpolateAlong(picture.ptr<float>(),
-                     static_cast<int>(picture.step1()),
-                     picture.cols - 2,
-                     picture.rows - 2,
+    InterpolateAlong(grid,
                      static_cast<float>(center.x() + warp(0, 1) * v),
                      static_cast<float>(center.y() + warp(1, 1) * v),
-                     static_cast<float>(warp(0, 0)),
-                     static_cast<float>(warp(1, 0)),
                      n,
                      values);
   }

@@ -47,8 +47,7 @@ Confirmation::Confirmation(const Pyramid& picture,
   for (std::size_t f = 0; f < measured.size(); ++f) {
     if (!measured[f].converged) continue;
     variances.push_back(measured[f].residual_variance);
-    centers.push_back(
-        CenterSquare(features[f], CompareCenter(picture_, features[f].anchor, measured[f].xy)));
+    centers.push_back(CenterSquare(features[f], measured[f].center));
   }
   noise_variance_ = Median(std::move(variances));
   center_noise_ = Median(std::move(centers));
@@ -82,7 +81,7 @@ Verdict Confirmation::TestAppearance(const Feature& feature, const Measurement& 
         m.residual_variance <= patch_.max_residual_ratio * expected)) {
     return Verdict::kUnlikeTheAnchor;
   }
-  if (!(CenterRatio(feature, m.xy, 0.0) <= kMaxCenterRatio)) return Verdict::kCenterDiffers;
+  if (!(CenterRatio(feature, m.center, 0.0) <= kMaxCenterRatio)) return Verdict::kCenterDiffers;
   return Verdict::kObserved;
 }
 
@@ -142,7 +141,7 @@ Verdict Confirmation::TestSmallPatchAtPrediction(const Feature& feature,
     return Verdict::kTooFarFromStart;
   }
   if (!(m.correlation >= kLeastSmallCorrelation)) return Verdict::kUnlikeTheAnchor;
-  if (!(CenterRatio(feature, m.xy, 0.0) <= kMaxCenterRatio)) return Verdict::kCenterDiffers;
+  if (!(CenterRatio(feature, m.center, 0.0) <= kMaxCenterRatio)) return Verdict::kCenterDiffers;
   return Verdict::kObserved;
 }
 
@@ -166,9 +165,8 @@ void Confirmation::Learn(const Measurement& m, Feature& feature) const {
     feature.window_px = patch_.window_px;
     anchor.gradients_count = 0.0;
   }
-  const CenterDifference center = CompareCenter(picture_, anchor, m.xy);
-  feature.change += kChangeRate * (CenterRatio(feature, center, 0.0) - feature.change);
-  feature.light += kLightRate * (center.mean - feature.light);
+  feature.change += kChangeRate * (CenterRatio(feature, m.center, 0.0) - feature.change);
+  feature.light += kLightRate * (m.center.mean - feature.light);
 }
 
 }  // namespace cohort

@@ -39,6 +39,15 @@ void FillAnchorWindow(const cv::Mat& wide,
   FillWarpedWindow(wide, {center, center}, picture_from_anchor.inverse(), n, window);
 }
 
+// Noise has gradients too, which Gauss-Newton's Hessian takes for texture, so that its steps are too
+// short. The windows' gradients with each other have none of it in expectation, and their steps lead
+// to the same minimum; but they may be anything where there is next to no texture.
+Eigen::Matrix2d CurvatureOf(const TranslationEquations& equations) {
+  constexpr double kLeastShare = 0.3;
+  const Eigen::Matrix2d rest = equations.cross - kLeastShare * equations.hessian;
+  return rest(0, 0) > 0.0 && rest.determinant() > 0.0 ? equations.cross : equations.hessian;
+}
+
 // Gauss-Newton for the translation on one level; `x` in px of the level. None where the window has
 // no texture.
 std::optional<Eigen::Vector2d> Align(const cv::Mat& picture,
@@ -46,17 +55,34 @@ std::optional<Eigen::Vector2d> Align(const cv::Mat& picture,
                                      int max_iterations,
                                      const Eigen::Matrix2d& prior,
                                      Eigen::Vector2d x) {
+  // If no step is ever small: slow is not wrong, the tests on the result decide.
+  constexpr double kSmallStepPx = 0.01;
+  constexpr double kMaxStepPx = 2.0;
+  constexpr double kLeastStretch = 0.4;
+  constexpr double kMostStretch = 3.0;
   const Eigen::Vector2d start = x;
+  Eigen::Vector2d newton_before = Eigen::Vector2d::Zero();
+  Eigen::Vector2d moved = Eigen::Vector2d::Zero();
   for (int i = 0; i < max_iterations; ++i) {
-    const auto [hessian, gradient] = LinearizeTranslation(picture, x, window);
-    const Eigen::Matrix2d H = hessian + prior;
+    const TranslationEquations equations = LinearizeTranslation(picture, x, window);
+    const Eigen::Matrix2d H = CurvatureOf(equations) + prior;
     if (!(H.determinant() > 1e-12)) return std::nullopt;
-    Eigen::Vector2d step = -H.inverse() * (gradient + prior * (x - start));
-    const double length = step.norm();
-    if (!std::isfinite(length)) return std::nullopt;
-    if (length > 2.0) step *= 2.0 / length;
-    x += step;
-    if (length < 0.01) break;  // if it never is: slow is not wrong, the tests on the result decide
+    const Eigen::Vector2d newton = -H.inverse() * (equations.gradient + prior * (x - start));
+    if (!newton.allFinite()) return std::nullopt;
+    if (newton.norm() < kSmallStepPx) return x + newton;
+    // Steps that shrink slowly are too short, those that turn back too long: the secant says by how
+    // much (Barzilai and Borwein's step).
+    double stretch = 1.0;
+    if (i > 0) {
+      const double slope = (newton_before - newton).dot(moved);
+      stretch = slope > 0.0 ? moved.squaredNorm() / slope : kMostStretch;
+      stretch = std::clamp(stretch, kLeastStretch, kMostStretch);
+    }
+    moved = stretch * newton;
+    const double length = moved.norm();
+    if (length > kMaxStepPx) moved *= kMaxStepPx / length;
+    x += moved;
+    newton_before = newton;
   }
   return x;
 }
@@ -82,6 +108,29 @@ Eigen::Matrix2d Sandwich(const Eigen::Matrix2d& shape,
   return T * shape * T.transpose();
 }
 
+constexpr int kCenterPx = 9;  // side of the innermost pixels
+
+CenterDifference Difference(const float* now, const float* then, int n, int stride) {
+  double sum = 0.0;
+  double square = 0.0;
+  for (int r = 0; r < n; ++r) {
+    for (int k = r * stride; k < r * stride + n; ++k) {
+      const double difference = now[k] - then[k];
+      sum += difference;
+      square += difference * difference;
+    }
+  }
+  const double area = n * n;
+  const double mean = sum / area;
+  return {mean, std::max(0.0, square / area - mean * mean)};
+}
+
+CenterDifference DifferenceOfCenters(const PatchWindow& seen, const PatchWindow& window) {
+  const int n = std::min(kCenterPx, window.n);
+  const int at = (window.n - n) / 2 * (window.stride + 1);
+  return Difference(seen.values + at, window.values + at, n, window.stride);
+}
+
 // How anchor and picture at m.xy look alike.
 void Compare(const PatchWindow& seen, const PatchWindow& window, Measurement& m) {
   const double area = window.n * window.n;
@@ -89,6 +138,7 @@ void Compare(const PatchWindow& seen, const PatchWindow& window, Measurement& m)
   m.correlation = vv > 0.0 && tt > 0.0 ? vt / std::sqrt(vv * tt) : 0.0;
   m.residual_variance = std::max(0.0, (vv + tt - 2.0 * vt) / area);
   m.residual = absolute / area;
+  m.center = DifferenceOfCenters(seen, window);
 }
 
 // Takes the step, if it is a small one: translation and warp are then those of the minimum.
@@ -183,15 +233,20 @@ Measurement MeasurePatch(const Pyramid& current,
   m.xy = start;
   m.window_px = window_px;
   PatchWindow window;
-  if (!with_prior && !anchor.half.empty()) {
-    FillAnchorWindow(anchor.half, anchor.warp, window_px, window);
-    const auto half = Align(current.levels[1], window, 10, prior, start / 2);
-    // Where the half resolution leads astray, the full one starts from the start.
-    if (half && (2 * *half - start).norm() < 6.0) m.xy = 2 * *half;
-  }
   FillAnchorWindow(anchor.full, anchor.warp, window_px, window);
-  const double variance = noise_variance * noise_factor;
-  const auto full = Align(current.levels[0], window, 15, variance * prior, m.xy);
+  const Eigen::Matrix2d full_prior = noise_variance * noise_factor * prior;
+  auto full = Align(current.levels[0], window, 15, full_prior, start);
+  // The half resolution finds what is further off, and misleads now and then.
+  constexpr double kNearPx = 1.5;
+  const bool near = full && (*full - start).norm() <= kNearPx;
+  if (!near && !with_prior && !anchor.half.empty()) {
+    PatchWindow half_window;
+    FillAnchorWindow(anchor.half, anchor.warp, window_px, half_window);
+    const auto half = Align(current.levels[1], half_window, 10, prior, start / 2);
+    if (half && (2 * *half - start).norm() < 6.0) {
+      full = Align(current.levels[0], window, 15, full_prior, 2 * *half);
+    }
+  }
   if (!full) return m;
   m.xy = *full;
   m.converged = true;
@@ -202,25 +257,14 @@ Measurement MeasurePatch(const Pyramid& current,
 CenterDifference CompareCenter(const Pyramid& current,
                                const AnchorPatch& anchor,
                                const Eigen::Vector2d& xy) {
-  constexpr int kSide = 9;
-  constexpr int kArea = kSide * kSide;
-  constexpr int kStride = RoundUpToLanes(kSide);
-  float then[kSide * kStride];
-  float now[kSide * kStride];
+  constexpr int kStride = RoundUpToLanes(kCenterPx);
+  float then[kCenterPx * kStride];
+  float now[kCenterPx * kStride];
   const double center = anchor.full.cols / 2;
-  SampleWarpedInLanes(anchor.full, {center, center}, anchor.warp.inverse(), kSide, then, kStride);
-  SamplePatchInLanes(current.levels[0], xy.x(), xy.y(), kSide, now, kStride);
-  double sum = 0.0;
-  double square = 0.0;
-  for (int r = 0; r < kSide; ++r) {
-    for (int k = r * kStride; k < r * kStride + kSide; ++k) {
-      const double difference = now[k] - then[k];
-      sum += difference;
-      square += difference * difference;
-    }
-  }
-  const double mean = sum / kArea;
-  return {mean, std::max(0.0, square / kArea - mean * mean)};
+  SampleWarpedInLanes(
+      anchor.full, {center, center}, anchor.warp.inverse(), kCenterPx, then, kStride);
+  SamplePatchInLanes(current.levels[0], xy.x(), xy.y(), kCenterPx, now, kStride);
+  return Difference(now, then, kCenterPx, kStride);
 }
 
 }  // namespace cohort

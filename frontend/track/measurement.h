@@ -85,6 +85,13 @@ AnchorPatch CopyAnchor(const Pyramid& pyramid,
 // residual.
 inline constexpr double kPatternShare = 0.04;
 
+// Picture - anchor over the innermost pixels of the window: tells whether something stands before
+// the feature itself, when the rim of its window may show other surfaces.
+struct CenterDifference {
+  double mean = 0.0;  // brightness
+  double variance = 0.0;
+};
+
 struct Measurement {
   Eigen::Vector2d xy = Eigen::Vector2d::Zero();
   int window_px = 0;
@@ -92,6 +99,7 @@ struct Measurement {
   double correlation = 0.0;        // normalised, of anchor and picture, -1..1
   double residual_variance = 0.0;  // of anchor - picture after removing the mean difference
   double residual = 0.0;           // mean |anchor - picture|
+  CenterDifference center;
   Eigen::Matrix2d shape = Eigen::Matrix2d::Identity();  // covariance of xy for white noise [px^2]
   Eigen::Matrix2d warp = Eigen::Matrix2d::Identity();   // after this frame
   Eigen::Matrix4d warp_covariance = Eigen::Matrix4d::Zero();
@@ -115,12 +123,7 @@ Measurement MeasurePatch(const Pyramid& current,
                          double noise_variance = 0.0,
                          const Eigen::Matrix2d& prior = Eigen::Matrix2d::Zero());
 
-// Picture - anchor over the innermost pixels of the window, with the feature at `xy`: tells whether
-// something stands before the feature itself, when the rim of its window may show other surfaces.
-struct CenterDifference {
-  double mean = 0.0;  // brightness
-  double variance = 0.0;
-};
+// With the feature at `xy`.
 CenterDifference CompareCenter(const Pyramid& current,
                                const AnchorPatch& anchor,
                                const Eigen::Vector2d& xy);

@@ -10,6 +10,7 @@
 
 #include "frontend/core/statistics.h"
 #include "frontend/energy/patch_energy.h"
+#include "frontend/image/in_parallel.h"
 #include "frontend/track/line_search.h"
 
 namespace cohort {
@@ -110,55 +111,85 @@ Eigen::MatrixXd LeadingCoordinates(const TrajectoryMatrix& trajectories, int ran
   return V;
 }
 
-// One Newton step of all features together (optimizer.h), 2 x F: K, J_f, A and v_f are named there,
-// V's columns are the v_f. Eliminating s_f = D_f^-1 (K A v_f - g_f), D_f = J_f + K, leaves
-//   sum_f (K - K D_f^-1 K) A v_f v_f' = -sum_f K D_f^-1 g_f v_f'.
-Eigen::Matrix2Xd JointStep(const TotalEnergy& energy,
-                           const Eigen::Matrix2Xd& x,
-                           const Eigen::MatrixXd& V) {
-  const Eigen::Index F = x.cols();
-  const Eigen::Index r = V.rows();
+// C at x, and what a Newton step from there needs.
+struct Expansion {
+  double value = 0.0;
+  Eigen::Matrix2Xd gradient;              // of C, 2 x F
+  std::vector<Eigen::Matrix2d> hessians;  // a_f J_f, the data term's
+  Eigen::Matrix2d K;                      // see JointStep
+};
+
+Expansion ExpansionAt(const TotalEnergy& energy, const Eigen::Matrix2Xd& x) {
+  constexpr double kLeastResidual = 0.01;
   const TrajectoryMatrix& trajectories = *energy.trajectories();
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(trajectories.Gram(x));
   const Eigen::MatrixXd& U = eigen.eigenvectors();
   const Eigen::VectorXd h = energy.penalty()->Weights(eigen.eigenvalues());
-  Eigen::Matrix2Xd gradient = trajectories.TopRowsOfProduct(U * h.asDiagonal() * U.transpose(), x);
   const Eigen::MatrixXd top = U.topRows(2);
-  Eigen::Matrix2d K = top * h.cwiseMax(0.0).asDiagonal() * top.transpose();
-  K += (1e-6 * K.trace() + 1e-300) * Eigen::Matrix2d::Identity();
+  Expansion at;
+  at.value = energy.penalty()->Value(eigen.eigenvalues());
+  at.gradient = trajectories.TopRowsOfProduct(top * h.asDiagonal() * U.transpose(), x);
+  at.K = top * h.cwiseMax(0.0).asDiagonal() * top.transpose();
+  at.K += (1e-6 * at.K.trace() + 1e-300) * Eigen::Matrix2d::Identity();
 
+  const auto F = static_cast<std::size_t>(x.cols());
+  std::vector<double> values(F, 0.0);
+  at.hessians.assign(F, Eigen::Matrix2d::Zero());
+  ForEachInParallel(F, [&](std::size_t i) {
+    const auto f = static_cast<Eigen::Index>(i);
+    const double weight = energy.data_weights()[f];
+    if (weight == 0.0) return;
+    const PatchQuadratic q = PatchEnergyQuadratic(
+        energy.picture(), x.col(f), energy.patch(f), energy.patch_side(), kLeastResidual);
+    values[i] = weight * q.energy;
+    at.gradient.col(f) += weight * q.gradient;
+    at.hessians[i] = weight * q.hessian;
+  });
+  for (const double value : values) at.value += value;
+  return at;
+}
+
+// One Newton step of all features together (optimizer.h), 2 x F: K, J_f, A and v_f are named there,
+// V's columns are the v_f. Eliminating s_f = D_f^-1 (K A v_f - g_f), D_f = J_f + K, leaves
+//   sum_f (K - K D_f^-1 K) A v_f v_f' = -sum_f K D_f^-1 g_f v_f'.
+Eigen::Matrix2Xd JointStep(const Expansion& at, const Eigen::MatrixXd& V) {
+  const Eigen::Index F = V.cols();
+  const Eigen::Index r = V.rows();
+  const Eigen::Matrix2d& K = at.K;
   std::vector<Eigen::Matrix2d> D_inverse(static_cast<std::size_t>(F));
-  Eigen::MatrixXd S = Eigen::MatrixXd::Zero(2 * r, 2 * r);
+  // Of the blocks (p, q), q <= p, the entries (0, 0), (0, 1), (1, 1).
+  Eigen::Matrix3Xd sums = Eigen::Matrix3Xd::Zero(3, r * (r + 1) / 2);
   Eigen::VectorXd rhs = Eigen::VectorXd::Zero(2 * r);
   for (Eigen::Index f = 0; f < F; ++f) {
-    Eigen::Matrix2d D = K;
-    const double weight = energy.data_weights()[f];
-    if (weight > 0.0) {
-      const PatchQuadratic q = PatchEnergyQuadratic(
-          energy.picture(), x.col(f), energy.patch(f), energy.patch_side(), 0.01);
-      gradient.col(f) += weight * q.gradient;
-      D += weight * q.hessian;
-    }
+    const Eigen::Matrix2d D = at.hessians[static_cast<std::size_t>(f)] + K;
     const Eigen::Matrix2d inverse = D.inverse();
     const Eigen::Matrix2d KD = K * inverse;
     const Eigen::Matrix2d schur = K - KD * K;
-    const Eigen::Vector2d b = -KD * gradient.col(f);
+    const Eigen::Vector3d entries(schur(0, 0), 0.5 * (schur(0, 1) + schur(1, 0)), schur(1, 1));
+    const Eigen::Vector2d b = -KD * at.gradient.col(f);
+    Eigen::Index block = 0;
     for (Eigen::Index p = 0; p < r; ++p) {
       rhs.segment<2>(2 * p) += V(p, f) * b;
-      for (Eigen::Index q = 0; q <= p; ++q) {
-        S.block<2, 2>(2 * p, 2 * q) += V(p, f) * V(q, f) * schur;
-      }
+      for (Eigen::Index q = 0; q <= p; ++q) sums.col(block++) += V(p, f) * V(q, f) * entries;
     }
     D_inverse[static_cast<std::size_t>(f)] = inverse;
   }
-  S = S.selfadjointView<Eigen::Lower>();
+  Eigen::MatrixXd S(2 * r, 2 * r);
+  for (Eigen::Index p = 0, block = 0; p < r; ++p) {
+    for (Eigen::Index q = 0; q <= p; ++q, ++block) {
+      Eigen::Matrix2d entries;
+      entries << sums(0, block), sums(1, block), sums(1, block), sums(2, block);
+      S.block<2, 2>(2 * p, 2 * q) = entries;
+      S.block<2, 2>(2 * q, 2 * p) = entries;
+    }
+  }
   S.diagonal().array() += 1e-9 * S.trace() + 1e-300;
   const Eigen::VectorXd A = S.ldlt().solve(rhs);
   Eigen::Matrix2Xd step(2, F);
   for (Eigen::Index f = 0; f < F; ++f) {
     Eigen::Vector2d Av = Eigen::Vector2d::Zero();
     for (Eigen::Index p = 0; p < r; ++p) Av += V(p, f) * A.segment<2>(2 * p);
-    step.col(f) = D_inverse[static_cast<std::size_t>(f)] * (K * Av - gradient.col(f));
+    step.col(f) = D_inverse[static_cast<std::size_t>(f)] * (K * Av - at.gradient.col(f));
   }
   return step;
 }
@@ -172,32 +203,33 @@ OptimizerResult MinimizeJointly(const TotalEnergy& energy,
   Check(energy.penalty() != nullptr, "MinimizeJointly needs a penalty");
   const Eigen::MatrixXd V = LeadingCoordinates(*energy.trajectories(), rank);
   OptimizerResult result;
-  result.energy = energy.Value(x);
+  // A step is nearly always taken: then what it is judged by is where the next one begins.
+  Expansion at = ExpansionAt(energy, x);
   for (int i = 0; i < max_iterations; ++i) {
-    Eigen::Matrix2Xd step = JointStep(energy, x, V);
+    Eigen::Matrix2Xd step = JointStep(at, V);
     if (!step.allFinite()) break;
     for (Eigen::Index f = 0; f < x.cols(); ++f) {
       const double norm = step.col(f).norm();
       if (norm > kMaxStepPx) step.col(f) *= kMaxStepPx / norm;
     }
 
-    const TotalEnergy::Line along = energy.Along(x, step);
     double d = 1.0;
-    double value = along(d);
+    Expansion there = ExpansionAt(energy, x + step);
     ++result.evaluations;
-    while (value >= result.energy && d > 0.1) {
+    while (there.value >= at.value && d > 0.1) {
       d *= 0.4;
-      value = along(d);
+      there = ExpansionAt(energy, x + d * step);
       ++result.evaluations;
     }
     ++result.iterations;
-    if (value >= result.energy) break;
+    if (there.value >= at.value) break;
     x += d * step;
-    result.energy = value;
+    at = std::move(there);
     // The typical feature has come to rest.
     const Eigen::VectorXd lengths = step.colwise().norm();
     if (d * Median({lengths.begin(), lengths.end()}) < 0.01) break;
   }
+  result.energy = at.value;
   result.x = std::move(x);
   return result;
 }

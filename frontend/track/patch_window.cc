@@ -94,14 +94,16 @@ void Fill(const Bordered& bordered, int n, PatchWindow& window) {
   Subtract(static_cast<float>(sums[0] / area), static_cast<float>(sums[1] / area), window);
 }
 
-// Sums over a window, in this order: dx, dy of the picture, r, r gx, r gy, gx gx, gx gy, gy gy.
-// g is the sum of both windows' gradients, of which the picture's still has its mean.
-constexpr int kTranslationSums = 8;
+// Sums over a window, in this order: dx, dy of the picture, r, r gx, r gy, gx gx, gx gy, gy gy, and
+// the windows' gradients with each other: xx, xy, yy. g is the sum of both windows' gradients, of
+// which the picture's still has its mean.
+constexpr int kTranslationSums = 11;
 COHORT_SIMD_CLONES void SumTranslation(const Bordered& bordered,
                                        const PatchWindow& window,
                                        double* sums) {
   const int n = window.n;
   FloatLanes sum_x{}, sum_y{}, sum_r{}, sum_rx{}, sum_ry{}, sum_xx{}, sum_xy{}, sum_yy{};
+  FloatLanes cross_xx{}, cross_xy{}, cross_yy{};
   for (int r = 0; r < n; ++r) {
     const Bordered::Rows rows = bordered.Around(r);
     for (int k = 0; k < n; k += kLanes) {
@@ -112,8 +114,10 @@ COHORT_SIMD_CLONES void SumTranslation(const Bordered& bordered,
       const FloatLanes dy = Masked(g.dy, inside);
       const FloatLanes residual =
           Masked(LoadLanes(rows.here + k + 1), inside) - LoadLanes(window.values + at);
-      const FloatLanes gx = dx + LoadLanes(window.dx + at);
-      const FloatLanes gy = dy + LoadLanes(window.dy + at);
+      const FloatLanes wx = LoadLanes(window.dx + at);
+      const FloatLanes wy = LoadLanes(window.dy + at);
+      const FloatLanes gx = dx + wx;
+      const FloatLanes gy = dy + wy;
       sum_x += dx;
       sum_y += dy;
       sum_r += residual;
@@ -122,6 +126,9 @@ COHORT_SIMD_CLONES void SumTranslation(const Bordered& bordered,
       sum_xx += gx * gx;
       sum_xy += gx * gy;
       sum_yy += gy * gy;
+      cross_xx += dx * wx;
+      cross_xy += dx * wy + dy * wx;
+      cross_yy += dy * wy;
     }
   }
   sums[0] = SumOf(sum_x);
@@ -132,6 +139,9 @@ COHORT_SIMD_CLONES void SumTranslation(const Bordered& bordered,
   sums[5] = SumOf(sum_xx);
   sums[6] = SumOf(sum_xy);
   sums[7] = SumOf(sum_yy);
+  sums[8] = SumOf(cross_xx);
+  sums[9] = 0.5 * SumOf(cross_xy);
+  sums[10] = SumOf(cross_yy);
 }
 
 // Sums over a window with u = (u, v) the offset from its centre: of the products gx gx, gx gy,
@@ -277,8 +287,11 @@ TranslationEquations LinearizeTranslation(const cv::Mat& picture,
   const Eigen::Vector2d sum(s[0], s[1]);
   Eigen::Matrix2d products;
   products << s[5], s[6], s[6], s[7];
+  Eigen::Matrix2d cross;
+  cross << s[8], s[9], s[9], s[10];
   return {0.25 * (products - sum * sum.transpose() / area),
-          0.5 * (Eigen::Vector2d(s[3], s[4]) - sum * (s[2] / area))};
+          0.5 * (Eigen::Vector2d(s[3], s[4]) - sum * (s[2] / area)),
+          cross};
 }
 
 WarpEquations LinearizeWarp(const PatchWindow& seen, const PatchWindow& window) {

@@ -38,6 +38,7 @@ void FillWarpedWindow(const cv::Mat& picture,
 struct TranslationEquations {
   Eigen::Matrix2d hessian;   // sum g g^T
   Eigen::Vector2d gradient;  // sum (I - T) g
+  Eigen::Matrix2d cross;     // sum of the windows' gradients with each other, symmetric
 };
 TranslationEquations LinearizeTranslation(const cv::Mat& picture,
                                           const Eigen::Vector2d& x,
