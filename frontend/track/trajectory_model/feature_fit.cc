@@ -11,14 +11,28 @@ namespace {
 // Half a pixel, until a measurement tells; chosen by eye on the tuning clips.
 constexpr double kUnmeasuredAnchorInformation = 4.0;
 
-template <int R>
-FeatureEquations SizedEquations(const State& state, std::size_t f, Noise noise) {
+// Twice the negative logarithm of the prior.
+template <typename Unknowns>
+double CostOfPrior(const Unknowns& mean, const Eigen::Matrix2d& anchor_information) {
+  const Eigen::Vector2d e = mean.template tail<2>();
+  return mean.head(mean.size() - 2).squaredNorm() + e.dot(anchor_information * e);
+}
+
+// The same of a measurement with the square d' information d.
+double CostOfSquare(const Frame& frame, const Observation& o, double square, Noise noise) {
+  if (noise == Noise::kGaussian || o.anchor) return square;
+  return frame.misfit * StudentCost(square / frame.misfit);
+}
+
+template <int R, bool kWithCost>
+FeatureEquationsAndCost SizedEquations(const State& state, std::size_t f, Noise noise) {
   const Eigen::Index r = state.rank;
   const auto mean = Sized<R>::MeanOf(state.features[f]);
   typename Sized<R>::Information information = Sized<R>::Information::Zero(r + 2, r + 2);
   typename Sized<R>::Unknowns gradient = Sized<R>::Unknowns::Zero(r + 2);
   Eigen::Matrix2d sum = Eigen::Matrix2d::Zero();
   int count = 0;
+  double cost = 0.0;
   for (const Frame& frame : state.frames) {
     const Observation& o = frame.observations[f];
     if (!o.IsObserved()) continue;
@@ -26,6 +40,7 @@ FeatureEquations SizedEquations(const State& state, std::size_t f, Noise noise) 
     const Eigen::Vector2d d = SizedResidual<R>(at, o, mean);
     const Eigen::Matrix2d W =
         noise == Noise::kStudent ? RobustInformation(o, d, frame.misfit) : o.information;
+    if constexpr (kWithCost) cost += CostOfSquare(frame, o, d.dot(o.information * d), noise);
     const typename Sized<R>::OfZ WJ = W.lazyProduct(at.of_z);
     information.topLeftCorner(r, r) += at.of_z.transpose().lazyProduct(WJ);
     gradient.head(r) += WJ.transpose().lazyProduct(d);
@@ -45,7 +60,8 @@ FeatureEquations SizedEquations(const State& state, std::size_t f, Noise noise) 
   information.template bottomRightCorner<2, 2>() += anchor_information;
   gradient.head(r) -= mean.head(r);
   gradient.template tail<2>() -= anchor_information * mean.template tail<2>();
-  return {information, gradient, anchor_information};
+  return {{information, gradient, anchor_information},
+          cost + CostOfPrior(mean, anchor_information)};
 }
 
 template <int R>
@@ -54,17 +70,13 @@ double SizedCost(const State& state,
                  const Eigen::Matrix2d& anchor_information,
                  Noise noise) {
   const auto mean = Sized<R>::MeanOf(state.features[f]);
-  double cost = mean.head(state.rank).squaredNorm() +
-                mean.template tail<2>().dot(anchor_information * mean.template tail<2>());
+  double cost = CostOfPrior(mean, anchor_information);
   for (const Frame& frame : state.frames) {
     const Observation& o = frame.observations[f];
     if (!o.IsObserved()) continue;
     const auto at = ProjectSized<R>(Sized<R>::Of(frame.camera), mean);
     const Eigen::Vector2d d = SizedResidual<R>(at, o, mean);
-    const double square = d.dot(o.information * d);
-    cost += noise == Noise::kStudent && !o.anchor
-                ? frame.misfit * StudentCost(square / frame.misfit)
-                : square;
+    cost += CostOfSquare(frame, o, d.dot(o.information * d), noise);
   }
   return cost;
 }
@@ -72,8 +84,14 @@ double SizedCost(const State& state,
 }  // namespace
 
 FeatureEquations EquationsOfFeature(const State& state, std::size_t f, Noise noise) {
+  return WithRank(state.rank, [&](auto rank) {
+    return SizedEquations<rank.value, false>(state, f, noise).equations;
+  });
+}
+
+FeatureEquationsAndCost EquationsAndCostOfFeature(const State& state, std::size_t f, Noise noise) {
   return WithRank(state.rank,
-                  [&](auto rank) { return SizedEquations<rank.value>(state, f, noise); });
+                  [&](auto rank) { return SizedEquations<rank.value, true>(state, f, noise); });
 }
 
 double CostOfFeature(const State& state,
@@ -102,9 +120,10 @@ void FitFeature(State& state, std::size_t f) {
     feature.covariance = InverseOf(equations.information);
     const Vector before = feature.mean;
     Vector step = feature.covariance * equations.gradient;
-    feature.mean = before + step;
-    if (!is_new && step.dot(equations.gradient) <= kSmallStep) return;
-    feature.mean = before;
+    if (!is_new && step.dot(equations.gradient) <= kSmallStep) {
+      feature.mean = before + step;
+      return;
+    }
     const double cost = CostOfFeature(state, f, equations.anchor_information, noise);
     for (int halving = 0;; ++halving, step *= 0.5) {
       feature.mean = before + step;

@@ -26,6 +26,13 @@ enum class Noise {
 
 FeatureEquations EquationsOfFeature(const State& state, std::size_t f, Noise noise);
 
+// With CostOfFeature there, in one pass.
+struct FeatureEquationsAndCost {
+  FeatureEquations equations;
+  double cost = 0.0;
+};
+FeatureEquationsAndCost EquationsAndCostOfFeature(const State& state, std::size_t f, Noise noise);
+
 // Twice the negative logarithm of the posterior of x, up to a constant: what a step must lower.
 double CostOfFeature(const State& state,
                      std::size_t f,

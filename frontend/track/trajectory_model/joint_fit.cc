@@ -22,6 +22,7 @@ struct EliminatedFeature {
   };
   typename Sized<R>::Homogeneous homogeneous;  // [1 z]
   Eigen::Matrix2d anchor_information;
+  double cost = 0.0;
   typename Sized<R>::Information covariance;  // N_ff^-1
   typename Sized<R>::Unknowns step;           // N_ff^-1 g_f: if the cameras stay
   std::array<Coupling, JointFit::kMostFrames> couplings;
@@ -105,11 +106,12 @@ EliminatedFeature<R> Eliminate(
   const Eigen::Index n = 3 * (r + 1);
   const Feature& feature = state.features[f];
   const auto mean = Sized<R>::MeanOf(feature);
-  const FeatureEquations own = EquationsOfFeature(state, f, Noise::kStudent);
+  const auto [own, cost] = EquationsAndCostOfFeature(state, f, Noise::kStudent);
   EliminatedFeature<R> e;
   e.homogeneous.resize(r + 1);
   e.homogeneous << 1.0, mean.head(r);
   e.anchor_information = own.anchor_information;
+  e.cost = cost;
   e.covariance = InverseOf(own.information);
   e.step = e.covariance * own.gradient;
   sums.SetFeature(e.homogeneous);
@@ -153,8 +155,7 @@ JointEquations<R> EquationsOf(const State& state, std::size_t frames) {
   CameraSums sums(state.rank + 1, frames);
   for (std::size_t f = 0; f < state.features.size(); ++f) {
     equations.features.push_back(Eliminate<R>(state, f, frames, sums, equations.rhs));
-    equations.cost +=
-        CostOfFeature(state, f, equations.features[f].anchor_information, Noise::kStudent);
+    equations.cost += equations.features[f].cost;
   }
   equations.normal = sums.Normal();
   for (Eigen::Index l = 0; n * l < equations.rhs.size(); ++l) {

@@ -129,10 +129,12 @@ Direction FitDirection(std::span<const WhitenedResidual> residuals,
                        std::size_t frames,
                        bool perspective,
                        Eigen::VectorXd v) {
-  constexpr int kIterations = 10;
+  constexpr int kMostIterations = 10;
+  constexpr double kLeastGain = 0.02;  // of what is explained
   const auto N = static_cast<Eigen::Index>(frames);
   Direction direction{std::move(v), Eigen::Matrix3Xd::Zero(3, N)};
-  for (int i = 0; i < kIterations; ++i) {
+  for (int i = 0; i < kMostIterations; ++i) {
+    const double before = direction.explained;
     std::vector<Eigen::Matrix3d> normals(frames, 1e-12 * Eigen::Matrix3d::Identity());
     Eigen::Matrix3Xd rhs = Eigen::Matrix3Xd::Zero(3, N);
     for (const WhitenedResidual& w : residuals) {
@@ -148,6 +150,7 @@ Direction FitDirection(std::span<const WhitenedResidual> residuals,
       direction.g.col(l) = normal.ldlt().solve(rhs.col(l));
       direction.explained += direction.g.col(l).dot(rhs.col(l));
     }
+    if (i > 0 && direction.explained - before < kLeastGain * before) break;
     Eigen::VectorXd numerator = Eigen::VectorXd::Zero(direction.v.size());
     Eigen::VectorXd denominator = Eigen::VectorXd::Constant(direction.v.size(), 1e-12);
     for (const WhitenedResidual& w : residuals) {

@@ -51,8 +51,10 @@ std::vector<TrajectoryModel::Estimate> TrajectoryModel::Update(std::span<const O
   state_.frames.push_front(std::move(frame));
   if (state_.frames.size() > max_frames_) state_.frames.pop_back();
   if (state_.rank == 0) return {};
-  FitAllFeatures(state_);
-  if (!fits) return {};
+  if (!fits) {
+    FitAllFeatures(state_);
+    return {};
+  }
   // What is new takes more passes; later every frame goes on from the last, and what changes slowly,
   // old cameras and the rank of a rigid scene, is looked at in every fourth.
   constexpr std::size_t kYoungFrames = 8;
