@@ -15,6 +15,10 @@ namespace {
 // eye on the tuning clips.
 constexpr double kSmoothingPx = 0.15;
 
+// Where the typical feature has come to rest [px of the level]; finer levels go on from the coarse.
+constexpr double kRestPx = 0.01;
+constexpr double kCoarseRestPx = 0.03;
+
 std::vector<const float*> PatchesOf(std::span<const Feature> features, int level) {
   std::vector<const float*> patches;
   for (const Feature& feature : features) {
@@ -73,6 +77,7 @@ LevelEnergy::LevelEnergy(const Pyramid& current,
                          const GuidePast& past,
                          const SubspaceOptions& options)
     : options_(options),
+      rest_px_(level == 0 ? kRestPx : kCoarseRestPx),
       patches_(PatchesOf(features, level)),
       trajectories_(past.history
                         ? std::optional<TrajectoryMatrix>(std::in_place,
@@ -92,7 +97,7 @@ OptimizerResult LevelEnergy::Minimize(const Eigen::Matrix2Xd& x) const {
   if (!trajectories_) return MinimizeSeparately(energy_, x, o.max_iterations);
   return o.optimizer == OptimizerKind::kAlgorithm1
              ? MinimizeAlgorithm1(energy_, x, o.min_iterations, o.max_iterations)
-             : MinimizeJointly(energy_, x, penalty_.rank, o.max_iterations);
+             : MinimizeJointly(energy_, x, penalty_.rank, o.max_iterations, rest_px_);
 }
 
 void JointGuide::Begin(const Pyramid& picture) {

@@ -149,6 +149,7 @@ class LevelEnergy {
 
  private:
   SubspaceOptions options_;
+  double rest_px_;
   std::vector<const float*> patches_;
   std::optional<TrajectoryMatrix> trajectories_;
   Penalty penalty_;

@@ -199,7 +199,8 @@ Eigen::Matrix2Xd JointStep(const Expansion& at, const Eigen::MatrixXd& V) {
 OptimizerResult MinimizeJointly(const TotalEnergy& energy,
                                 Eigen::Matrix2Xd x,
                                 int rank,
-                                int max_iterations) {
+                                int max_iterations,
+                                double rest_px) {
   Check(energy.penalty() != nullptr, "MinimizeJointly needs a penalty");
   const Eigen::MatrixXd V = LeadingCoordinates(*energy.trajectories(), rank);
   OptimizerResult result;
@@ -227,7 +228,7 @@ OptimizerResult MinimizeJointly(const TotalEnergy& energy,
     at = std::move(there);
     // The typical feature has come to rest.
     const Eigen::VectorXd lengths = step.colwise().norm();
-    if (d * Median({lengths.begin(), lengths.end()}) < 0.01) break;
+    if (d * Median({lengths.begin(), lengths.end()}) < rest_px) break;
   }
   result.energy = at.value;
   result.x = std::move(x);

@@ -36,11 +36,13 @@ OptimizerResult MinimizeAlgorithm1(const TotalEnergy& energy,
 // 0:2) the penalty's, and v_f feature f's coordinates in the leading r directions of the history (r
 // = rank, and 1 for centring). Motions A v are combinations of past motions: they cost the penalty
 // next to nothing, and no descent with one common step length can follow that narrow valley.
-// Eliminating s leaves 2r unknowns. Every step is checked on C itself.
+// Eliminating s leaves 2r unknowns. Every step is checked on C itself. Ends where the typical feature
+// moves by less than `rest_px`.
 OptimizerResult MinimizeJointly(const TotalEnergy& energy,
                                 Eigen::Matrix2Xd x,
                                 int rank,
-                                int max_iterations);
+                                int max_iterations,
+                                double rest_px = 0.01);
 
 // Every feature for itself: gradient descent on its own energy c_f with its own line search (the
 // paper's "1st-order descent" tracker).
