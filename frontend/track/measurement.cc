@@ -254,6 +254,28 @@ Measurement MeasurePatch(const Pyramid& current,
   return m;
 }
 
+std::optional<Eigen::Vector2d> TrackWindow(const Pyramid& from,
+                                           const Pyramid& to,
+                                           const Eigen::Vector2d& xy,
+                                           int window_px) {
+  constexpr int kMaxIterations = 15;
+  Eigen::Vector2d displacement = Eigen::Vector2d::Zero();
+  for (int level = static_cast<int>(from.levels.size()) - 1; level >= 0; --level) {
+    const double scale = std::ldexp(1.0, -level);
+    const auto l = static_cast<std::size_t>(level);
+    PatchWindow window;
+    FillWindow(from.levels[l], scale * xy, window_px, window);
+    const auto found = Align(to.levels[l],
+                             window,
+                             kMaxIterations,
+                             Eigen::Matrix2d::Zero(),
+                             scale * (xy + displacement));
+    if (!found) return std::nullopt;
+    displacement = *found / scale - xy;
+  }
+  return xy + displacement;
+}
+
 CenterDifference CompareCenter(const Pyramid& current,
                                const AnchorPatch& anchor,
                                const Eigen::Vector2d& xy) {

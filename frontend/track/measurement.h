@@ -2,7 +2,7 @@
 
 #include <Eigen/Core>
 #include <opencv2/core/mat.hpp>
-#include <vector>
+#include <optional>
 
 #include "frontend/core/options.h"
 #include "frontend/image/pyramid.h"
@@ -122,6 +122,13 @@ Measurement MeasurePatch(const Pyramid& current,
                          double noise_factor,
                          double noise_variance = 0.0,
                          const Eigen::Matrix2d& prior = Eigen::Matrix2d::Zero());
+
+// Lucas-Kanade: where the window around `xy` in one picture is in the other, coarse to fine from the
+// same place on; the mean difference has no say. None where a level has no texture.
+std::optional<Eigen::Vector2d> TrackWindow(const Pyramid& from,
+                                           const Pyramid& to,
+                                           const Eigen::Vector2d& xy,
+                                           int window_px);
 
 // With the feature at `xy`.
 CenterDifference CompareCenter(const Pyramid& current,

@@ -1,47 +1,34 @@
 #include "frontend/track/there_and_back.h"
 
 #include <cmath>
-#include <utility>
 
 #include "frontend/core/part_times.h"
 #include "frontend/energy/patch_energy.h"
-#include "frontend/track/lucas_kanade.h"
+#include "frontend/image/in_parallel.h"
+#include "frontend/track/measurement.h"
 
 namespace cohort {
 namespace {
 
 // The wider of the windows that KLT is compared with: on four levels it reaches 120 px.
 constexpr int kWindowPx = 31;
-constexpr int kMaxLevel = 3;
 constexpr double kReturnPx = 1.0;
 
 }  // namespace
-
-void ThereAndBack::Remember(const Pyramid& picture) {
-  previous_ = picture;
-  lk_previous_ = std::exchange(lk_current_, {});
-}
 
 void ThereAndBack::Track(const Pyramid& current,
                          const Eigen::Matrix2Xd& newest,
                          std::span<const std::size_t> which,
                          std::span<Feature> features) {
-  if (which.empty()) return;
   const TimedPart part("there and back");
-  if (lk_previous_.empty()) lk_previous_ = LkPyramid(previous_, kWindowPx, kMaxLevel);
-  if (lk_current_.empty()) lk_current_ = LkPyramid(current, kWindowPx, kMaxLevel);
-  std::vector<cv::Point2f> starts;
-  for (const std::size_t f : which) {
-    const Eigen::Vector2f xy = newest.col(static_cast<Eigen::Index>(f)).cast<float>();
-    starts.emplace_back(xy.x(), xy.y());
-  }
-  const LkResult returned =
-      TrackThereAndBack(lk_previous_, lk_current_, starts, kWindowPx, kMaxLevel, kReturnPx);
-  for (std::size_t i = 0; i < which.size(); ++i) {
+  ForEachInParallel(which.size(), [&](std::size_t i) {
+    const Eigen::Vector2d xy = newest.col(static_cast<Eigen::Index>(which[i]));
     auto& returned_xy = features[which[i]].returned_xy;
-    returned_xy.reset();
-    if (returned.found[i] != 0) returned_xy = {returned.ends[i].x, returned.ends[i].y};
-  }
+    returned_xy = TrackWindow(previous_, current, xy, kWindowPx);
+    if (!returned_xy) return;
+    const auto back = TrackWindow(current, previous_, *returned_xy, kWindowPx);
+    if (!back || (*back - xy).norm() > kReturnPx) returned_xy.reset();
+  });
 }
 
 Eigen::Matrix2Xd ThereAndBack::BetterStarts(const Pyramid& current,

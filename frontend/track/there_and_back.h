@@ -1,9 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <opencv2/core/mat.hpp>
 #include <span>
-#include <vector>
 
 #include "frontend/image/pyramid.h"
 #include "frontend/track/feature.h"
@@ -23,7 +21,7 @@ class ThereAndBack {
   explicit ThereAndBack(double max_open_px) : max_open_px_(max_open_px) {}
 
   // The last picture of the next call.
-  void Remember(const Pyramid& picture);
+  void Remember(const Pyramid& picture) { previous_ = picture; }
   // Sets returned_xy of the features `which`. `newest`: 2 x F, where all were in the last picture.
   void Track(const Pyramid& current,
              const Eigen::Matrix2Xd& newest,
@@ -42,9 +40,6 @@ class ThereAndBack {
  private:
   double max_open_px_;
   Pyramid previous_;
-  // Lucas-Kanade's own pyramids, made when first needed.
-  std::vector<cv::Mat> lk_previous_;
-  std::vector<cv::Mat> lk_current_;
 };
 
 }  // namespace cohort
