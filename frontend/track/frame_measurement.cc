@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "frontend/core/part_times.h"
-#include "frontend/image/in_parallel.h"
+#include "frontend/core/in_parallel.h"
 
 namespace cohort {
 namespace {
@@ -95,16 +95,23 @@ std::vector<CovarianceCalibration::Sample> FrameMeasurement::Residuals(
 
 void FrameMeasurement::TestPositions(std::span<const TrajectoryModel::Estimate> predicted) {
   const TimedPart part("measurement");
-  for (std::size_t f = 0; f < features_.size(); ++f) {
-    if (!IsObserved(f)) continue;
+  ForEachInParallel(features_.size(), [&](std::size_t f) {
+    if (!IsObserved(f)) return;
     Judge(f, confirmation_.TestPosition(features_[f], measured_[f], predicted[f]));
-  }
+  });
+}
+
+void FrameMeasurement::MeasureAtPredictions(std::span<const TrajectoryModel::Estimate> predicted,
+                                            bool strong) {
+  const TimedPart part("measurement");
+  ForEachInParallel(predicted.size(), [&](std::size_t f) {
+    if (!IsObserved(f)) MeasureAtPrediction(f, predicted[f], strong);
+  });
 }
 
 void FrameMeasurement::MeasureAtPrediction(std::size_t f,
                                            const TrajectoryModel::Estimate& predicted,
                                            bool strong) {
-  const TimedPart part("measurement");
   const Feature& feature = features_[f];
   const Eigen::Vector2d& start = predicted.expected_xy;
   measured_[f] = MeasureFrom(f, start);

@@ -48,6 +48,7 @@ class FrameMeasurement {
   // Of what is not observed: the large patch once more from the prediction; then a small one, with
   // the prediction as prior: the rim of the large one may lie on another surface or behind an
   // occluder.
+  void MeasureAtPredictions(std::span<const TrajectoryModel::Estimate> predicted, bool strong);
   void MeasureAtPrediction(std::size_t f, const TrajectoryModel::Estimate& predicted, bool strong);
 
  private:

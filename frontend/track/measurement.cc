@@ -259,6 +259,7 @@ std::optional<Eigen::Vector2d> TrackWindow(const Pyramid& from,
                                            const Eigen::Vector2d& xy,
                                            int window_px) {
   constexpr int kMaxIterations = 15;
+  constexpr double kLeastCorrelation = 0.3;
   Eigen::Vector2d displacement = Eigen::Vector2d::Zero();
   for (int level = static_cast<int>(from.levels.size()) - 1; level >= 0; --level) {
     const double scale = std::ldexp(1.0, -level);
@@ -272,6 +273,11 @@ std::optional<Eigen::Vector2d> TrackWindow(const Pyramid& from,
                              scale * (xy + displacement));
     if (!found) return std::nullopt;
     displacement = *found / scale - xy;
+    if (level > 0) continue;
+    PatchWindow there;
+    FillWindow(to.levels[l], *found, window_px, there);
+    const auto [vv, tt, vt, absolute] = CompareWindows(there, window);
+    if (!(vt >= kLeastCorrelation * std::sqrt(vv * tt))) return std::nullopt;
   }
   return xy + displacement;
 }

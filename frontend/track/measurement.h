@@ -124,7 +124,7 @@ Measurement MeasurePatch(const Pyramid& current,
                          const Eigen::Matrix2d& prior = Eigen::Matrix2d::Zero());
 
 // Lucas-Kanade: where the window around `xy` in one picture is in the other, coarse to fine from the
-// same place on; the mean difference has no say. None where a level has no texture.
+// same place on; the mean difference has no say. None where a level has no texture, or what is found is unlike it.
 std::optional<Eigen::Vector2d> TrackWindow(const Pyramid& from,
                                            const Pyramid& to,
                                            const Eigen::Vector2d& xy,

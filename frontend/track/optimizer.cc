@@ -10,7 +10,7 @@
 
 #include "frontend/core/statistics.h"
 #include "frontend/energy/patch_energy.h"
-#include "frontend/image/in_parallel.h"
+#include "frontend/core/in_parallel.h"
 #include "frontend/track/line_search.h"
 
 namespace cohort {

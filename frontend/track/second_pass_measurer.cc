@@ -8,7 +8,7 @@
 
 #include "frontend/core/part_times.h"
 #include "frontend/core/statistics.h"
-#include "frontend/image/in_parallel.h"
+#include "frontend/core/in_parallel.h"
 #include "frontend/image/pyramid.h"
 
 namespace cohort {

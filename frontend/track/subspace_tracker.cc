@@ -7,6 +7,7 @@
 
 #include "frontend/core/part_times.h"
 #include "frontend/core/statistics.h"
+#include "frontend/core/in_parallel.h"
 #include "frontend/track/anchor_deformation.h"
 #include "frontend/track/covariance_calibration.h"
 #include "frontend/track/frame_measurement.h"
@@ -74,16 +75,14 @@ std::vector<Move> SubspaceMover::MoveFeatures(const Pyramid& current) {
   const Eigen::Matrix2Xd starts = Measure(current, smooth, measured);
   FrameMeasurement& frame = *measured;
   const Others others = AskOthers(frame);
+  // Else from the prediction, a large and a small patch.
+  frame.MeasureAtPredictions(others.predicted, others.strong);
 
   std::vector<Move> moves;
   for (std::size_t f = 0; f < features_.size(); ++f) {
     Feature& feature = features_[f];
     const auto* predicted = others.predicted.empty() ? nullptr : &others.predicted[f];
-    // Else from the prediction, a large and a small patch.
-    if (!frame.IsObserved(f) && predicted != nullptr) {
-      frame.MeasureAtPrediction(f, *predicted, others.strong);
-    }
-    // Else predicted or ended.
+    // What is not seen there either is predicted or ended.
     moves.push_back(frame.IsObserved(f)
                         ? Observe(frame.measurement(f), frame.confirmation(), feature)
                         : HoldOrEnd(starts.col(static_cast<Eigen::Index>(f)),
@@ -218,13 +217,18 @@ void SubspaceMover::Keep(std::span<const std::uint8_t> keep) {
 void SubspaceMover::Add(std::span<const Eigen::Vector2d> born, const Pyramid& current) {
   const TimedPart part("births");
   if (features_.empty()) Begin(current);
+  std::vector<Feature> features(born.size());
+  std::vector<FilledHistory> pasts(born.size());
+  ForEachInParallel(born.size(), [&](std::size_t i) {
+    features[i] =
+        TakeFeature(current, filler_.newest(), born[i], options_.template_px, measurement_.patch);
+    pasts[i] = filler_.Fill(born[i], features[i].anchor, guide_.history(), calibration_);
+  });
   std::vector<std::vector<Eigen::Vector2d>> births;
-  for (const Eigen::Vector2d& xy : born) {
-    features_.push_back(
-        TakeFeature(current, filler_.newest(), xy, options_.template_px, measurement_.patch));
-    FilledHistory past = filler_.Fill(xy, features_.back().anchor, guide_.history(), calibration_);
-    model_.Add(past.measured);
-    births.push_back(std::move(past.xy));
+  for (std::size_t i = 0; i < born.size(); ++i) {
+    features_.push_back(std::move(features[i]));
+    model_.Add(pasts[i].measured);
+    births.push_back(std::move(pasts[i].xy));
   }
   guide_.Add(births, current, features_);
 }

@@ -4,7 +4,7 @@
 
 #include "frontend/core/part_times.h"
 #include "frontend/energy/patch_energy.h"
-#include "frontend/image/in_parallel.h"
+#include "frontend/core/in_parallel.h"
 #include "frontend/track/measurement.h"
 
 namespace cohort {

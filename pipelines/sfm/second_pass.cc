@@ -20,6 +20,7 @@
 #include "frontend/tracks/companions.h"
 #include "pipelines/json/option_list.h"
 #include "pipelines/sfm/model_predictions.h"
+#include "pipelines/sfm/read_ahead.h"
 
 namespace cohort {
 namespace {
@@ -32,11 +33,12 @@ void ForEachFrame(const TrackFile& file,
                   const StageProgress& progress,
                   const Use& use) {
   sequence.Rewind();
+  ReadAhead frames(sequence);
   std::size_t done = 0;
   if (progress) progress(stage, done, file.frames.size());
-  std::optional<Frame> frame = sequence.Next();
+  std::optional<Frame> frame = frames.Next();
   for (const FrameInfo& wanted : file.frames) {
-    while (frame && frame->index < wanted.index) frame = sequence.Next();
+    while (frame && frame->index < wanted.index) frame = frames.Next();
     if (!frame || frame->index != wanted.index) {
       ThrowError(
           "{}: has no frame {} ({}), which the tracks are of: give the same clip by --images",
@@ -54,6 +56,7 @@ void ForEachFrame(const TrackFile& file,
           file.width_px,
           file.height_px);
     }
+    if (&wanted != &file.frames.back()) frames.Begin();
     use(*frame);
     if (progress) progress(stage, ++done, file.frames.size());
   }

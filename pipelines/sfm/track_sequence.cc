@@ -40,7 +40,7 @@ bool WantsCompanion(const SecondPassOptions& second_pass, const TrackerOptions& 
 }
 
 SequenceTracker::SequenceTracker(Sequence& sequence, const TrackSequenceOptions& options)
-    : sequence_(sequence), tracker_(MakeSteadyTracker(options)) {
+    : frames_(sequence), tracker_(MakeSteadyTracker(options)) {
   if (!HasNext()) {
     const std::string name = options.source.empty() ? sequence.Name() : options.source.string();
     ThrowError("{}: no frame to track. {}", name, sequence.Warning());
@@ -61,7 +61,7 @@ SequenceTracker::SequenceTracker(Sequence& sequence, const TrackSequenceOptions&
 bool SequenceTracker::HasNext() {
   if (!next_ && !ended_) {
     const Stopwatch stopwatch;
-    next_ = sequence_.Next();
+    next_ = frames_.Next();
     ended_ = !next_.has_value();
     decode_ms_ += stopwatch.Milliseconds();
   }
@@ -70,6 +70,7 @@ bool SequenceTracker::HasNext() {
 
 TrackedFrame SequenceTracker::TrackNext() {
   Check(HasNext(), "there is a frame to track");
+  frames_.Begin();
   const Stopwatch stopwatch;
   TrackedFrame frame{{next_->index, next_->name, next_->timestamp_ns}, tracker_->Track(*next_)};
   detect_ms_ += frame.result.detect_ms;

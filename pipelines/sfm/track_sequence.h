@@ -9,6 +9,7 @@
 #include "frontend/track/tracker.h"
 #include "frontend/tracks/track_store.h"
 #include "pipelines/sfm/progress.h"
+#include "pipelines/sfm/read_ahead.h"
 #include "pipelines/sfm/second_pass.h"
 
 namespace cohort {
@@ -74,7 +75,7 @@ class SequenceTracker {
   double track_ms() const { return track_ms_; }  // without detection
 
  private:
-  Sequence& sequence_;
+  ReadAhead frames_;
   std::optional<Frame> next_;  // none: not read yet, or the end
   bool ended_ = false;
   TrackFile header_;

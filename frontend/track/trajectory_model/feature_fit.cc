@@ -2,6 +2,7 @@
 
 #include <Eigen/Cholesky>
 
+#include "frontend/core/in_parallel.h"
 #include "frontend/track/trajectory_model/noise.h"
 #include "frontend/track/trajectory_model/sized.h"
 
@@ -137,7 +138,7 @@ void FitFeature(State& state, std::size_t f) {
 }
 
 void FitAllFeatures(State& state) {
-  for (std::size_t f = 0; f < state.features.size(); ++f) FitFeature(state, f);
+  ForEachInParallel(state.features.size(), [&](std::size_t f) { FitFeature(state, f); });
 }
 
 Matrix InverseOf(const Matrix& information) {

@@ -3,8 +3,11 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <array>
+#include <numeric>
+#include <utility>
 #include <vector>
 
+#include "frontend/core/in_parallel.h"
 #include "frontend/track/trajectory_model/feature_fit.h"
 #include "frontend/track/trajectory_model/noise.h"
 #include "frontend/track/trajectory_model/sized.h"
@@ -46,6 +49,10 @@ class CameraSums {
     for (Eigen::Index p = 0; p < columns_; ++p) {
       for (Eigen::Index q = 0; q <= p; ++q) zz_[static_cast<std::size_t>(i++)] = z[p] * z[q];
     }
+  }
+  // What the same frames were told elsewhere.
+  void Add(const CameraSums& other) {
+    for (std::size_t i = 0; i < sums_.size(); ++i) sums_[i] += other.sums_[i];
   }
   // k >= l.
   void Add(std::size_t k, std::size_t l, const Eigen::Matrix3d& M) {
@@ -149,15 +156,26 @@ EliminatedFeature<R> Eliminate(
 template <int R>
 JointEquations<R> EquationsOf(const State& state, std::size_t frames) {
   const Eigen::Index n = 3 * (state.rank + 1);
+  const std::size_t features = state.features.size();
+  // The features are added in so many shares, whatever the number of threads: the same sums.
+  constexpr std::size_t kShares = 8;
+  std::vector<CameraSums> sums(kShares, CameraSums(state.rank + 1, frames));
+  std::vector<Eigen::VectorXd> rhs(
+      kShares, Eigen::VectorXd::Zero(n * static_cast<Eigen::Index>(frames)));
   JointEquations<R> equations;
-  equations.rhs = Eigen::VectorXd::Zero(n * static_cast<Eigen::Index>(frames));
-  equations.features.reserve(state.features.size());
-  CameraSums sums(state.rank + 1, frames);
-  for (std::size_t f = 0; f < state.features.size(); ++f) {
-    equations.features.push_back(Eliminate<R>(state, f, frames, sums, equations.rhs));
-    equations.cost += equations.features[f].cost;
+  equations.features.resize(features);
+  ForEachInParallel(kShares, [&](std::size_t i) {
+    for (std::size_t f = i * features / kShares; f < (i + 1) * features / kShares; ++f) {
+      equations.features[f] = Eliminate<R>(state, f, frames, sums[i], rhs[i]);
+    }
+  });
+  for (std::size_t i = 1; i < kShares; ++i) {
+    sums[0].Add(sums[i]);
+    rhs[0] += rhs[i];
   }
-  equations.normal = sums.Normal();
+  for (const EliminatedFeature<R>& feature : equations.features) equations.cost += feature.cost;
+  equations.normal = sums[0].Normal();
+  equations.rhs = std::move(rhs[0]);
   for (Eigen::Index l = 0; n * l < equations.rhs.size(); ++l) {
     FixCameraGauge(state.perspective, equations.normal.block(n * l, n * l, n, n));
   }
@@ -178,8 +196,8 @@ double Move(const JointEquations<R>& equations,
     steps.push_back(step.segment(n * static_cast<Eigen::Index>(l), n).reshaped(3, state.rank + 1));
     state.frames[l].camera = cameras[l] + steps.back();
   }
-  double cost = 0.0;
-  for (std::size_t f = 0; f < features.size(); ++f) {
+  std::vector<double> costs(features.size());
+  ForEachInParallel(features.size(), [&](std::size_t f) {
     const EliminatedFeature<R>& e = equations.features[f];
     typename Sized<R>::Unknowns of_cameras = Sized<R>::Unknowns::Zero(state.rank + 2);  // N_fC dC
     for (std::size_t i = 0; i < e.coupled; ++i) {
@@ -188,9 +206,9 @@ double Move(const JointEquations<R>& equations,
       of_cameras += c.block.transpose().lazyProduct(moved);
     }
     state.features[f].mean = features[f].mean + e.step - e.covariance.lazyProduct(of_cameras);
-    cost += CostOfFeature(state, f, e.anchor_information, Noise::kStudent);
-  }
-  return cost;
+    costs[f] = CostOfFeature(state, f, e.anchor_information, Noise::kStudent);
+  });
+  return std::accumulate(costs.begin(), costs.end(), 0.0);
 }
 
 // One step; returns false where five dampings find none.
@@ -221,7 +239,9 @@ bool SizedStep(State& state, std::size_t count, double& damping) {
 
 void JointFit::Step(State& state) {
   const std::size_t count = FramesOf(state);
-  for (Frame& frame : state.frames) frame.misfit = MisfitOfFrame(frame, state.features);
+  ForEachInParallel(state.frames.size(), [&](std::size_t l) {
+    state.frames[l].misfit = MisfitOfFrame(state.frames[l], state.features);
+  });
   const bool found = WithRank(
       state.rank, [&](auto rank) { return SizedStep<rank.value>(state, count, damping_); });
   if (!found) damping_ = kFirstDamping;

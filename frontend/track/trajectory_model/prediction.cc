@@ -1,5 +1,6 @@
 #include "frontend/track/trajectory_model/prediction.h"
 
+#include "frontend/core/in_parallel.h"
 #include "frontend/track/trajectory_model/sized.h"
 
 namespace cohort::trajectory_model {
@@ -41,9 +42,10 @@ Estimate PredictFeature(const CameraFit& fit, const Feature& feature) {
 }
 
 std::vector<Estimate> PredictAllFeatures(const State& state, const CameraFit& fit) {
-  std::vector<Estimate> estimates;
-  estimates.reserve(state.features.size());
-  for (const Feature& feature : state.features) estimates.push_back(PredictFeature(fit, feature));
+  std::vector<Estimate> estimates(state.features.size());
+  ForEachInParallel(estimates.size(), [&](std::size_t f) {
+    estimates[f] = PredictFeature(fit, state.features[f]);
+  });
   return estimates;
 }
 

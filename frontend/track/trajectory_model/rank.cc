@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <utility>
 
+#include "frontend/core/in_parallel.h"
 #include "frontend/track/trajectory_model/camera_fit.h"
 #include "frontend/track/trajectory_model/feature_fit.h"
 #include "frontend/track/trajectory_model/noise.h"
@@ -189,7 +190,8 @@ void AdaptRank(State& state, int max_rank) {
   const double edge = EdgeOfNoise(state.features.size(), state.frames.size(), state.perspective);
   if (direction.explained < least_strength * edge * variance) return;
   AddCoordinate(direction, state);
-  for (Frame& frame : state.frames) RefitCamera(state, frame);
+  ForEachInParallel(state.frames.size(),
+                    [&](std::size_t l) { RefitCamera(state, state.frames[l]); });
   FitAllFeatures(state);
 }
 

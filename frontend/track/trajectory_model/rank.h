@@ -31,7 +31,7 @@ struct Direction {
   double explained = 0.0;  // of the residuals' sum of squares
 };
 // residual_lf = J_lf g_l v_f in the sense of least squares, by alternating between g and v from
-// `v` on. The scale of v is that of a mean square of 1.
+// `v` on, while that explains more (by 2 %). The scale of v is that of a mean square of 1.
 Direction FitDirection(std::span<const WhitenedResidual> residuals,
                        std::size_t frames,
                        bool perspective,

@@ -5,6 +5,7 @@
 
 #include "frontend/core/error.h"
 #include "frontend/core/part_times.h"
+#include "frontend/core/in_parallel.h"
 #include "frontend/track/trajectory_model/camera_fit.h"
 #include "frontend/track/trajectory_model/feature_fit.h"
 #include "frontend/track/trajectory_model/gauge.h"
@@ -64,9 +65,11 @@ std::vector<TrajectoryModel::Estimate> TrajectoryModel::Update(std::span<const O
   turn_ = (turn_ + 1) % kTurns;
   for (std::size_t pass = 0; pass < (young ? kYoungPasses : 1); ++pass) {
     joint_fit_.Step(state_);
-    for (std::size_t l = JointFit::FramesOf(state_); l < state_.frames.size(); ++l) {
+    const std::size_t joint = JointFit::FramesOf(state_);
+    ForEachInParallel(state_.frames.size() - joint, [&](std::size_t i) {
+      const std::size_t l = joint + i;
       if (young || l % kTurns == turn_) RefitCamera(state_, state_.frames[l]);
-    }
+    });
     FitAllFeatures(state_);
     if (state_.perspective) CenterDepths(state_);
     NormalizeCoordinates(state_);

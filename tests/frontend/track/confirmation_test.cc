@@ -32,6 +32,9 @@ class ConfirmationTest : public testing::Test {
     m.window_px = 31;
     m.correlation = 1.0;
     m.shape = 1e-3 * Eigen::Matrix2d::Identity();
+    Eigen::Index nearest = 0;
+    (x_.colwise() - xy).colwise().norm().minCoeff(&nearest);
+    m.center = CompareCenter(picture_, features_[static_cast<std::size_t>(nearest)].anchor, xy);
     return m;
   }
 
@@ -68,8 +71,9 @@ TEST_F(ConfirmationTest, WhatEndsFarFromTheGuideIsNot) {
 }
 
 TEST_F(ConfirmationTest, WhatDidNotConvergeWasNotMeasured) {
-  EXPECT_EQ(Tests().TestPatch(feature(), Measurement{.xy = Truth()}, Truth()),
-            Verdict::kNotMeasured);
+  Measurement m;
+  m.xy = Truth();
+  EXPECT_EQ(Tests().TestPatch(feature(), m, Truth()), Verdict::kNotMeasured);
 }
 
 TEST_F(ConfirmationTest, WhatCorrelatesTooLittleOrDiffersByMoreThanNoiseIsNotTheAnchor) {

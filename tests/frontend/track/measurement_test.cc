@@ -187,6 +187,19 @@ TEST(MeasurePatch, AtTheBorderIsMeasuredByWhatIsInside) {
   EXPECT_TRUE(!outside.converged || outside.xy.allFinite());
 }
 
+TEST(MeasurePatch, ComparesTheInnermostPixelsWhereItFindsTheFeature) {
+  cv::Mat picture = MovedPicture({1.2, -0.7});
+  picture(cv::Rect(98, 76, 5, 5)) += 0.1F;  // a light before it
+  const AnchorPatch anchor = AnchorOf(MovedPicture({0.0, 0.0}));
+  const Pyramid pyramid = TwoLevels(picture);
+  const Measurement m = MeasurePatch(pyramid, anchor, kFeature, kWindowPx, kNoiseFactor);
+  ASSERT_TRUE(m.converged);
+  const CenterDifference there = CompareCenter(pyramid, anchor, m.xy);
+  EXPECT_GT(there.mean, 0.02);
+  EXPECT_NEAR(m.center.mean, there.mean, 0.002);
+  EXPECT_NEAR(m.center.variance, there.variance, 0.1 * there.variance);
+}
+
 TEST(CompareCenter, TellsWhatStandsBeforeTheFeature) {
   const cv::Mat picture = MovedPicture({0.0, 0.0});
   const AnchorPatch anchor = AnchorOf(picture);

@@ -40,7 +40,7 @@ TEST(ThereAndBack, WhatIsGoneDoesNotComeBack) {
       [](double x, double y) { return test::NoiseAt(3.1 * x - 900, 2000 - y); }, 240, 180, CV_32F));
   int returned = 0;
   for (const Feature& feature : Tracked(1.5, other)) returned += feature.returned_xy ? 1 : 0;
-  EXPECT_LE(returned, 2);
+  EXPECT_LE(returned, 5);  // of 19: by chance
 }
 
 // A picture's half away the guide is lost; what looks like its template decides, feature by

