@@ -163,6 +163,7 @@ void Confirmation::Learn(const Measurement& m, Feature& feature) const {
   if (m.window_px == patch_.wide_window_px && m.window_px > patch_.window_px &&
       0.5 * calibration_.Covariance(m.shape).trace() < kMeasuredWellPx * kMeasuredWellPx) {
     feature.window_px = patch_.window_px;
+    NarrowAnchor(feature.window_px, anchor);
     anchor.gradients_count = 0.0;
   }
   feature.change += kChangeRate * (CenterRatio(feature, m.center, 0.0) - feature.change);

@@ -16,6 +16,8 @@ namespace {
 
 int MarginOf(int window_px) { return std::min(window_px / 2, (kMaxPatchSide - window_px) / 2); }
 
+int SideFor(int window_px) { return window_px + 2 * MarginOf(window_px); }
+
 cv::Mat CopyPatch(const cv::Mat& picture,
                   const Eigen::Vector2d& xy,
                   const Eigen::Matrix2d& warp,
@@ -196,11 +198,19 @@ AnchorPatch CopyAnchor(const Pyramid& pyramid,
                        const Eigen::Vector2d& xy,
                        int largest_px,
                        const Eigen::Matrix2d& warp) {
-  const int side = largest_px + 2 * MarginOf(largest_px);
+  const int side = SideFor(largest_px);
   AnchorPatch anchor;
   anchor.full = CopyPatch(pyramid.levels[0], xy, warp, side);
   if (pyramid.levels.size() > 1) anchor.half = CopyPatch(pyramid.levels[1], xy / 2, warp, side);
   return anchor;
+}
+
+void NarrowAnchor(int largest_px, AnchorPatch& anchor) {
+  const int side = SideFor(largest_px);
+  for (cv::Mat* picture : {&anchor.full, &anchor.half}) {
+    const int rim = (picture->cols - side) / 2;
+    if (rim > 0) *picture = (*picture)(cv::Rect(rim, rim, side, side)).clone();
+  }
 }
 
 AnchorPatch TakeAnchor(const Pyramid& pyramid,

@@ -81,6 +81,9 @@ AnchorPatch CopyAnchor(const Pyramid& pyramid,
                        int largest_px,
                        const Eigen::Matrix2d& warp);
 
+// Cuts its pictures to what windows of `largest_px` need, so that a thousand stay in the cache.
+void NarrowAnchor(int largest_px, AnchorPatch& anchor);
+
 // Small errors of warp and interpolation leave so much of the anchor's signal variance in a
 // residual.
 inline constexpr double kPatternShare = 0.04;

@@ -48,6 +48,7 @@ class SubspaceMover final : public FeatureMover {
 
   Eigen::Matrix2Xd Measure(const Pyramid& current,
                            const Pyramid& smooth,
+                           const Eigen::Matrix2Xd& start,
                            std::optional<FrameMeasurement>& frame);
   Others AskOthers(FrameMeasurement& frame);
   Move Observe(const Measurement& m, const Confirmation& confirmation, Feature& feature) const;
@@ -68,11 +69,16 @@ class SubspaceMover final : public FeatureMover {
 std::vector<Move> SubspaceMover::MoveFeatures(const Pyramid& current) {
   const TimedPart part("bookkeeping");
   const PatchOptions& patch = measurement_.patch;
-  Pyramid smooth = SmoothPyramid(current, patch.denoise_sigma_px);
+  Pyramid smooth;
+  Eigen::Matrix2Xd start;
+  ForEachInParallel(2, [&](std::size_t i) {
+    if (i == 0) smooth = SmoothPyramid(current, patch.denoise_sigma_px);
+    if (i == 1) start = guide_.Start(current);
+  });
 
   // 1. to 3. The guide; from there a large patch, tested; then against what the other features say.
   std::optional<FrameMeasurement> measured;
-  const Eigen::Matrix2Xd starts = Measure(current, smooth, measured);
+  const Eigen::Matrix2Xd starts = Measure(current, smooth, start, measured);
   FrameMeasurement& frame = *measured;
   const Others others = AskOthers(frame);
   // Else from the prediction, a large and a small patch.
@@ -109,8 +115,9 @@ std::vector<Move> SubspaceMover::MoveFeatures(const Pyramid& current) {
 // there, from where Lucas-Kanade finds it. Returns the starts.
 Eigen::Matrix2Xd SubspaceMover::Measure(const Pyramid& current,
                                         const Pyramid& smooth,
+                                        const Eigen::Matrix2Xd& start,
                                         std::optional<FrameMeasurement>& frame) {
-  const Eigen::Matrix2Xd joint = guide_.Minimize(current, features_, guide_.Start(current)).x;
+  const Eigen::Matrix2Xd joint = guide_.Minimize(current, features_, start).x;
   const Eigen::Matrix2Xd& before = guide_.history().front();
   const auto starts_with = [&](std::span<const std::size_t> tracked) {
     there_and_back_.Track(current, before, tracked, features_);

@@ -2,8 +2,10 @@
 
 #include <spdlog/spdlog.h>
 
+#include <future>
 #include <nlohmann/json.hpp>
 #include <opencv2/core/utility.hpp>
+#include <utility>
 
 #include "frontend/core/stopwatch.h"
 #include "pipelines/console/interrupt.h"
@@ -88,18 +90,30 @@ void TrackFrames(SequenceTracker& tracker,
                  TrackFigures& figures) {
   const InterruptGuard interrupt;
   ProgressBar progress("track", sequence.FrameCount());
+  // A frame is written while the next one is tracked, where there are threads for both.
+  const bool overlaps = cv::getNumThreads() > 1;
+  std::future<void> written;
+  const auto finish = [&] {
+    const Stopwatch stopwatch;
+    if (written.valid()) written.get();
+    figures.write_ms += stopwatch.Milliseconds();
+  };
   while (tracker.HasNext() && !interrupt.Requested()) {
-    const TrackedFrame frame = tracker.TrackNext();
+    TrackedFrame frame = tracker.TrackNext();
+    finish();
     ++figures.frames;
+    progress.Advance();
     // A resumed run tracks the finished frames once more, for the tracker's memory: the file
     // becomes the same as without the interruption.
-    const Stopwatch stopwatch;
-    if (!last_written || frame.info.index > *last_written) {
-      writer.AppendFrame(frame.info, frame.result.observations, frame.result.ends);
-    }
-    figures.write_ms += stopwatch.Milliseconds();
-    progress.Advance();
+    if (last_written && frame.info.index <= *last_written) continue;
+    written = std::async(overlaps ? std::launch::async : std::launch::deferred,
+                         [&writer, frame = std::move(frame)] {
+                           writer.AppendFrame(
+                               frame.info, frame.result.observations, frame.result.ends);
+                         });
+    if (!overlaps) finish();
   }
+  finish();
   if (tracker.HasNext()) {
     ThrowError(
         "interrupted after {} frames, which are kept: the same command with --resume goes on",
