@@ -5,6 +5,7 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <optional>
 
 #include "frontend/core/error.h"
@@ -50,13 +51,16 @@ Eigen::Matrix2d CurvatureOf(const TranslationEquations& equations) {
   return rest(0, 0) > 0.0 && rest.determinant() > 0.0 ? equations.cross : equations.hessian;
 }
 
+constexpr double kUnbounded = std::numeric_limits<double>::infinity();
+
 // Gauss-Newton for the translation on one level; `x` in px of the level. None where the window has
-// no texture.
+// no texture. Ends where it is further from its start than `reach_px`.
 std::optional<Eigen::Vector2d> Align(const cv::Mat& picture,
                                      const PatchWindow& window,
                                      int max_iterations,
                                      const Eigen::Matrix2d& prior,
-                                     Eigen::Vector2d x) {
+                                     Eigen::Vector2d x,
+                                     double reach_px = kUnbounded) {
   // If no step is ever small: slow is not wrong, the tests on the result decide.
   constexpr double kSmallStepPx = 0.01;
   constexpr double kMaxStepPx = 2.0;
@@ -85,6 +89,7 @@ std::optional<Eigen::Vector2d> Align(const cv::Mat& picture,
     if (length > kMaxStepPx) moved *= kMaxStepPx / length;
     x += moved;
     newton_before = newton;
+    if ((x - start).norm() > reach_px) return x;
   }
   return x;
 }
@@ -245,17 +250,20 @@ Measurement MeasurePatch(const Pyramid& current,
   PatchWindow window;
   FillAnchorWindow(anchor.full, anchor.warp, window_px, window);
   const Eigen::Matrix2d full_prior = noise_variance * noise_factor * prior;
-  auto full = Align(current.levels[0], window, 15, full_prior, start);
+  const auto align = [&](const Eigen::Vector2d& from, double reach_px) {
+    return Align(current.levels[0], window, 15, full_prior, from, reach_px);
+  };
   // The half resolution finds what is further off, and misleads now and then.
   constexpr double kNearPx = 1.5;
-  const bool near = full && (*full - start).norm() <= kNearPx;
-  if (!near && !with_prior && !anchor.half.empty()) {
+  constexpr double kAstrayPx = 6.0;
+  const bool has_half = !with_prior && !anchor.half.empty();
+  auto full = align(start, has_half ? kNearPx : kUnbounded);
+  if (has_half && !(full && (*full - start).norm() <= kNearPx)) {
     PatchWindow half_window;
     FillAnchorWindow(anchor.half, anchor.warp, window_px, half_window);
     const auto half = Align(current.levels[1], half_window, 10, prior, start / 2);
-    if (half && (2 * *half - start).norm() < 6.0) {
-      full = Align(current.levels[0], window, 15, full_prior, 2 * *half);
-    }
+    const bool leads = half && (2 * *half - start).norm() < kAstrayPx;
+    full = align(leads ? 2 * *half : start, kUnbounded);
   }
   if (!full) return m;
   m.xy = *full;
