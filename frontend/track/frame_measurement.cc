@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "frontend/core/part_times.h"
 #include "frontend/core/in_parallel.h"
+#include "frontend/core/part_times.h"
 
 namespace cohort {
 namespace {

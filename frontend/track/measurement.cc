@@ -284,11 +284,8 @@ std::optional<Eigen::Vector2d> TrackWindow(const Pyramid& from,
     const auto l = static_cast<std::size_t>(level);
     PatchWindow window;
     FillWindow(from.levels[l], scale * xy, window_px, window);
-    const auto found = Align(to.levels[l],
-                             window,
-                             kMaxIterations,
-                             Eigen::Matrix2d::Zero(),
-                             scale * (xy + displacement));
+    const auto found = Align(
+        to.levels[l], window, kMaxIterations, Eigen::Matrix2d::Zero(), scale * (xy + displacement));
     if (!found) return std::nullopt;
     displacement = *found / scale - xy;
     if (level > 0) continue;

@@ -8,9 +8,9 @@
 #include <utility>
 #include <vector>
 
+#include "frontend/core/in_parallel.h"
 #include "frontend/core/statistics.h"
 #include "frontend/energy/patch_energy.h"
-#include "frontend/core/in_parallel.h"
 #include "frontend/track/line_search.h"
 
 namespace cohort {
@@ -196,11 +196,8 @@ Eigen::Matrix2Xd JointStep(const Expansion& at, const Eigen::MatrixXd& V) {
 
 }  // namespace
 
-OptimizerResult MinimizeJointly(const TotalEnergy& energy,
-                                Eigen::Matrix2Xd x,
-                                int rank,
-                                int max_iterations,
-                                double rest_px) {
+OptimizerResult MinimizeJointly(
+    const TotalEnergy& energy, Eigen::Matrix2Xd x, int rank, int max_iterations, double rest_px) {
   Check(energy.penalty() != nullptr, "MinimizeJointly needs a penalty");
   const Eigen::MatrixXd V = LeadingCoordinates(*energy.trajectories(), rank);
   OptimizerResult result;

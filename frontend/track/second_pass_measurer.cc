@@ -6,9 +6,9 @@
 #include <opencv2/core.hpp>
 #include <set>
 
+#include "frontend/core/in_parallel.h"
 #include "frontend/core/part_times.h"
 #include "frontend/core/statistics.h"
-#include "frontend/core/in_parallel.h"
 #include "frontend/image/pyramid.h"
 
 namespace cohort {

@@ -5,9 +5,9 @@
 #include <optional>
 #include <utility>
 
+#include "frontend/core/in_parallel.h"
 #include "frontend/core/part_times.h"
 #include "frontend/core/statistics.h"
-#include "frontend/core/in_parallel.h"
 #include "frontend/track/anchor_deformation.h"
 #include "frontend/track/covariance_calibration.h"
 #include "frontend/track/frame_measurement.h"

@@ -2,9 +2,9 @@
 
 #include <cmath>
 
+#include "frontend/core/in_parallel.h"
 #include "frontend/core/part_times.h"
 #include "frontend/energy/patch_energy.h"
-#include "frontend/core/in_parallel.h"
 #include "frontend/track/measurement.h"
 
 namespace cohort {

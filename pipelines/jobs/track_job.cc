@@ -106,11 +106,10 @@ void TrackFrames(SequenceTracker& tracker,
     // A resumed run tracks the finished frames once more, for the tracker's memory: the file
     // becomes the same as without the interruption.
     if (last_written && frame.info.index <= *last_written) continue;
-    written = std::async(overlaps ? std::launch::async : std::launch::deferred,
-                         [&writer, frame = std::move(frame)] {
-                           writer.AppendFrame(
-                               frame.info, frame.result.observations, frame.result.ends);
-                         });
+    written = std::async(
+        overlaps ? std::launch::async : std::launch::deferred, [&writer, frame = std::move(frame)] {
+          writer.AppendFrame(frame.info, frame.result.observations, frame.result.ends);
+        });
     if (!overlaps) finish();
   }
   finish();

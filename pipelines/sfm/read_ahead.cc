@@ -4,9 +4,7 @@
 
 namespace cohort {
 
-std::optional<Frame> ReadAhead::Next() {
-  return next_.valid() ? next_.get() : sequence_.Next();
-}
+std::optional<Frame> ReadAhead::Next() { return next_.valid() ? next_.get() : sequence_.Next(); }
 
 void ReadAhead::Begin() {
   if (cv::getNumThreads() <= 1 || next_.valid()) return;

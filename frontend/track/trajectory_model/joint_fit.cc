@@ -160,8 +160,8 @@ JointEquations<R> EquationsOf(const State& state, std::size_t frames) {
   // The features are added in so many shares, whatever the number of threads: the same sums.
   constexpr std::size_t kShares = 8;
   std::vector<CameraSums> sums(kShares, CameraSums(state.rank + 1, frames));
-  std::vector<Eigen::VectorXd> rhs(
-      kShares, Eigen::VectorXd::Zero(n * static_cast<Eigen::Index>(frames)));
+  std::vector<Eigen::VectorXd> rhs(kShares,
+                                   Eigen::VectorXd::Zero(n * static_cast<Eigen::Index>(frames)));
   JointEquations<R> equations;
   equations.features.resize(features);
   ForEachInParallel(kShares, [&](std::size_t i) {

@@ -43,9 +43,8 @@ Estimate PredictFeature(const CameraFit& fit, const Feature& feature) {
 
 std::vector<Estimate> PredictAllFeatures(const State& state, const CameraFit& fit) {
   std::vector<Estimate> estimates(state.features.size());
-  ForEachInParallel(estimates.size(), [&](std::size_t f) {
-    estimates[f] = PredictFeature(fit, state.features[f]);
-  });
+  ForEachInParallel(estimates.size(),
+                    [&](std::size_t f) { estimates[f] = PredictFeature(fit, state.features[f]); });
   return estimates;
 }
 

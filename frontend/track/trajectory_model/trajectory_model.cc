@@ -4,8 +4,8 @@
 #include <utility>
 
 #include "frontend/core/error.h"
-#include "frontend/core/part_times.h"
 #include "frontend/core/in_parallel.h"
+#include "frontend/core/part_times.h"
 #include "frontend/track/trajectory_model/camera_fit.h"
 #include "frontend/track/trajectory_model/feature_fit.h"
 #include "frontend/track/trajectory_model/gauge.h"
