@@ -6,6 +6,9 @@
 #include <limits>
 #include <span>
 
+#include "backend/scene/condensed_adjustment.h"
+#include "backend/scene/spread_tracks.h"
+
 namespace cohort {
 namespace {
 
@@ -43,6 +46,15 @@ PointProblem MakePointProblem(const WorkingModel& model) {
   return problem;
 }
 
+// So many of them, from the first to the last.
+std::vector<int> Spread(const std::vector<int>& frames, std::size_t count) {
+  std::vector<int> some;
+  for (std::size_t i = 0; i < count; ++i) {
+    some.push_back(frames[i * (frames.size() - 1) / (count - 1)]);
+  }
+  return some;
+}
+
 }  // namespace
 
 BundleOptions MapperBundleOptions(const WorkingModel& model,
@@ -74,9 +86,15 @@ void AdjustAround(WorkingModel& model, int frame) {
   model.Adjust(std::span(near).first(free), std::span(near).subspan(free), bundle);
 }
 
+BundleResult AdjustRegistered(WorkingModel& model, const BundleOptions& options) {
+  const FrameRuns runs = ChooseRuns(model);
+  if (runs.Condense()) return AdjustCondensed(model, runs, options);
+  return model.Adjust(model.RegisteredFrames(), {}, options).bundle;
+}
+
 void AdjustAll(WorkingModel& model, const CameraRefinement& refinement) {
   model.UpdateAllInliers(kInfinity);
-  model.Adjust(model.RegisteredFrames(), {}, MapperBundleOptions(model, refinement, 10, 1e-3));
+  AdjustRegistered(model, MapperBundleOptions(model, refinement, 10, 1e-3));
   model.UpdateAllInliers(kInfinity);
   model.TriangulateAllTracks();
 }
@@ -92,12 +110,12 @@ void AdjustUntilSettled(WorkingModel& model,
   for (int round = 0; round < max_rounds; ++round) {
     // Later rounds start beside the optimum: half the iterations do.
     const int iterations = round == 0 ? first_iterations : std::max(2, first_iterations / 2);
-    const ModelAdjustment adjustment = model.Adjust(
-        model.RegisteredFrames(), {}, MapperBundleOptions(model, refinement, iterations, 1e-5));
+    const BundleResult adjustment =
+        AdjustRegistered(model, MapperBundleOptions(model, refinement, iterations, 1e-5));
     const int changes = model.UpdateAllInliers(model.ErrorBound());
     const int found = model.TriangulateAllTracks();
     spdlog::debug("{}; {} observations change sides, {} new points, noise {:.3f}",
-                  adjustment.bundle.Brief(),
+                  adjustment.Brief(),
                   changes,
                   found,
                   model.noise());
@@ -119,14 +137,20 @@ void AdjustPoints(WorkingModel& model) {
 std::optional<Camera> FindBetterCamera(const WorkingModel& model,
                                        const std::vector<int>& keyframes) {
   constexpr std::size_t kMinFrames = 4;
+  constexpr std::size_t kMaxFrames = 16;  // a bound on time
   // Three more parameters cannot take a fifth of a cost of hundreds of residuals by chance.
   constexpr double kMuchBetter = 0.8;
-  WorkingModel trial(model);
   std::vector<int> frames;
   for (const int f : keyframes) {
-    if (trial.HasPose(f)) frames.push_back(f);
+    if (model.HasPose(f)) frames.push_back(f);
   }
   if (frames.size() < kMinFrames) return std::nullopt;
+  if (frames.size() > kMaxFrames) frames = Spread(frames, kMaxFrames);
+  constexpr int kPerCell = 2;
+  const WhitenedTracks& whitened = model.whitened();
+  const std::vector<int> tracks = SpreadTracks(whitened, model.camera(), frames, kPerCell);
+  const WhitenedTracks some = whitened.Select(tracks);
+  WorkingModel trial(some, model, tracks);
   BundleOptions bundle = MapperBundleOptions(trial, {}, 10, 1e-4);
   const double before = trial.Adjust(frames, {}, bundle).bundle.final_cost;
   bundle.refine_focal = bundle.refine_radial = true;

@@ -24,6 +24,9 @@ BundleOptions MapperBundleOptions(const WorkingModel& model,
 // The frame and its nearest registered neighbours, held by those beyond; the camera stays.
 void AdjustAround(WorkingModel& model, int frame);
 
+// All registered frames and their points: condensed, where the tracks are long (FrameRuns).
+BundleResult AdjustRegistered(WorkingModel& model, const BundleOptions& options);
+
 // Everything, briefly, then points for the tracks that have none.
 void AdjustAll(WorkingModel& model, const CameraRefinement& refinement);
 

@@ -101,10 +101,7 @@ std::optional<WorkingModel> MapOtherBody(const WorkingModel& model,
   }
   const PartResult body = MapBody(unexplained, camera, growth, keyframes);
   if (!body.model) return std::nullopt;
-  WorkingModel other(whitened, body.model->camera());
-  for (const int frame : body.model->RegisteredFrames()) {
-    other.SetPose(frame, body.model->Pose(frame));
-  }
+  WorkingModel other(whitened, *body.model);
   other.SetMinRayAngle(kFarRayAngleDeg);
   other.TriangulateAllTracks();
   AdjustUntilSettled(other, growth.refinement, 4, 5);

@@ -9,6 +9,7 @@
 #include <optional>
 
 #include "backend/scene/row_poses.h"
+#include "backend/scene/spread_tracks.h"
 #include "frontend/core/statistics.h"
 
 namespace cohort {
@@ -64,10 +65,9 @@ Eigen::Vector2d Corrected(const Camera& camera,
 
 // Worth more than one round: the first, at the motion of a model that took the rows for one frame,
 // finds it too small.
-bool MayRoll(const ReadoutEstimate& first) {
+bool MayRoll(const ReadoutEstimate& first, double deviations) {
   constexpr double kLeast = 0.1;
-  constexpr double kDeviations = 4.0;
-  return std::abs(first.readout) > std::max(kLeast, kDeviations * first.sigma);
+  return std::abs(first.readout) > std::max(kLeast, deviations * first.sigma);
 }
 
 // How the observations corrected for a readout move with it.
@@ -87,23 +87,33 @@ bool IsSettled(double shift, double sigma) {
   return std::abs(shift) < std::max(kSettled, kSettledDeviations * sigma);
 }
 
+// A bound on time: that many, from the middle of the clip, tell the readout well.
+std::vector<int> FramesInTheMiddle(const WorkingModel& model) {
+  constexpr std::size_t kMostFrames = 150;
+  const std::vector<int> registered = model.RegisteredFrames();
+  const std::size_t count = std::min(registered.size(), kMostFrames);
+  const auto first = registered.begin() + static_cast<long>((registered.size() - count) / 2);
+  return {first, first + static_cast<long>(count)};
+}
+
 // Bundle adjustments of a model in which the readout is one unknown more.
 class ReadoutAdjuster {
  public:
-  ReadoutAdjuster(const WhitenedTracks& observed, WorkingModel& model, WhitenedTracks& corrected)
-      : observed_(observed), model_(model), corrected_(corrected) {
-    // A bound on time: that many, from the middle of the clip, tell the readout well.
-    constexpr std::size_t kMostFrames = 150;
-    const std::vector<int> registered = model.RegisteredFrames();
-    const std::size_t count = std::min(registered.size(), kMostFrames);
-    const auto first = registered.begin() + static_cast<long>((registered.size() - count) / 2);
-    frames_.assign(first, first + static_cast<long>(count));
-  }
+  ReadoutAdjuster(const WhitenedTracks& observed,
+                  WorkingModel& model,
+                  WhitenedTracks& corrected,
+                  int first_iterations)
+      : observed_(observed),
+        model_(model),
+        corrected_(corrected),
+        frames_(FramesInTheMiddle(model)),
+        first_iterations_(first_iterations) {}
 
   // Of the model adjusted to observations of a global shutter.
   double CostWithout() {
     Correct(0.0);
-    return model_.Adjust(frames_, {}, MapperBundleOptions(model_, {}, 6, 1e-6)).bundle.final_cost;
+    return model_.Adjust(frames_, {}, MapperBundleOptions(model_, {}, first_iterations_, 1e-6))
+        .bundle.final_cost;
   }
 
   struct Adjusted {
@@ -114,7 +124,7 @@ class ReadoutAdjuster {
   std::optional<Adjusted> Step(double readout) {
     Correct(readout);
     // Later rounds start beside the optimum.
-    BundleOptions bundle = MapperBundleOptions(model_, {}, first_ ? 6 : 3, 1e-6);
+    BundleOptions bundle = MapperBundleOptions(model_, {}, first_ ? first_iterations_ : 3, 1e-6);
     bundle.refine_shift = true;
     first_ = false;
     const BundleResult result =
@@ -123,6 +133,24 @@ class ReadoutAdjuster {
     const double shift = result.solution.shift;
     spdlog::debug("readout {:.4f} by {:+.4f}, cost {:.1f}", readout, shift, result.final_cost);
     return Adjusted{shift, result.final_cost};
+  }
+
+  // From none, in rounds.
+  ReadoutEstimate Estimate(int most_rounds) {
+    constexpr double kDeviations = 4.0;
+    const double cost_without = CostWithout();
+    const double noise = std::max(kMinWhitenedNoise, model_.noise());
+    ReadoutEstimate estimate{0.0, std::numeric_limits<double>::infinity()};
+    for (int round = 0; round < most_rounds; ++round) {
+      const auto step = Step(estimate.readout);
+      if (!step) break;
+      estimate.readout = std::clamp(estimate.readout + step->shift, -kMostReadout, kMostReadout);
+      const double gain = (cost_without - step->cost) / (noise * noise);
+      if (gain > 0.0) estimate.sigma = std::abs(estimate.readout) / std::sqrt(2.0 * gain);
+      if (round == 0 && !MayRoll(estimate, kDeviations)) break;
+      if (IsSettled(step->shift, estimate.sigma)) break;
+    }
+    return estimate;
   }
 
   // The readout after steps from the estimate, with the inliers that each leaves.
@@ -152,8 +180,24 @@ class ReadoutAdjuster {
   WorkingModel& model_;
   WhitenedTracks& corrected_;
   std::vector<int> frames_;
+  int first_iterations_;
   bool first_ = true;
 };
+
+// One round, which leaves the model as it is.
+ReadoutEstimate EstimateBySomeTracks(const WhitenedTracks& observed, const WorkingModel& model) {
+  constexpr int kPerCell = 1;
+  constexpr int kIterations = 3;
+  constexpr std::size_t kEvery = 10;  // frame tells where the tracks are
+  std::vector<int> frames;
+  const std::vector<int> middle = FramesInTheMiddle(model);
+  for (std::size_t i = 0; i < middle.size(); i += kEvery) frames.push_back(middle[i]);
+  const std::vector<int> tracks = SpreadTracks(observed, model.camera(), frames, kPerCell);
+  const WhitenedTracks some = observed.Select(tracks);
+  WorkingModel trial(some, model, tracks);
+  WhitenedTracks corrected = some;
+  return ReadoutAdjuster(some, trial, corrected, kIterations).Estimate(1);
+}
 
 }  // namespace
 
@@ -225,12 +269,12 @@ void AdjustToReadout(const WhitenedTracks& observed,
                      const CameraRefinement& refinement,
                      WorkingModel& model,
                      WhitenedTracks& corrected) {
-  constexpr int kRounds = 2;
+  constexpr int kRounds = 4;
   for (int round = 0; round < kRounds; ++round) {
     corrected = observed.WithPositions(AsGlobalShutter(observed, model, readout));
     model.SetTracks(corrected);
     model.UpdateAllInliers(std::numeric_limits<double>::infinity());
-    model.Adjust(model.RegisteredFrames(), {}, MapperBundleOptions(model, refinement, 4, 1e-5));
+    AdjustRegistered(model, MapperBundleOptions(model, refinement, 4, 1e-5));
     model.UpdateAllInliers(model.ErrorBound());
   }
 }
@@ -239,20 +283,13 @@ ReadoutEstimate EstimateReadout(const WhitenedTracks& observed,
                                 WorkingModel& model,
                                 WhitenedTracks& corrected) {
   constexpr int kMostRounds = 15;
+  constexpr int kIterations = 6;
+  constexpr double kDeviationsOfSome = 2.0;  // fewer, as they have larger deviations
+  const ReadoutEstimate by_some = EstimateBySomeTracks(observed, model);
+  if (!MayRoll(by_some, kDeviationsOfSome)) return by_some;
   const WorkingModel before(model);
-  ReadoutAdjuster adjuster(observed, model, corrected);
-  const double cost_without = adjuster.CostWithout();
-  const double noise = std::max(kMinWhitenedNoise, model.noise());
-  ReadoutEstimate estimate{0.0, std::numeric_limits<double>::infinity()};
-  for (int round = 0; round < kMostRounds; ++round) {
-    const auto step = adjuster.Step(estimate.readout);
-    if (!step) break;
-    estimate.readout = std::clamp(estimate.readout + step->shift, -kMostReadout, kMostReadout);
-    const double gain = (cost_without - step->cost) / (noise * noise);
-    if (gain > 0.0) estimate.sigma = std::abs(estimate.readout) / std::sqrt(2.0 * gain);
-    if (round == 0 && !MayRoll(estimate)) break;
-    if (IsSettled(step->shift, estimate.sigma)) break;
-  }
+  ReadoutAdjuster adjuster(observed, model, corrected, kIterations);
+  ReadoutEstimate estimate = adjuster.Estimate(kMostRounds);
   if (!estimate.IsRolling()) {
     model = before;
     return estimate;
@@ -267,7 +304,8 @@ double RefineReadout(const WhitenedTracks& observed,
                      const ReadoutEstimate& estimate,
                      WorkingModel& model,
                      WhitenedTracks& corrected) {
-  ReadoutAdjuster adjuster(observed, model, corrected);
+  constexpr int kIterations = 6;
+  ReadoutAdjuster adjuster(observed, model, corrected, kIterations);
   return adjuster.SettledWithOwnInliers(estimate);
 }
 

@@ -44,7 +44,7 @@ double RefineReadout(const WhitenedTracks& observed,
                      WorkingModel& model,
                      WhitenedTracks& corrected);
 
-// Adjusts the model to observations corrected for a readout, which depend on its motion: twice.
+// Adjusts the model to observations corrected for a readout, which depend on its motion: four times.
 void AdjustToReadout(const WhitenedTracks& observed,
                      double readout,
                      const CameraRefinement& refinement,

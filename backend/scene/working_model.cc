@@ -37,6 +37,26 @@ WorkingModel::WorkingModel(const WhitenedTracks& whitened, const Camera& camera)
   SetCamera(camera);
 }
 
+WorkingModel::WorkingModel(const WhitenedTracks& whitened, const WorkingModel& other)
+    : WorkingModel(whitened, other.camera()) {
+  for (const int frame : other.RegisteredFrames()) SetPose(frame, other.Pose(frame));
+}
+
+WorkingModel::WorkingModel(const WhitenedTracks& some,
+                           const WorkingModel& all,
+                           const std::vector<int>& tracks)
+    : WorkingModel(some, all) {
+  min_ray_angle_deg_ = all.min_ray_angle_deg_;
+  noise_ = all.noise_;
+  loss_turn_ = all.loss_turn_;
+  for (std::size_t i = 0; i < tracks.size(); ++i) {
+    points_[i] = all.points_[tracks[i]];
+    std::copy(all.is_inlier_.begin() + all.whitened().TrackRange(tracks[i]).first,
+              all.is_inlier_.begin() + all.whitened().TrackRange(tracks[i]).second,
+              is_inlier_.begin() + some.TrackRange(static_cast<int>(i)).first);
+  }
+}
+
 void WorkingModel::SetTracks(const WhitenedTracks& whitened) {
   whitened_ = &whitened;
   SetCamera(camera_);

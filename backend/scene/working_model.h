@@ -30,6 +30,10 @@ struct ModelAdjustment {
 class WorkingModel {
  public:
   WorkingModel(const WhitenedTracks& whitened, const Camera& camera);
+  // Camera and poses of a model of other tracks in the same frames; no points.
+  WorkingModel(const WhitenedTracks& whitened, const WorkingModel& other);
+  // The model of these tracks alone; `some` is its whitened().Select(tracks).
+  WorkingModel(const WhitenedTracks& some, const WorkingModel& all, const std::vector<int>& tracks);
 
   const WhitenedTracks& whitened() const { return *whitened_; }
   // Goes on with the same observations elsewhere (WhitenedTracks::WithPositions).

@@ -1,0 +1,34 @@
+#pragma once
+
+#include <vector>
+
+#include "backend/scene/working_model.h"
+
+namespace cohort {
+
+// The registered frames of a model in runs of consecutive ones, each with its middle as keyframe.
+struct FrameRuns {
+  std::vector<int> keyframes;     // ascending, one a run
+  std::vector<int> run_of_frame;  // by frame; -1: it has no pose
+
+  // Are the runs long enough to be worth it?
+  bool Condense() const;
+};
+
+// Runs so short that most tracks cross several of them, and that the camera sees nearly the same
+// from everywhere within one.
+FrameRuns ChooseRuns(const WorkingModel& model);
+
+// Bundle adjustment of all registered frames at the price of one of their keyframes. To what the
+// frames of a run tell of a point, a keyframe's one observation comes near that has the mean of their
+// residuals r_k (A_k: their information, weighed by Cauchy's loss; the mean: r):
+//   A = sum A_k,   r = A^-1 sum A_k r_k,   xy = projection in the keyframe - r,   covariance A^-1.
+// The keyframes are adjusted to these, and every run goes along with its own. Then every pose by the
+// points alone and every point by the poses alone, from the observations as they are: so the result
+// is the common adjustment's but for what the camera moved within a run. Time and memory are in
+// proportion to the observations.
+BundleResult AdjustCondensed(WorkingModel& model,
+                             const FrameRuns& runs,
+                             const BundleOptions& options);
+
+}  // namespace cohort

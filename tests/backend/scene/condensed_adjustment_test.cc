@@ -1,0 +1,120 @@
+#include "backend/scene/condensed_adjustment.h"
+
+#include <gtest/gtest.h>
+
+#include <limits>
+
+#include "backend/scene/adjustment.h"
+#include "tests/backend/scene/true_model.h"
+
+namespace cohort {
+namespace {
+
+using test::AllFrames;
+using test::CameraPath;
+using test::MakeSyntheticTracks;
+using test::SyntheticTracks;
+using test::SyntheticTracksOptions;
+using test::TrueModel;
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+SyntheticTracks LongTracks(CameraPath path, std::uint64_t seed = 1) {
+  SyntheticTracksOptions options;
+  options.path = path;
+  options.frames = 120;
+  options.points = 150;
+  options.noise_px = 0.5;
+  options.seed = seed;
+  return MakeSyntheticTracks(options);
+}
+
+BundleOptions Rounds() {
+  BundleOptions bundle;
+  bundle.loss = RobustLoss::kCauchy;
+  bundle.loss_scale = 3.0;
+  bundle.max_iterations = 4;
+  return bundle;
+}
+
+WorkingModel StartOf(const SyntheticTracks& scene, const WhitenedTracks& whitened) {
+  WorkingModel model = TrueModel(scene, whitened, AllFrames(whitened));
+  model.UpdateAllInliers(kInfinity);
+  return model;
+}
+
+TEST(CondensedAdjustment, IsAsGoodAsTheCommonAdjustmentOfAllFrames) {
+  for (const CameraPath path : {CameraPath::kArc, CameraPath::kLateral, CameraPath::kForward}) {
+    const SyntheticTracks scene = LongTracks(path);
+    const WhitenedTracks whitened(scene.file, {});
+    WorkingModel condensed = StartOf(scene, whitened);
+    const FrameRuns runs = ChooseRuns(condensed);
+    EXPECT_TRUE(runs.Condense());
+    for (int round = 0; round < 3; ++round) AdjustCondensed(condensed, runs, Rounds());
+    WorkingModel common = StartOf(scene, whitened);
+    common.Adjust(common.RegisteredFrames(), {}, MapperBundleOptions(common, {}, 12, 1e-8));
+    EXPECT_LT(Ate(condensed, scene), 1.05 * Ate(common, scene));
+    const std::vector<int> frames = AllFrames(whitened);
+    EXPECT_LT(condensed.TruncatedCost(frames, 2.0), 1.005 * common.TruncatedCost(frames, 2.0));
+  }
+}
+
+TEST(CondensedAdjustment, WithoutNoiseBringsMovedCamerasBack) {
+  SyntheticTracksOptions options;
+  options.frames = 60;
+  options.noise_px = 0.0;
+  const SyntheticTracks scene = MakeSyntheticTracks(options);
+  const WhitenedTracks whitened(scene.file, {});
+  WorkingModel model = StartOf(scene, whitened);
+  for (const int frame : model.RegisteredFrames()) {
+    Rigid3 pose = model.Pose(frame);
+    pose.translation += 0.002 * Eigen::Vector3d(frame % 3 - 1, frame % 5 - 2, frame % 7 - 3);
+    model.SetPose(frame, pose);
+  }
+  const double moved = Ate(model, scene);
+  for (int round = 0; round < 4; ++round) AdjustCondensed(model, ChooseRuns(model), Rounds());
+  EXPECT_LT(Ate(model, scene), 0.02 * moved);
+}
+
+TEST(CondensedAdjustment, FindsTheFocalLength) {
+  SyntheticTracks scene = LongTracks(CameraPath::kArc);
+  const double focal = scene.file.camera->fx;
+  scene.file.camera->fx *= 1.02;
+  scene.file.camera->fy *= 1.02;
+  const WhitenedTracks whitened(scene.file, {});
+  WorkingModel model = StartOf(scene, whitened);
+  BundleOptions bundle = Rounds();
+  bundle.refine_focal = true;
+  for (int round = 0; round < 6; ++round) AdjustCondensed(model, ChooseRuns(model), bundle);
+  EXPECT_NEAR(model.camera().fx, focal, 0.005 * focal);
+}
+
+TEST(CondensedAdjustment, ShortTracksAreNotCondensed) {
+  SyntheticTracksOptions options;
+  options.path = CameraPath::kLateral;
+  options.frames = 40;
+  options.max_track_length = 8;
+  const SyntheticTracks scene = MakeSyntheticTracks(options);
+  const WhitenedTracks whitened(scene.file, {});
+  EXPECT_FALSE(ChooseRuns(StartOf(scene, whitened)).Condense());
+}
+
+TEST(CondensedAdjustment, RunsCoverAllRegisteredFramesInOrder) {
+  const SyntheticTracks scene = LongTracks(CameraPath::kLateral);
+  const WhitenedTracks whitened(scene.file, {});
+  const WorkingModel model = TrueModel(scene, whitened, {3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 40, 41});
+  const FrameRuns runs = ChooseRuns(model);
+  int last = 0;
+  for (int frame = 0; frame < whitened.frame_count(); ++frame) {
+    EXPECT_EQ(runs.run_of_frame[frame] >= 0, model.HasPose(frame));
+    if (!model.HasPose(frame)) continue;
+    EXPECT_GE(runs.run_of_frame[frame], last);
+    last = runs.run_of_frame[frame];
+  }
+  for (std::size_t run = 0; run < runs.keyframes.size(); ++run) {
+    EXPECT_EQ(runs.run_of_frame[runs.keyframes[run]], static_cast<int>(run));
+  }
+}
+
+}  // namespace
+}  // namespace cohort
