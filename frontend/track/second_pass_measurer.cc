@@ -95,6 +95,7 @@ void SecondPassMeasurer::Measure(const Frame& frame, std::span<const ModelPredic
   FinishTemplates();
   const Pyramid pyramid = SmoothPyramidOf(frame, options_.patch.denoise_sigma_px);
   for (Window& window : windows_) MeasureWith(window, frame, predictions, pyramid);
+  CompareWindows(frame.index, predictions);
 }
 
 void SecondPassMeasurer::MeasureWith(Window& window,
@@ -107,10 +108,15 @@ void SecondPassMeasurer::MeasureWith(Window& window,
     Deformation* deformation;
     Measurement measured = {};
   };
+  const auto of_window = static_cast<std::size_t>(&window - windows_.data());
   std::vector<Task> tasks;
   for (const ModelPrediction& prediction : predictions) {
     const auto it = templates_.find(prediction.feature);
     if (it == templates_.end()) continue;
+    const auto contest = contests_.find(prediction.feature);
+    if (contest != contests_.end() && contest->second.winner.value_or(of_window) != of_window) {
+      continue;
+    }
     const auto [known, first] = window.deformations.try_emplace(prediction.feature);
     const double noise = first ? options_.patch.warp_noise : kWarpNoisePerFrame;
     known->second.covariance.diagonal().array() += noise * noise;
@@ -139,7 +145,6 @@ void SecondPassMeasurer::MeasureWith(Window& window,
   if (variances.size() >= kEnough || window.noise_variance == 0.0) {
     window.noise_variance = Median(std::move(variances));
   }
-  const auto of_window = static_cast<std::size_t>(&window - windows_.data());
   for (const auto& [prediction, of_feature, deformation, m] : tasks) {
     const Eigen::Vector2d d = m.xy - prediction->xy;
     Sighting s;
@@ -160,47 +165,55 @@ void SecondPassMeasurer::MeasureWith(Window& window,
   }
 }
 
-std::map<FeatureId, double> SecondPassMeasurer::MeanSquareDistances(const Window& window) const {
-  struct Sum {
-    double squares = 0.0;
-    double count = 0.0;
-  };
-  Sum all;
-  std::map<FeatureId, Sum> sums;
-  for (const auto& [feature, sightings] : window.sightings) {
-    Sum& sum = sums[feature];
-    for (const Sighting& s : sightings) {
-      if (!s.observed_before) continue;
-      const double distance_px = std::min(s.distance_px, options_.patch.max_distance_px);
-      sum.squares += distance_px * distance_px;
-      sum.count += 1.0;
+void SecondPassMeasurer::CompareWindows(FrameIndex frame,
+                                        std::span<const ModelPrediction> predictions) {
+  constexpr double kEnough = 20.0;
+  all_contests_.squares.resize(windows_.size(), 0.0);
+  for (const ModelPrediction& prediction : predictions) {
+    if (!prediction.observed_in_first_pass || !templates_.contains(prediction.feature)) continue;
+    Contest& contest = contests_[prediction.feature];
+    if (contest.winner) continue;
+    contest.squares.resize(windows_.size(), 0.0);
+    for (std::size_t w = 0; w < windows_.size(); ++w) {
+      const auto it = windows_[w].sightings.find(prediction.feature);
+      double distance_px = options_.patch.max_distance_px;
+      if (it != windows_[w].sightings.end() && it->second.back().frame == frame) {
+        distance_px = std::min(distance_px, it->second.back().distance_px);
+      }
+      contest.squares[w] += distance_px * distance_px;
+      all_contests_.squares[w] += distance_px * distance_px;
     }
-    all.squares += sum.squares;
-    all.count += sum.count;
+    all_contests_.count += 1.0;
+    contest.count += 1.0;
+    if (contest.count >= kEnough) contest.winner = NearestWindow(contest, all_contests_);
   }
-  std::map<FeatureId, double> means;
-  for (const auto& [feature, sum] : sums) {
-    means[feature] = DrawnMean(sum.squares, sum.count, all.squares / std::max(all.count, 1.0));
-  }
-  return means;
 }
 
-std::map<FeatureId, const SecondPassMeasurer::Window*> SecondPassMeasurer::ChooseWindows() const {
+std::size_t SecondPassMeasurer::NearestWindow(const Contest& contest, const Contest& all) const {
+  std::size_t nearest = 0;
+  double least = 0.0;
+  for (std::size_t w = 0; w < windows_.size(); ++w) {
+    const double mean = DrawnMean(
+        contest.squares[w], contest.count, all.squares[w] / std::max(all.count, 1.0));
+    if (w > 0 && mean >= least) continue;
+    least = mean;
+    nearest = w;
+  }
+  return nearest;
+}
+
+std::map<FeatureId, const SecondPassMeasurer::Window*> SecondPassMeasurer::ChosenWindows() const {
   std::map<FeatureId, const Window*> chosen;
-  std::map<FeatureId, double> least;
-  for (const Window& window : windows_) {
-    for (const auto& [feature, mean_square] : MeanSquareDistances(window)) {
-      const auto [it, first] = least.try_emplace(feature, mean_square);
-      if (!first && mean_square >= it->second) continue;
-      it->second = mean_square;
-      chosen[feature] = &window;
-    }
+  for (const auto& [feature, contest] : contests_) {
+    const Window& window =
+        windows_[contest.winner ? *contest.winner : NearestWindow(contest, all_contests_)];
+    if (window.sightings.contains(feature)) chosen[feature] = &window;
   }
   return chosen;
 }
 
 std::vector<Observation> SecondPassMeasurer::Finish() const {
-  const std::map<FeatureId, const Window*> chosen = ChooseWindows();
+  const std::map<FeatureId, const Window*> chosen = ChosenWindows();
   std::vector<double> squares;
   for (const auto& [feature, window] : chosen) {
     for (const Sighting& s : window->sightings.at(feature)) {

@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 #include <map>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -47,9 +48,9 @@ struct ModelPrediction {
 //   for each frame: measurer.Measure(frame, predictions of all that should be in sight);
 //   std::vector<Observation> observations = measurer.Finish();
 //
-// A feature is measured with a narrow and with a wide patch; of the two, the one whose positions
-// lie nearer to the predictions is taken for all of its track: a wide patch has less noise, a
-// narrow one shows less of what does not move with the feature.
+// A feature is measured with a narrow and with a wide patch; of the two, the one whose first twenty
+// positions lie nearer to the predictions is taken for all of its track: a wide patch has less
+// noise, a narrow one shows less of what does not move with the feature.
 //
 // What is found counts as observed if it lies near the prediction and looks as much like its
 // template as it does where the first pass saw it; so an occluder is not taken for the feature.
@@ -98,14 +99,26 @@ class SecondPassMeasurer {
                    const Frame& frame,
                    std::span<const ModelPrediction> predictions,
                    const Pyramid& pyramid) const;
-  // Of each feature's sightings from the predictions [px^2]; of few drawn to all features' mean.
-  std::map<FeatureId, double> MeanSquareDistances(const Window& window) const;
-  std::map<FeatureId, const Window*> ChooseWindows() const;
+  // A feature's windows against each other: the sums of their squared distances from the
+  // predictions [px^2], in the same frames.
+  struct Contest {
+    std::vector<double> squares;
+    double count = 0.0;
+    std::optional<std::size_t> winner = {};
+  };
+
+  void CompareWindows(FrameIndex frame, std::span<const ModelPrediction> predictions);
+  // Of few frames' sums, drawn to those of all features.
+  std::size_t NearestWindow(const Contest& contest, const Contest& all) const;
+  // The winner of every feature's contest; of one that is not decided, as it stands.
+  std::map<FeatureId, const Window*> ChosenWindows() const;
 
   SecondPassMeasurementOptions options_;
   std::map<FeatureId, Template> templates_;
   bool learnt_ = false;
   std::vector<Window> windows_;  // ascending
+  std::map<FeatureId, Contest> contests_;
+  Contest all_contests_;
 };
 
 }  // namespace cohort
