@@ -64,6 +64,7 @@ class Adjuster {
     ceres::Solver::Options solver;
     solver.max_num_iterations = options_.max_iterations;
     solver.function_tolerance = options_.function_tolerance;
+    solver.initial_trust_region_radius = options_.trust_radius;
     solver.gradient_tolerance = 1e-10;
     solver.parameter_tolerance = 1e-9;
     solver.num_threads = 1;  // more add in an order of their own: not the same bytes twice

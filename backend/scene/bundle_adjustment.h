@@ -50,6 +50,9 @@ struct BundleOptions {
   double loss_scale = 1.0;  // in standard deviations of an observation
   int max_iterations = 50;
   double function_tolerance = 1e-6;  // relative decrease of the cost at which it has converged
+  // How little the first step is damped. A start beside the optimum takes much more: the drift of a
+  // long clip costs so little that damped steps leave it.
+  double trust_radius = 1e4;
   bool refine_focal = false;
   bool refine_principal_point = false;
   bool refine_radial = false;
@@ -67,6 +70,7 @@ struct BundleOptions {
     v.Number("loss_scale", o.loss_scale, 1e-3, 1e3, "where the loss turns [standard deviations]");
     v.Number("max_iterations", o.max_iterations, 1, 10000, "at most so many steps");
     v.Number("function_tolerance", o.function_tolerance, 0.0, 1.0, "relative decrease to stop at");
+    v.Number("trust_radius", o.trust_radius, 1.0, 1e16, "how little the first step is damped");
     v.Flag("refine_focal", o.refine_focal, "refine the focal length");
     v.Flag("refine_principal_point", o.refine_principal_point, "refine the principal point");
     v.Flag("refine_radial", o.refine_radial, "refine k1 and k2");

@@ -9,14 +9,16 @@ namespace cohort {
 // The registered frames of a model in runs of consecutive ones, each with its middle as keyframe.
 struct FrameRuns {
   std::vector<int> keyframes;     // ascending, one a run
-  std::vector<int> run_of_frame;  // by frame; -1: it has no pose
+  std::vector<int> run_of_frame;  // by frame: the one that it goes along with; -1: it has no pose
+  std::vector<char> is_in_run;    // by frame: does its run speak for it?
 
   // Are the runs long enough to be worth it?
   bool Condense() const;
 };
 
 // Runs so short that most tracks cross several of them, and that the camera sees nearly the same
-// from everywhere within one.
+// from everywhere within one. Where the tracks are so long that they cross very many, some of the runs
+// stand for all: their number, and with it the time for a point, has a bound.
 FrameRuns ChooseRuns(const WorkingModel& model);
 
 // Bundle adjustment of all registered frames at the price of one of their keyframes. To what the

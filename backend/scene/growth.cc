@@ -91,10 +91,10 @@ void GrowModel(WorkingModel& model,
     }
     refused.clear();
     const std::vector<int> tracks = TracksInFrame(model.whitened(), *frame);
-    model.UpdateInliers(tracks, kInfinity);
+    model.UpdateInliersNear(*frame, kInfinity);
     model.TriangulateTracks(tracks);
     AdjustAround(model, *frame);
-    model.UpdateInliers(tracks, kInfinity);
+    model.UpdateInliersNear(*frame, kInfinity);
     if (model.registered() >= kGlobalGrowth * adjusted_at) {
       AdjustAll(model, options.refinement);
       adjusted_at = model.registered();

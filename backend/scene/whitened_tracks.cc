@@ -93,6 +93,20 @@ WhitenedTracks WhitenedTracks::Select(const std::vector<int>& tracks) const {
   return selected;
 }
 
+std::pair<int, int> WhitenedTracks::RangeWithin(int track, int first, int last) const {
+  const auto [begin, end] = TrackRange(track);
+  const auto from = std::lower_bound(observations_.begin() + begin,
+                                     observations_.begin() + end,
+                                     first,
+                                     [](const auto& o, int frame) { return o.frame < frame; });
+  const auto to =
+      std::upper_bound(from, observations_.begin() + end, last, [](int frame, const auto& o) {
+        return frame < o.frame;
+      });
+  return {static_cast<int>(from - observations_.begin()),
+          static_cast<int>(to - observations_.begin())};
+}
+
 std::optional<int> WhitenedTracks::FindObservation(int track, int frame) const {
   const auto [first, last] = TrackRange(track);
   // Most tracks have no gaps, so the place is known.

@@ -48,6 +48,8 @@ class WhitenedTracks {
   std::pair<int, int> TrackRange(int track) const {
     return {first_of_track_[track], first_of_track_[track + 1]};
   }
+  // Those in frames from `first` to `last`.
+  std::pair<int, int> RangeWithin(int track, int first, int last) const;
   // ascending tracks
   const std::vector<int>& ObservationsIn(int frame) const { return in_frame_[frame]; }
   std::optional<int> FindObservation(int track, int frame) const;

@@ -195,16 +195,21 @@ ModelAdjustment WorkingModel::Adjust(std::span<const int> free,
   add_frames(free, false);
   add_frames(fixed, true);
   // By point: the order in which the solver eliminates them.
-  for (const int track : tracks) {
-    const auto [first, last] = whitened_->TrackRange(track);
-    for (int o = first; o < last; ++o) {
-      const WhitenedObservation& observation = whitened_->observations()[o];
-      const int camera = camera_of_frame[observation.frame];
-      if (camera < 0 || !IsInlier(o)) continue;
-      problem.observations.push_back(
-          {camera, point_of_track[track], observation.xy, observation.covariance_px2});
-      if (!d_shift.empty()) problem.observations.back().d_shift = d_shift[o];
+  std::vector<std::pair<int, int>> by_point;  // and observation
+  for (const std::span<const int> frames : {free, fixed}) {
+    for (const int frame : frames) {
+      for (const int o : whitened_->ObservationsIn(frame)) {
+        const int point = point_of_track[whitened_->observations()[o].track];
+        if (point >= 0 && IsInlier(o)) by_point.emplace_back(point, o);
+      }
     }
+  }
+  std::sort(by_point.begin(), by_point.end());
+  for (const auto& [point, o] : by_point) {
+    const WhitenedObservation& observation = whitened_->observations()[o];
+    problem.observations.push_back(
+        {camera_of_frame[observation.frame], point, observation.xy, observation.covariance_px2});
+    if (!d_shift.empty()) problem.observations.back().d_shift = d_shift[o];
   }
   if (problem.observations.empty()) return adjustment;
   adjustment.bundle = AdjustBundle(std::move(problem), options);
@@ -237,8 +242,12 @@ std::optional<double> WorkingModel::WhitenedError(int observation) const {
 }
 
 bool WorkingModel::IsSeenAtAngle(int track, double degrees) const {
+  return IsSeenAtAngle(track, whitened_->TrackRange(track), degrees);
+}
+
+bool WorkingModel::IsSeenAtAngle(int track, std::pair<int, int> range, double degrees) const {
   // The widest pair, nearly: the ray farthest from the first, then the one farthest from that.
-  const auto [first, last] = whitened_->TrackRange(track);
+  const auto [first, last] = range;
   const Eigen::Vector3d& x = Point(track);
   const double min_angle = degrees * kDegree;
   std::optional<Eigen::Vector3d> from;
@@ -268,30 +277,50 @@ void WorkingModel::DropPoint(int track) {
 }
 
 int WorkingModel::UpdateInliers(std::span<const int> tracks, double max_error, double widen) {
-  const int min_views = MinViews();
   int changes = 0;
   for (const int track : tracks) {
-    if (!HasPoint(track)) continue;
-    const auto [first, last] = whitened_->TrackRange(track);
-    int views = 0;
-    for (int o = first; o < last; ++o) {
-      bool inlier = false;
-      const WhitenedObservation& observation = whitened_->observations()[o];
-      if (HasPose(observation.frame)) {
-        const std::optional<Eigen::Vector2d> error = PixelError(o);
-        inlier = error && error->norm() <= widen * kMaxReprojectionPx &&
-                 (observation.whitening * *error).norm() <= max_error;
-      }
-      if (inlier) ++views;
-      if (inlier != IsInlier(o)) ++changes;
-      is_inlier_[o] = inlier ? 1 : 0;
-    }
-    if (views < min_views || !IsSeenAtAngle(track, min_ray_angle_deg_)) {
-      changes += views;
-      DropPoint(track);
-    }
+    changes += UpdateInliersIn(track, whitened_->TrackRange(track), max_error, widen);
   }
   return changes;
+}
+
+void WorkingModel::UpdateInliersNear(int frame, double max_error) {
+  // By eye: beyond, a growing model moves little from one frame to the next.
+  constexpr int kReach = 200;
+  for (const int o : whitened_->ObservationsIn(frame)) {
+    const int track = whitened_->observations()[o].track;
+    UpdateInliersIn(
+        track, whitened_->RangeWithin(track, frame - kReach, frame + kReach), max_error);
+  }
+}
+
+int WorkingModel::UpdateInliersIn(int track,
+                                  std::pair<int, int> range,
+                                  double max_error,
+                                  double widen) {
+  if (!HasPoint(track)) return 0;
+  int changes = 0;
+  int views = 0;
+  for (int o = range.first; o < range.second; ++o) {
+    bool inlier = false;
+    const WhitenedObservation& observation = whitened_->observations()[o];
+    if (HasPose(observation.frame)) {
+      const std::optional<Eigen::Vector2d> error = PixelError(o);
+      inlier = error && error->norm() <= widen * kMaxReprojectionPx &&
+               (observation.whitening * *error).norm() <= max_error;
+    }
+    if (inlier) ++views;
+    if (inlier != IsInlier(o)) ++changes;
+    is_inlier_[o] = inlier ? 1 : 0;
+  }
+  if (views >= MinViews() && IsSeenAtAngle(track, range, min_ray_angle_deg_)) return changes;
+  if (const auto all = whitened_->TrackRange(track); range != all) {
+    views = static_cast<int>(
+        std::count(is_inlier_.begin() + all.first, is_inlier_.begin() + all.second, 1));
+    if (views >= MinViews() && IsSeenAtAngle(track, min_ray_angle_deg_)) return changes;
+  }
+  DropPoint(track);
+  return changes + views;
 }
 
 void WorkingModel::MeasureNoise(std::vector<double>& squared) {

@@ -2,6 +2,7 @@
 
 #include <optional>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "backend/scene/bundle_adjustment.h"
@@ -96,6 +97,8 @@ class WorkingModel {
   // A start that is known to be rough may widen the bound in pixels by a factor.
   int UpdateInliers(std::span<const int> tracks, double max_error, double widen = 1.0);
   int UpdateAllInliers(double max_error);
+  // Of the tracks in the frame, the observations in frames near it: in a bounded time.
+  void UpdateInliersNear(int frame, double max_error);
   // Bound on whitened errors that fits the present noise.
   double ErrorBound() const;
 
@@ -125,6 +128,11 @@ class WorkingModel {
  private:
   std::optional<double> WhitenedError(int observation) const;
   bool IsSeenAtAngle(int track, double degrees) const;
+  bool IsSeenAtAngle(int track, std::pair<int, int> observations, double degrees) const;
+  int UpdateInliersIn(int track,
+                      std::pair<int, int> observations,
+                      double max_error,
+                      double widen = 1.0);
   int MinViews() const { return registered_ >= 3 && !relaxed_ ? 3 : 2; }
   void DropPoint(int track);
   void MeasureNoise(std::vector<double>& squared_errors);

@@ -89,6 +89,64 @@ TEST(CondensedAdjustment, FindsTheFocalLength) {
   EXPECT_NEAR(model.camera().fx, focal, 0.005 * focal);
 }
 
+// A camera that goes along 30 times as far as it sees at once.
+TEST(CondensedAdjustment, TakesTheDriftOutOfALongPath) {
+  SyntheticTracksOptions options;
+  options.path = CameraPath::kLateral;
+  options.frames = 600;
+  options.path_length = 30.0;
+  options.points = 4000;
+  options.max_track_length = 40;
+  const SyntheticTracks scene = MakeSyntheticTracks(options);
+  const WhitenedTracks whitened(scene.file, {});
+  WorkingModel model = StartOf(scene, whitened);
+  for (const int frame : model.RegisteredFrames()) {
+    Rigid3 pose = model.Pose(frame);
+    pose.translation *= 1.0 + 1e-4 * frame;
+    model.SetPose(frame, pose);
+  }
+  WorkingModel drifted(whitened, model);
+  drifted.TriangulateAllTracks();
+  drifted.UpdateAllInliers(kInfinity);
+  const double before = Ate(drifted, scene);
+  for (int round = 0; round < 3; ++round) AdjustCondensed(drifted, ChooseRuns(drifted), Rounds());
+  EXPECT_LT(Ate(drifted, scene), 0.1 * before);
+}
+
+// Back and forth between the ends of an arc, ten times.
+TEST(CondensedAdjustment, OfTracksThatNeverEndSomeRunsSpeakForAll) {
+  SyntheticTracksOptions options;
+  options.frames = 40;
+  options.points = 60;
+  const SyntheticTracks arc = MakeSyntheticTracks(options);
+  TrackFile file = arc.file;
+  std::vector<Observation> observations;
+  file.frames.clear();
+  for (std::uint32_t i = 0; i < 400; ++i) {
+    const std::uint32_t of_arc = (i / 40) % 2 == 0 ? i % 40 : 39 - i % 40;
+    FrameInfo frame = arc.file.frames[of_arc];
+    frame.index = FrameIndex{i};
+    file.frames.push_back(frame);
+    for (const Observation* o : arc.file.tracks.InFrame(FrameIndex{of_arc})) {
+      observations.push_back(*o);
+      observations.back().frame = FrameIndex{i};
+    }
+  }
+  file.tracks = TrackSet::Build(std::move(observations));
+  const WhitenedTracks whitened(file, {});
+  WorkingModel model(whitened, *file.camera);
+  for (std::uint32_t i = 0; i < 400; ++i) {
+    const std::uint32_t of_arc = (i / 40) % 2 == 0 ? i % 40 : 39 - i % 40;
+    model.SetPose(static_cast<int>(i), arc.cam_from_world.at(FrameIndex{of_arc}));
+  }
+  model.TriangulateAllTracks();
+  model.UpdateAllInliers(kInfinity);
+  const FrameRuns runs = ChooseRuns(model);
+  EXPECT_LE(runs.keyframes.size(), 70u);
+  EXPECT_GE(runs.keyframes.size(), 50u);
+  for (int frame = 0; frame < 400; ++frame) EXPECT_GE(runs.run_of_frame[frame], 0);
+}
+
 TEST(CondensedAdjustment, ShortTracksAreNotCondensed) {
   SyntheticTracksOptions options;
   options.path = CameraPath::kLateral;
