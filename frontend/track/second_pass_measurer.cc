@@ -167,7 +167,7 @@ void SecondPassMeasurer::MeasureWith(Window& window,
 
 void SecondPassMeasurer::CompareWindows(FrameIndex frame,
                                         std::span<const ModelPrediction> predictions) {
-  constexpr double kEnough = 20.0;
+  constexpr double kEnough = 12.0;
   all_contests_.squares.resize(windows_.size(), 0.0);
   for (const ModelPrediction& prediction : predictions) {
     if (!prediction.observed_in_first_pass || !templates_.contains(prediction.feature)) continue;
@@ -193,8 +193,8 @@ std::size_t SecondPassMeasurer::NearestWindow(const Contest& contest, const Cont
   std::size_t nearest = 0;
   double least = 0.0;
   for (std::size_t w = 0; w < windows_.size(); ++w) {
-    const double mean = DrawnMean(
-        contest.squares[w], contest.count, all.squares[w] / std::max(all.count, 1.0));
+    const double mean =
+        DrawnMean(contest.squares[w], contest.count, all.squares[w] / std::max(all.count, 1.0));
     if (w > 0 && mean >= least) continue;
     least = mean;
     nearest = w;

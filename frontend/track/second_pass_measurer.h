@@ -48,7 +48,7 @@ struct ModelPrediction {
 //   for each frame: measurer.Measure(frame, predictions of all that should be in sight);
 //   std::vector<Observation> observations = measurer.Finish();
 //
-// A feature is measured with a narrow and with a wide patch; of the two, the one whose first twenty
+// A feature is measured with a narrow and with a wide patch; of the two, the one whose first dozen
 // positions lie nearer to the predictions is taken for all of its track: a wide patch has less
 // noise, a narrow one shows less of what does not move with the feature.
 //

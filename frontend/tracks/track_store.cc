@@ -193,6 +193,20 @@ std::optional<Camera> ReadCamera(SqliteDatabase& db, const fs::path& path) {
                 .known = row.Int(10) != 0};
 }
 
+SqliteDatabase OpenTracks(const fs::path& path) {
+  if (!fs::is_regular_file(path)) ThrowError("there is no file {}", path.string());
+  auto db = OpenExisting(path);
+  if (!HoldsTracks(db)) ThrowError("{} is no .tracks file of cohort", path.string());
+  if (db.UserVersion() < kVersion || db.UserVersion() > kNewestVersion) {
+    ThrowError(
+        "{} is a .tracks file of version {}, this program reads versions up to {}: make it again",
+        path.string(),
+        db.UserVersion(),
+        kNewestVersion);
+  }
+  return db;
+}
+
 std::vector<Observation> ReadObservations(SqliteDatabase& db, const fs::path& path) {
   std::vector<Observation> observations;
   auto count = db.Prepare("SELECT COUNT(*) FROM observations");
@@ -347,17 +361,20 @@ std::optional<fs::path> FindUnfinishedTracks(const fs::path& path) {
   return std::nullopt;
 }
 
+TrackCounts CountTracks(const fs::path& path) {
+  auto db = OpenTracks(path);
+  const auto count = [&](std::string_view of) {
+    auto row = db.Prepare(fmt::format("SELECT COUNT({}", of));
+    return row.Step() ? static_cast<std::size_t>(row.Int(0)) : 0;
+  };
+  return {.frames = count("*) FROM frames"),
+          .tracks = count("DISTINCT track_id) FROM observations"),
+          .observations = count("*) FROM observations"),
+          .predicted = count("*) FROM observations WHERE observed = 0")};
+}
+
 TrackFile ReadTrackFile(const fs::path& path) {
-  if (!fs::is_regular_file(path)) ThrowError("there is no file {}", path.string());
-  auto db = OpenExisting(path);
-  if (!HoldsTracks(db)) ThrowError("{} is no .tracks file of cohort", path.string());
-  if (db.UserVersion() < kVersion || db.UserVersion() > kNewestVersion) {
-    ThrowError(
-        "{} is a .tracks file of version {}, this program reads versions up to {}: make it again",
-        path.string(),
-        db.UserVersion(),
-        kNewestVersion);
-  }
+  auto db = OpenTracks(path);
   const SqliteTransaction one_moment(db);  // of a file that may still be written
   TrackFile file;
   auto meta = db.Prepare("SELECT key, value FROM meta");

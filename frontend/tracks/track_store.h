@@ -74,6 +74,14 @@ std::optional<std::filesystem::path> FindUnfinishedTracks(const std::filesystem:
 // Reads unfinished files too (`complete` says so). Throws Error naming the path on a file that is
 // missing, is no .tracks file or is damaged.
 TrackFile ReadTrackFile(const std::filesystem::path& path);
+// What ReadTrackFile would find, counted without it: of an hour of video the tracks fill the memory.
+struct TrackCounts {
+  std::size_t frames = 0;
+  std::size_t tracks = 0;
+  std::size_t observations = 0;  // with those predicted
+  std::size_t predicted = 0;
+};
+TrackCounts CountTracks(const std::filesystem::path& path);
 // Whole or not at all.
 void WriteTrackFile(const std::filesystem::path& path, const TrackFile& file);
 

@@ -20,12 +20,15 @@ namespace {
 
 namespace fs = std::filesystem;
 
-void Count(const TrackFile& file, TrackFigures& figures) {
-  figures.frames = file.frames.size();
-  figures.tracks = file.tracks.features().size();
-  figures.observations = file.tracks.observations().size();
-  figures.predicted = file.tracks.CountPredicted();
-  figures.mean_observed_length = file.tracks.MeanObservedLength();
+void Count(const fs::path& tracks, TrackFigures& figures) {
+  const TrackCounts counts = CountTracks(tracks);
+  figures.frames = counts.frames;
+  figures.tracks = counts.tracks;
+  figures.observations = counts.observations;
+  figures.predicted = counts.predicted;
+  if (counts.tracks == 0) return;
+  figures.mean_observed_length = static_cast<double>(counts.observations - counts.predicted) /
+                                 static_cast<double>(counts.tracks);
 }
 
 TrackFile DescribeJob(const TrackJobOptions& options,
@@ -161,14 +164,14 @@ std::optional<TrackFigures> RunTrackJob(const TrackJobOptions& options) {
   figures.decode_ms = tracker.decode_ms();
   figures.detect_ms = tracker.detect_ms();
   figures.track_ms = tracker.track_ms();
-  TrackFile file = ReadTrackFile(options.out);
   if (header.meta.at("second_pass") == kSecondPassAsked) {
     const Stopwatch stopwatch;
+    TrackFile file = ReadTrackFile(options.out);
     file = RunSecondPass(std::move(file), *sequence, mask, options.second_pass);
     WriteTrackFile(options.out, file);
     figures.second_pass_ms = stopwatch.Milliseconds();
   }
-  Count(file, figures);
+  Count(options.out, figures);
   if (!options.json.empty()) WriteJsonFile(options.json, FiguresToJson(figures, options));
   return figures;
 }

@@ -14,6 +14,8 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cmath>
 #include <map>
 #include <memory>
 #include <opencv2/core/utility.hpp>
@@ -135,6 +137,10 @@ class Racer {
 TrackSequenceOptions Options(int features, int history_length) {
   TrackSequenceOptions options;
   options.tracker.detector.max_features = features;
+  // As many have room in 640 x 480 pixels.
+  constexpr double kArea = 640.0 * 480.0;
+  auto& distance_px = options.tracker.detector.min_distance_px;
+  distance_px = std::min(distance_px, 0.7 * std::sqrt(kArea / features));
   options.tracker.subspace.history_length = history_length;
   return options;
 }

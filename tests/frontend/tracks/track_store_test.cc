@@ -154,6 +154,19 @@ TEST(TrackStore, ReadsBackWhatWasWrittenToTheLastBit) {
   ExpectSame(ReadTrackFile(dir / "bare.tracks"), bare);
 }
 
+TEST(TrackStore, CountsWhatItHoldsWithoutReadingIt) {
+  const test::TempDir dir;
+  const fs::path path = dir / "a.tracks";
+  const TrackFile file = Example(4);
+  WriteTrackFile(path, file);
+  const TrackCounts counts = CountTracks(path);
+  EXPECT_EQ(counts.frames, file.frames.size());
+  EXPECT_EQ(counts.tracks, file.tracks.features().size());
+  EXPECT_EQ(counts.observations, file.tracks.observations().size());
+  EXPECT_EQ(counts.predicted, file.tracks.CountPredicted());
+  EXPECT_GT(counts.predicted, 0U);
+}
+
 TEST(TrackStore, HoldsCamerasOfAllModels) {
   const test::TempDir dir;
   TrackFile file = Example(1);
