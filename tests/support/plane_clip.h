@@ -10,7 +10,7 @@
 namespace cohort::test {
 
 // A clip of PlaneScene that is never on disk: frame i is the scene from CamFromWorld(i).
-class PlaneClip final : public Sequence {
+class PlaneClip : public Sequence {
  public:
   explicit PlaneClip(int frames) {
     for (int i = 0; i < frames; ++i) {

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <optional>
 #include <utility>
 
 #include "frontend/core/in_parallel.h"
@@ -15,15 +16,16 @@
 namespace cohort::trajectory_model {
 namespace {
 
-// Which features may add a coordinate.
-std::vector<std::uint8_t> MayAdd(const State& state) {
+// Which features may add a coordinate, of every so many.
+std::vector<std::uint8_t> MayAdd(const State& state, std::size_t stride) {
   // So often a feature was observed that is no newcomer; chosen by eye on the tuning clips with an
   // occluder. In a short window one miss is allowed.
   constexpr std::size_t kEstablished = 8;
-  std::vector<std::uint8_t> may_add(state.features.size(), 1);
-  if (state.rank < kRigidRank) return may_add;
   const std::size_t least = std::min(kEstablished, state.frames.size() - 2);
-  for (std::size_t f = 0; f < may_add.size(); ++f) may_add[f] = CountObserved(state, f) >= least;
+  std::vector<std::uint8_t> may_add(state.features.size(), 0);
+  for (std::size_t f = 0; f < may_add.size(); f += stride) {
+    may_add[f] = state.rank < kRigidRank || CountObserved(state, f) >= least ? 1 : 0;
+  }
   return may_add;
 }
 
@@ -36,13 +38,13 @@ struct Residuals {
   double sum_of_squares = 0.0;
 };
 
-Residuals ResidualsOf(const State& state) {
+Residuals ResidualsOf(const State& state, std::size_t stride) {
   const auto F = static_cast<Eigen::Index>(state.features.size());
   const auto N = static_cast<Eigen::Index>(state.frames.size());
   Residuals residuals;
   residuals.table = Eigen::MatrixXd::Zero(2 * N, F);
   residuals.radial = Eigen::VectorXd::Zero(F);
-  const std::vector<std::uint8_t> may_add = MayAdd(state);
+  const std::vector<std::uint8_t> may_add = MayAdd(state, stride);
   for (std::size_t l = 0; l < state.frames.size(); ++l) {
     const Frame& frame = state.frames[l];
     const Eigen::Vector2d center = frame.camera.topLeftCorner<2, 1>();
@@ -173,23 +175,39 @@ double EdgeOfNoise(std::size_t features, std::size_t frames, bool perspective) {
       2);
 }
 
-void AdaptRank(State& state, int max_rank) {
-  constexpr std::size_t kFeaturesPerRank = 2;
+namespace {
+
+// The direction that is missing, by every so many of the features; none where noise would explain
+// it.
+std::optional<Direction> MissingDirection(const State& state, std::size_t stride) {
   constexpr std::size_t kLeastResiduals = 20;
   // Of the edge of noise. Noise itself reaches 0.6 here, as the fit has taken a part of it out: up
   // to the three of a rigid scene one coordinate too many does no harm, beyond them it would.
   const double least_strength = state.rank < kRigidRank ? 0.5 : 1.0;
-  const auto needed = kFeaturesPerRank * (static_cast<std::size_t>(state.rank) + 1);
-  if (state.rank >= max_rank || needed > state.features.size()) return;
-  const Residuals residuals = ResidualsOf(state);
-  if (residuals.all.size() < kLeastResiduals) return;
-  const Direction direction = StrongestDirection(state, residuals);
+  const Residuals residuals = ResidualsOf(state, stride);
+  if (residuals.all.size() < kLeastResiduals) return std::nullopt;
+  Direction direction = StrongestDirection(state, residuals);
   // Over the noise that is there, should it be more than the measurements state.
   const double variance =
       std::max(1.0, residuals.sum_of_squares / (2.0 * static_cast<double>(residuals.all.size())));
-  const double edge = EdgeOfNoise(state.features.size(), state.frames.size(), state.perspective);
-  if (direction.explained < least_strength * edge * variance) return;
-  AddCoordinate(direction, state);
+  const std::size_t asked = (state.features.size() + stride - 1) / stride;
+  const double edge = EdgeOfNoise(asked, state.frames.size(), state.perspective);
+  if (direction.explained < least_strength * edge * variance) return std::nullopt;
+  return direction;
+}
+
+}  // namespace
+
+void AdaptRank(State& state, int max_rank) {
+  constexpr std::size_t kFeaturesPerRank = 2;
+  constexpr std::size_t kEnough = 500;  // to see whether a direction is missing
+  const auto needed = kFeaturesPerRank * (static_cast<std::size_t>(state.rank) + 1);
+  if (state.rank >= max_rank || needed > state.features.size()) return;
+  const std::size_t stride = 1 + state.features.size() / kEnough;
+  std::optional<Direction> direction = MissingDirection(state, stride);
+  if (direction && stride > 1) direction = MissingDirection(state, 1);
+  if (!direction) return;
+  AddCoordinate(*direction, state);
   ForEachInParallel(state.frames.size(),
                     [&](std::size_t l) { RefitCamera(state, state.frames[l]); });
   FitAllFeatures(state);
