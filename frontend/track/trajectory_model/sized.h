@@ -9,7 +9,7 @@
 namespace cohort::trajectory_model {
 
 // The hot loops run over all features and frames on matrices of 2 to 6 rows: where these sizes are
-// known when compiled, as for the ranks of rigid scenes, the loops take a fifth of the time. R is
+// known when compiled, as for the ranks of nearly all scenes, the loops take a fifth of the time. R is
 // the rank or Eigen::Dynamic, and the code the same.
 template <int R>
 struct Sized {
@@ -45,6 +45,10 @@ decltype(auto) WithRank(int rank, const Work& work) {
       return work(std::integral_constant<int, 3>());
     case 4:
       return work(std::integral_constant<int, 4>());
+    case 5:
+      return work(std::integral_constant<int, 5>());
+    case 6:
+      return work(std::integral_constant<int, 6>());
     default:
       return work(std::integral_constant<int, Eigen::Dynamic>());
   }
