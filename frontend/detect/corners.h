@@ -11,7 +11,7 @@ namespace cohort {
 
 // Shi-Tomasi corners on a denoised image, spread over a grid; the same for every tracker.
 struct DetectorOptions {
-  int max_features = 400;
+  int max_features = 1000;
   double min_over_noise = 5.0;
   double min_distance_px = 10.0;
   double redetect_below = 0.8;
