@@ -189,8 +189,8 @@ GrownParts GrowPartsBySome(const WhitenedTracks& whitened,
   constexpr int kPerCell = 2;
   constexpr double kWorthIt = 0.75;
   const WhitenedTracks some = whitened.Select(SpreadTracks(whitened, camera, keyframes, kPerCell));
-  if (static_cast<double>(some.observations().size()) <
-      kWorthIt * static_cast<double>(whitened.observations().size())) {
+  if (!whitened.HasSeam() && static_cast<double>(some.observations().size()) <
+                                 kWorthIt * static_cast<double>(whitened.observations().size())) {
     const GrownParts grown = GrowPartsBothWays(some, camera, refinement, keyframes);
     if (IsSure(grown, keyframes)) {
       WorkingModel model(whitened, grown.parts.front().model);
@@ -202,7 +202,9 @@ GrownParts GrowPartsBySome(const WhitenedTracks& whitened,
       return all;
     }
   }
-  return GrowPartsBothWays(whitened, camera, refinement, keyframes);
+  GrownParts grown = GrowPartsBothWays(whitened, camera, refinement, keyframes);
+  for (MappedPart& part : grown.parts) AdjustUntilSettled(part.model, {}, 3, 4);
+  return grown;
 }
 
 // The parts of a clip and what is to be thought of them, in the same order.

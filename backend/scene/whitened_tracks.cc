@@ -4,6 +4,9 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <map>
+#include <vector>
+
+#include "frontend/core/statistics.h"
 
 namespace cohort {
 namespace {
@@ -127,6 +130,16 @@ std::vector<std::pair<int, int>> WhitenedTracks::CommonObservations(int frame_a,
     if (const auto b = FindObservation(observations_[a].track, frame_b)) result.emplace_back(a, *b);
   }
   return result;
+}
+
+bool WhitenedTracks::HasSeam() const {
+  constexpr double kWeak = 0.5;
+  std::vector<double> shared;
+  for (int frame = 1; frame < frame_count(); ++frame) {
+    shared.push_back(static_cast<double>(CommonObservations(frame - 1, frame).size()));
+  }
+  return !shared.empty() &&
+         *std::min_element(shared.begin(), shared.end()) < kWeak * Median(shared);
 }
 
 }  // namespace cohort

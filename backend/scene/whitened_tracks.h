@@ -57,6 +57,10 @@ class WhitenedTracks {
   // The observations that two frames share, as pairs of indices; ascending tracks.
   std::vector<std::pair<int, int>> CommonObservations(int frame_a, int frame_b) const;
 
+  // Are there neighbouring frames that share less than half as many tracks as is usual? All that is
+  // known across such a seam may be needed to hold the model's scale.
+  bool HasSeam() const;
+
  private:
   WhitenedTracks() = default;
 
