@@ -53,8 +53,8 @@ TEST_P(MainJob, AtMediumTheCohortTracksBetterThanKltAndEveryFrameRegisters) {
   const std::string clip = dir / "clip";
   ASSERT_EQ(test::RunCohort("synth " + clip + " --frames 40 --motion " + motion).exit_code, 0);
   // As many as KLT can hold here: of more it keeps those alone that are easy.
-  const Figures figures =
-      CompareThroughColmap(clip, "--levels medium --features 400 --trackers klt,subspace", dir / "out");
+  const Figures figures = CompareThroughColmap(
+      clip, "--levels medium --features 400 --trackers klt,subspace", dir / "out");
   const auto of = [&](const char* tracker, const char* metric) {
     return figures.at({tracker, "", metric});
   };
