@@ -44,13 +44,7 @@ Rigid3 Refine(std::span<const PointInFrame> points, const Rigid3& start, double 
     }
     const Eigen::Matrix<double, 6, 1> step = -H.ldlt().solve(g);
     if (!step.allFinite()) break;
-    const double angle = step.head<3>().norm();
-    if (angle > 0.0) {
-      pose.rotation =
-          (Eigen::Quaterniond(Eigen::AngleAxisd(angle, step.head<3>() / angle)) * pose.rotation)
-              .normalized();
-    }
-    pose.center += step.tail<3>();
+    pose = MovedPose(pose, step);
     if (step.norm() < 1e-8) break;
   }
   return {pose.rotation, -(pose.rotation * pose.center)};

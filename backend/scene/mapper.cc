@@ -180,17 +180,28 @@ bool IsSure(const GrownParts& grown, const std::vector<int>& keyframes) {
          UnexplainedParallax(model, keyframes) <= kMostUnexplained;
 }
 
+// By all tracks, settled.
+GrownParts GrowPartsByAll(const WhitenedTracks& whitened,
+                          const Camera& camera,
+                          const CameraRefinement& refinement,
+                          const std::vector<int>& keyframes) {
+  GrownParts grown = GrowPartsBothWays(whitened, camera, refinement, keyframes);
+  for (MappedPart& part : grown.parts) AdjustUntilSettled(part.model, {}, 3, 4);
+  return grown;
+}
+
 // Grown by some of the tracks, which takes so much less time, and then with all of them; where some
-// are not enough, by all.
+// are not enough, or there is a seam, by all.
 GrownParts GrowPartsBySome(const WhitenedTracks& whitened,
                            const Camera& camera,
                            const CameraRefinement& refinement,
                            const std::vector<int>& keyframes) {
   constexpr int kPerCell = 2;
   constexpr double kWorthIt = 0.75;
+  if (whitened.HasSeam()) return GrowPartsByAll(whitened, camera, refinement, keyframes);
   const WhitenedTracks some = whitened.Select(SpreadTracks(whitened, camera, keyframes, kPerCell));
-  if (!whitened.HasSeam() && static_cast<double>(some.observations().size()) <
-                                 kWorthIt * static_cast<double>(whitened.observations().size())) {
+  if (static_cast<double>(some.observations().size()) <
+      kWorthIt * static_cast<double>(whitened.observations().size())) {
     const GrownParts grown = GrowPartsBothWays(some, camera, refinement, keyframes);
     if (IsSure(grown, keyframes)) {
       WorkingModel model(whitened, grown.parts.front().model);
@@ -202,9 +213,7 @@ GrownParts GrowPartsBySome(const WhitenedTracks& whitened,
       return all;
     }
   }
-  GrownParts grown = GrowPartsBothWays(whitened, camera, refinement, keyframes);
-  for (MappedPart& part : grown.parts) AdjustUntilSettled(part.model, {}, 3, 4);
-  return grown;
+  return GrowPartsByAll(whitened, camera, refinement, keyframes);
 }
 
 // The parts of a clip and what is to be thought of them, in the same order.

@@ -15,6 +15,16 @@ struct CameraPose {
   Eigen::Vector3d center = Eigen::Vector3d::Zero();
 };
 
+inline CameraPose MovedPose(CameraPose pose, const Eigen::Matrix<double, 6, 1>& step) {
+  const double angle = step.head<3>().norm();
+  if (angle > 0.0) {
+    const Eigen::Quaterniond turn(Eigen::AngleAxisd(angle, step.head<3>() / angle));
+    pose.rotation = (turn * pose.rotation).normalized();
+  }
+  pose.center += step.tail<3>();
+  return pose;
+}
+
 // The normalised image point n(x) = (X/Z, Y/Z) of a point and its derivatives by the pose's
 // 6-vector and by the point.
 struct NormalisedProjection {

@@ -34,7 +34,8 @@ class TrajectoryMatrix {
   };
   Line AlongLine(const Eigen::Matrix2Xd& x, const Eigen::Matrix2Xd& c) const;
 
-  // (H M) rows 0, 1 for a symmetric H (R x R): the gradient of a spectral penalty by x, 2 x F.
+  // (H M) rows 0, 1 for a symmetric H (R x R, of which rows 0, 1 are read): the gradient of a spectral
+  // penalty by x, 2 x F.
   Eigen::Matrix2Xd TopRowsOfProduct(const Eigen::MatrixXd& H, const Eigen::Matrix2Xd& x) const;
 
  private:
