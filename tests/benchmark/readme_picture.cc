@@ -2,7 +2,8 @@
 // two trackers: green where they are within 1 px of the truth, yellow within 3 px, red beyond.
 //   cohort synth clip --scene street --motion lateral --frames 60 --seed 11
 //   cohort degrade clip dark --level hard
-//   cohort track dark --features 400 --tracker klt --klt.window-px 31 --out klt.tracks; cohort track dark --features 400 --out cohort.tracks
+//   cohort track dark --features 400 --tracker klt --klt.window-px 31 --out klt.tracks
+//   cohort track dark --features 400 --out cohort.tracks
 //   readme_picture dark 50 klt.tracks cohort.tracks docs/tracks_in_the_dark.jpg
 
 #include <fmt/format.h>
