@@ -117,6 +117,7 @@ const std::map<std::string, std::set<std::string>> kMayInclude{
 const std::map<std::string, std::vector<std::string>> kOnlyIn{
     {"ceres/", {"backend"}},
     {"sqlite3.h", {"frontend/core"}},
+    {"zip.h", {"frontend/core"}},
     {"CLI/", {"pipelines/console"}},
     {"nlohmann/", {"pipelines"}},
 };

@@ -30,6 +30,8 @@ struct ColmapCamera {
   int height_px = 0;
   std::vector<double> params;
   bool prior_focal_length = true;  // calibrated
+
+  bool operator==(const ColmapCamera&) const = default;
 };
 
 // PINHOLE, with distortion OPENCV, with k3 to k6 FULL_OPENCV, a fisheye OPENCV_FISHEYE. A guessed

@@ -2,6 +2,7 @@
 
 #include <Eigen/Geometry>
 #include <Eigen/LU>
+#include <cmath>
 #include <cstring>
 #include <functional>
 #include <set>
@@ -15,6 +16,7 @@ namespace {
 
 constexpr std::int64_t kMaxImages = 2147483647;
 constexpr std::int64_t kUserVersion = 3800;
+constexpr std::int64_t kMaxSidePx = 1 << 20;
 
 // COLMAP reads cameras, images, matches and two_view_geometries by column number: the order counts.
 constexpr const char* kSchema = R"(
@@ -119,19 +121,24 @@ std::vector<ColmapMatch> SwapColumns(std::vector<ColmapMatch> matches) {
   return matches;
 }
 
-void CheckMatches(const std::vector<ColmapMatch>& matches,
+void CheckIndices(const std::vector<ColmapMatch>& matches,
                   const ColmapImage& image1,
                   const ColmapImage& image2) {
+  for (const ColmapMatch& match : matches) {
+    if (match[0] < image1.keypoints.size() && match[1] < image2.keypoints.size()) continue;
+    ThrowError("COLMAP database: a match of images {} and {} points past their {} and {} keypoints",
+               image1.name,
+               image2.name,
+               image1.keypoints.size(),
+               image2.keypoints.size());
+  }
+}
+
+void CheckMatchedOnce(const std::vector<ColmapMatch>& matches,
+                      const ColmapImage& image1,
+                      const ColmapImage& image2) {
   std::set<std::uint32_t> used1, used2;
   for (const ColmapMatch& match : matches) {
-    if (match[0] >= image1.keypoints.size() || match[1] >= image2.keypoints.size()) {
-      ThrowError(
-          "COLMAP database: a match of images {} and {} points past their {} and {} keypoints",
-          image1.name,
-          image2.name,
-          image1.keypoints.size(),
-          image2.keypoints.size());
-    }
     if (!used1.insert(match[0]).second || !used2.insert(match[1]).second) {
       ThrowError(
           "COLMAP database: images {} and {} match a keypoint twice", image1.name, image2.name);
@@ -219,22 +226,45 @@ void CheckSchema(SqliteDatabase& db, const std::filesystem::path& path) {
   }
 }
 
-ColmapCamera ReadCamera(SqliteDatabase& db, const std::filesystem::path& path) {
-  auto cameras = db.Prepare("SELECT model, width, height, params, prior_focal_length FROM cameras");
-  if (!cameras.Step()) ThrowError("COLMAP database {} has no camera", path.string());
+ColmapCamera ReadCamera(const SqliteStatement& row, const std::filesystem::path& path) {
   ColmapCamera camera;
-  camera.model = static_cast<ColmapCameraModel>(cameras.Int(0));
-  camera.width_px = static_cast<int>(cameras.Int(1));
-  camera.height_px = static_cast<int>(cameras.Int(2));
-  camera.params = FromBytes<double>(cameras.Blob(3),
-                                    static_cast<std::int64_t>(ColmapParameterCount(camera.model)),
-                                    path,
-                                    "cameras");
-  camera.prior_focal_length = cameras.Int(4) != 0;
-  if (cameras.Step()) {
-    ThrowError("COLMAP database {} has several cameras: only one is read", path.string());
+  camera.model = static_cast<ColmapCameraModel>(row.Int(0));
+  const std::int64_t width = row.Int(1);
+  const std::int64_t height = row.Int(2);
+  if (width < 1 || height < 1 || width > kMaxSidePx || height > kMaxSidePx) {
+    ThrowError(
+        "COLMAP database {}: a camera has a picture of {} x {}", path.string(), width, height);
   }
+  camera.width_px = static_cast<int>(width);
+  camera.height_px = static_cast<int>(height);
+  camera.params = FromBytes<double>(
+      row.Blob(3), static_cast<std::int64_t>(ColmapParameterCount(camera.model)), path, "cameras");
+  for (const double parameter : camera.params) {
+    if (!std::isfinite(parameter)) {
+      ThrowError("COLMAP database {}: a camera has a parameter that is not finite", path.string());
+    }
+  }
+  camera.prior_focal_length = row.Int(4) != 0;
   return camera;
+}
+
+// COLMAP makes a camera an image unless told not to: alike, they are one.
+ColmapCamera ReadCameras(SqliteDatabase& db, const std::filesystem::path& path) {
+  auto rows = db.Prepare(
+      "SELECT model, width, height, params, prior_focal_length FROM cameras "
+      "WHERE camera_id IN (SELECT camera_id FROM images) ORDER BY camera_id");
+  std::optional<ColmapCamera> camera;
+  while (rows.Step()) {
+    const ColmapCamera next = ReadCamera(rows, path);
+    if (!camera) camera = next;
+    if (next == *camera) continue;
+    ThrowError(
+        "COLMAP database {} has several cameras that differ: one is read, of a clip of one camera "
+        "(colmap feature_extractor --ImageReader.single_camera 1)",
+        path.string());
+  }
+  if (!camera) ThrowError("COLMAP database {} has no camera", path.string());
+  return *camera;
 }
 
 std::map<ColmapImageId, ColmapImage> ReadImages(SqliteDatabase& db,
@@ -355,8 +385,12 @@ void ColmapDatabase::AddPair(ColmapImageId image1, ColmapImageId image2, ColmapP
   if (image1 == image2 || first == images.end() || second == images.end()) {
     ThrowError("COLMAP database: there is no pair of images {} and {}", image1, image2);
   }
-  CheckMatches(pair.matches, first->second, second->second);
-  if (pair.geometry) CheckMatches(pair.geometry->inliers, first->second, second->second);
+  CheckIndices(pair.matches, first->second, second->second);
+  CheckMatchedOnce(pair.matches, first->second, second->second);
+  if (pair.geometry) {
+    CheckIndices(pair.geometry->inliers, first->second, second->second);
+    CheckMatchedOnce(pair.geometry->inliers, first->second, second->second);
+  }
   if (!pairs.emplace(std::pair(image1, image2), std::move(pair)).second) {
     ThrowError("COLMAP database: the pair of images {} and {} occurs twice", image1, image2);
   }
@@ -385,10 +419,21 @@ ColmapDatabase ReadColmapDatabase(const std::filesystem::path& path) {
   auto db = SqliteDatabase::Open(path, SqliteDatabase::Mode::kRead);
   CheckSchema(db, path);
   ColmapDatabase database;
-  database.camera = ReadCamera(db, path);
+  database.camera = ReadCameras(db, path);
   database.images = ReadImages(db, path);
-  for (auto& [ids, pair] : ReadPairs(db, path)) {
-    database.AddPair(ids.first, ids.second, std::move(pair));
+  database.pairs = ReadPairs(db, path);
+  for (const auto& [ids, pair] : database.pairs) {
+    const auto first = database.images.find(ids.first);
+    const auto second = database.images.find(ids.second);
+    if (ids.first >= ids.second || first == database.images.end() ||
+        second == database.images.end()) {
+      ThrowError("COLMAP database {}: there is no pair of images {} and {}",
+                 path.string(),
+                 ids.first,
+                 ids.second);
+    }
+    CheckIndices(pair.matches, first->second, second->second);
+    if (pair.geometry) CheckIndices(pair.geometry->inliers, first->second, second->second);
   }
   return database;
 }

@@ -5,7 +5,6 @@
 #include <vector>
 
 #include "frontend/tracks/track_set.h"
-#include "frontend/tracks/track_store.h"
 
 namespace cohort {
 
@@ -28,13 +27,5 @@ TracksCsv ReadTracksCsv(const std::filesystem::path& path);
 // Sorted by (track_id, frame), numbers in the fewest digits that read back the same. Whole or not
 // at all.
 void WriteTracksCsv(const std::filesystem::path& path, const TrackSet& tracks);
-
-// tracks.csv of OpenSfM, version 2: tab-separated image, track_id, feature_id, x, y, scale, r, g,
-// b, segmentation, instance; with D = max(width, height)
-//   x = (x_px + 0.5 - width / 2) / D,  y = (y_px + 0.5 - height / 2) / D,  scale = 1 px / D.
-// Colours are black, segmentation and instance -1 (none). Whole or not at all.
-void WriteOpenSfmTracks(const std::filesystem::path& path,
-                        const TrackFile& file,
-                        bool include_predicted = false);
 
 }  // namespace cohort

@@ -2,11 +2,14 @@
 
 #include <spdlog/spdlog.h>
 
+#include "backend/colmap/keypoint_covariances.h"
 #include "backend/colmap/model_io.h"
 #include "backend/scene/bal.h"
 #include "backend/scene/mapper.h"
 #include "backend/scene/rolling_shutter.h"
+#include "frontend/tracks/opensfm_tracks.h"
 #include "frontend/tracks/track_csv.h"
+#include "frontend/tracks/track_npz.h"
 #include "pipelines/console/progress_bar.h"
 #include "pipelines/sfm/reconstruct.h"
 #include "pipelines/sfm/video_frames.h"
@@ -42,10 +45,11 @@ TrackFile TracksToExport(const ExportCommandOptions& options) {
 }  // namespace
 
 void RunExport(const ExportCommandOptions& options) {
-  if (options.colmap_database.empty() && options.csv.empty() && options.opensfm.empty() &&
-      options.bal.empty()) {
+  if (options.colmap_database.empty() && options.csv.empty() && options.npz.empty() &&
+      options.opensfm.empty() && options.covariances.empty() && options.bal.empty()) {
     ThrowUsageError(
-        "nothing to export: give --colmap-database, --csv, --opensfm or --bal and a file");
+        "nothing to export: give --colmap-database, --csv, --npz, --opensfm, --covariances or "
+        "--bal and a file");
   }
   if (!options.bal.empty() && options.model.empty()) {
     ThrowUsageError("--bal is a problem of cameras and points: give their folder by --model");
@@ -55,6 +59,21 @@ void RunExport(const ExportCommandOptions& options) {
   if (!options.csv.empty()) {
     WriteTracksCsv(options.csv, file.tracks);
     fmt::print("{}: {} rows\n", options.csv, file.tracks.observations().size());
+  }
+  if (!options.npz.empty()) {
+    WriteTracksNpz(options.npz, file);
+    fmt::print("{}: {} frames x {} tracks\n",
+               options.npz,
+               file.frames.size(),
+               file.tracks.features().size());
+  }
+  if (!options.covariances.empty()) {
+    const CovarianceCounts counts =
+        WriteKeypointCovariances(options.covariances, file, options.database);
+    fmt::print("{}: covariances of {} of {} keypoints\n",
+               options.covariances,
+               counts.keypoints - counts.without,
+               counts.keypoints);
   }
   if (!options.opensfm.empty()) {
     WriteOpenSfmTracks(options.opensfm, file, options.database.include_predicted);
@@ -72,7 +91,8 @@ void RunExport(const ExportCommandOptions& options) {
 
 Command ExportCommand() {
   return MakeCommand({.name = "export",
-                      .usage = "F.tracks [--colmap-database F.db] [--csv F.csv] [--opensfm F.csv] "
+                      .usage = "F.tracks [--colmap-database F.db] [--covariances F.npz] "
+                               "[--csv F.csv] [--npz F.npz] [--opensfm F.csv] "
                                "[--model DIR --bal F.txt] [options]",
                       .summary = "Write tracks as other programs read them",
                       .positionals = {"tracks"},

@@ -9,7 +9,9 @@ struct ExportCommandOptions {
   std::string tracks;
   std::string colmap_database;
   std::string csv;
+  std::string npz;
   std::string opensfm;
+  std::string covariances;
   std::string bal;
   std::string model;
   bool global_shutter = false;
@@ -28,7 +30,16 @@ struct ExportCommandOptions {
            o.csv,
            "Write a CSV table to this file: track_id,frame,x,y,observed,residual.",
            Tier::kCommon);
+    v.Text("npz",
+           o.npz,
+           "Write NumPy arrays to this file: tracks (frames x tracks x 2), visibility and more.",
+           Tier::kCommon);
     v.Text("opensfm", o.opensfm, "Write OpenSfM's tracks.csv to this file.", Tier::kCommon);
+    v.Text("covariances",
+           o.covariances,
+           "Write how certain every keypoint of the COLMAP database is to this file, a CSV table, "
+           "or NumPy arrays if it ends with .npz.",
+           Tier::kCommon);
     v.Text("bal",
            o.bal,
            "Write the bundle adjustment problem of a model to this file (BAL); needs "

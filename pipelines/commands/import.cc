@@ -2,6 +2,14 @@
 
 #include <spdlog/spdlog.h>
 
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <cstring>
+#include <fstream>
+
+#include "backend/colmap/database_tracks.h"
+#include "frontend/tracks/opensfm_tracks.h"
 #include "frontend/tracks/track_csv.h"
 #include "frontend/tracks/track_store.h"
 #include "pipelines/console/progress_bar.h"
@@ -26,9 +34,12 @@ TrackFile ReadFrames(const InputOptions& input) {
   return file;
 }
 
-void CheckFramesKnown(const TrackFile& file, const std::string& csv, const std::string& input) {
+void CheckFramesKnown(const TrackSet& tracks,
+                      const TrackFile& file,
+                      const std::string& csv,
+                      const std::string& input) {
   auto known = file.frames.begin();
-  for (const FrameIndex frame : file.tracks.frames()) {
+  for (const FrameIndex frame : tracks.frames()) {
     while (known != file.frames.end() && known->index < frame) ++known;
     if (known == file.frames.end() || known->index != frame) {
       ThrowError("{}: frame {} is not among the {} frames read from {}",
@@ -40,17 +51,102 @@ void CheckFramesKnown(const TrackFile& file, const std::string& csv, const std::
   }
 }
 
-}  // namespace
+// What a file is, by its first bytes.
+TracksForm FormOf(const std::string& path) {
+  if (std::filesystem::is_directory(path)) {
+    ThrowError("cannot read tracks of {}: it is a folder; give a file", path);
+  }
+  std::array<char, 4096> start{};
+  std::ifstream in(path, std::ios::binary);
+  if (!in) ThrowError("cannot read {}: {}", path, std::strerror(errno));
+  in.read(start.data(), start.size());
+  const std::string_view text(start.data(), static_cast<std::size_t>(in.gcount()));
+  if (text.starts_with("PK\x03\x04")) return TracksForm::kNpz;
+  if (text.starts_with("SQLite format 3")) return TracksForm::kColmap;
+  const std::string_view first_line = text.substr(0, text.find('\n'));
+  const bool opensfm = first_line.starts_with("OPENSFM_TRACKS_VERSION") ||
+                       (std::count(first_line.begin(), first_line.end(), '\t') >= 7 &&
+                        first_line.find(',') == std::string_view::npos);
+  return opensfm ? TracksForm::kOpensfm : TracksForm::kCsv;
+}
 
-void RunImport(const ImportCommandOptions& options) {
+ImportedTracks ReadCsv(const ImportCommandOptions& options, const TrackFile& file) {
   TracksCsv csv = ReadTracksCsv(options.tracks);
   if (!csv.track_ids.empty()) {
     spdlog::warn("{}: track ids need more than 32 bits and are counted anew, from 0",
                  options.tracks);
   }
+  ImportedTracks imported;
+  imported.tracks = std::move(csv.tracks);
+  CheckFramesKnown(imported.tracks, file, options.tracks, options.input.input);
+  return imported;
+}
+
+ImportedTracks ReadDatabase(const ImportCommandOptions& options, const TrackFile& file) {
+  ImportedTracks imported =
+      TracksOfColmapDatabase(ReadColmapDatabase(options.tracks), file.frames, options.tracks);
+  if (imported.camera->width_px != file.width_px || imported.camera->height_px != file.height_px) {
+    ThrowError("{} is of pictures of {} x {}, but {} has {} x {}: give the images that COLMAP had",
+               options.tracks,
+               imported.camera->width_px,
+               imported.camera->height_px,
+               options.input.input,
+               file.width_px,
+               file.height_px);
+  }
+  if (imported.left_out > 0) {
+    spdlog::warn("{}: {} matches would give a point two positions in an image, and are left out",
+                 options.tracks,
+                 imported.left_out);
+  }
+  return imported;
+}
+
+ImportedTracks ReadTracks(TracksForm form,
+                          const ImportCommandOptions& options,
+                          const TrackFile& file) {
+  switch (form) {
+    case TracksForm::kAuto:
+    case TracksForm::kCsv:
+      return ReadCsv(options, file);
+    case TracksForm::kNpz: {
+      ImportedTracks imported =
+          ReadTracksNpz(options.tracks, file.frames, file.width_px, file.height_px, options.npz);
+      if (imported.left_out > 0) {
+        spdlog::warn("{}: {} visible positions lie outside the picture, and count as predicted",
+                     options.tracks,
+                     imported.left_out);
+      }
+      return imported;
+    }
+    case TracksForm::kOpensfm:
+      return ReadOpenSfmTracks(options.tracks, file.frames, file.width_px, file.height_px);
+    case TracksForm::kColmap:
+      return ReadDatabase(options, file);
+  }
+  Check(false, "every form of tracks is read");
+  return {};
+}
+
+}  // namespace
+
+void RunImport(const ImportCommandOptions& options) {
+  const TracksForm form = options.from == TracksForm::kAuto ? FormOf(options.tracks) : options.from;
   TrackFile file = ReadFrames(options.input);
-  file.tracks = std::move(csv.tracks);
-  CheckFramesKnown(file, options.tracks, options.input.input);
+  ImportedTracks imported = ReadTracks(form, options, file);
+  if (imported.unknown_images > 0) {
+    spdlog::warn("{}: {} of its images are no frame of {} and are left out, {} for one",
+                 options.tracks,
+                 imported.unknown_images,
+                 options.input.input,
+                 imported.an_unknown_image);
+  }
+  // What the command line says, then who is sure of it: a calibration before a guess.
+  const bool given = !options.input.camera.empty();
+  if (imported.camera && !given && (!file.camera || imported.camera->known)) {
+    file.camera = imported.camera;
+  }
+  file.tracks = std::move(imported.tracks);
   file.meta = {{"program", fmt::format("cohort {}", kVersion)},
                {"tracker", "import"},
                {"imported_from", AbsolutePath(options.tracks)},
@@ -65,8 +161,8 @@ void RunImport(const ImportCommandOptions& options) {
 
 Command ImportCommand() {
   return MakeCommand({.name = "import",
-                      .usage = "TRACKS.csv --images INPUT --out F.tracks [options]",
-                      .summary = "Take over the tracks of any other tracker",
+                      .usage = "TRACKS --images INPUT --out F.tracks [options]",
+                      .summary = "Take over the tracks of any other tracker, of COLMAP or OpenSfM",
                       .positionals = {"tracks"},
                       .required = {"tracks", "input", "out"},
                       .short_flags = {{"images", {"input"}}}},

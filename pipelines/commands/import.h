@@ -1,24 +1,41 @@
 #pragma once
 
+#include "frontend/tracks/track_npz.h"
 #include "pipelines/console/command.h"
 #include "pipelines/sfm/input.h"
 
 namespace cohort {
 
+enum class TracksForm { kAuto, kCsv, kNpz, kOpensfm, kColmap };
+inline constexpr ChoiceNames<TracksForm, 5> kTracksFormNames{{{"auto", TracksForm::kAuto},
+                                                              {"csv", TracksForm::kCsv},
+                                                              {"npz", TracksForm::kNpz},
+                                                              {"opensfm", TracksForm::kOpensfm},
+                                                              {"colmap", TracksForm::kColmap}}};
+
 struct ImportCommandOptions {
   std::string tracks;
   InputOptions input;
   std::string out;
+  TracksForm from = TracksForm::kAuto;
+  NpzTracksOptions npz;
 
   template <typename Self, typename Visitor>
   static void Visit(Self& o, Visitor& v) {
     v.Text("tracks",
            o.tracks,
-           "The CSV file of the tracks, with columns "
-           "track_id,frame,x,y[,observed][,residual].",
+           "The tracks: a CSV file with columns track_id,frame,x,y[,observed][,residual], a NumPy "
+           ".npz as point trackers save it, OpenSfM's tracks.csv, or a COLMAP database with "
+           "verified matches.",
            Tier::kCommon);
+    v.Choice("from",
+             o.from,
+             kTracksFormNames,
+             "What the tracks are; auto: told by the file.",
+             Tier::kCommon);
     InputOptions::Visit(o.input, v);
     v.Text("out", o.out, "The .tracks file to write.", Tier::kCommon);
+    v.Group("npz", o.npz, "NumPy .npz");
   }
 };
 

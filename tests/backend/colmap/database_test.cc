@@ -736,10 +736,38 @@ TEST(ColmapDatabase, RefusesKeypointsOfOneColumnAndSeveralCameras) {
   WriteColmapDatabase(dir / "b.db", ThreeFrames());
   Open(dir / "b.db")
       .Execute(
-          "INSERT INTO cameras SELECT 2, model, width, height, params, prior_focal_length FROM "
-          "cameras");
+          "INSERT INTO cameras SELECT 2, model, width + 1, height, params, prior_focal_length FROM "
+          "cameras; UPDATE images SET camera_id = 2 WHERE image_id = 3");
   EXPECT_THAT([&] { ReadColmapDatabase(dir / "b.db"); },
               ThrowsMessage<Error>(HasSubstr("several cameras")));
+}
+
+TEST(ColmapDatabase, CamerasThatAreAlikeAreOne) {
+  const TempDir dir;
+  WriteColmapDatabase(dir / "a.db", ThreeFrames());
+  Open(dir / "a.db")
+      .Execute(
+          "INSERT INTO cameras SELECT 2, model, width, height, params, prior_focal_length FROM "
+          "cameras; UPDATE images SET camera_id = 2 WHERE image_id = 3");
+  EXPECT_EQ(ReadColmapDatabase(dir / "a.db").camera.width_px, 640);
+}
+
+TEST(ColmapDatabase, RefusesACameraAndAPairThatCannotBe) {
+  const TempDir dir;
+  for (const char* wrong : {"UPDATE cameras SET width = 0",
+                            "UPDATE cameras SET height = 1 << 40",
+                            "UPDATE cameras SET model = 77",
+                            "UPDATE cameras SET params = zeroblob(8)",
+                            "UPDATE cameras SET params = CAST(x'000000000000F87F' || "
+                            "zeroblob(24) AS BLOB)",
+                            "DELETE FROM images; DELETE FROM cameras",
+                            "INSERT INTO matches VALUES(2147483647 * 2 + 2, 0, 2, NULL)",
+                            "INSERT INTO matches VALUES(2147483647 * 2 + 9, 0, 2, NULL)",
+                            "INSERT INTO matches VALUES(-5, 0, 2, NULL)"}) {
+    WriteColmapDatabase(dir / "a.db", ThreeFrames());
+    Open(dir / "a.db").Execute(wrong);
+    EXPECT_THROW(ReadColmapDatabase(dir / "a.db"), Error) << wrong;
+  }
 }
 
 TEST(ColmapDatabase, NamesADamagedOrForeignFile) {

@@ -3,6 +3,7 @@
 #include <sys/resource.h>
 
 #include "frontend/tracks/track_csv.h"
+#include "frontend/tracks/track_store.h"
 #include "tests/support/child_process.h"
 #include "tests/support/temp_dir.h"
 

@@ -156,29 +156,5 @@ TEST(TracksCsv, AFullDiskIsOneErrorAndTheOldFileStays) {
   EXPECT_FALSE(fs::exists(dir / "a.csv.partial"));
 }
 
-TEST(OpenSfmTracks, NormalisesByTheLongerSideAboutTheCentre) {
-  const test::TempDir dir;
-  TrackFile file;
-  file.width_px = 640;
-  file.height_px = 480;
-  file.frames = {{FrameIndex{0}, "a.png", 0}, {FrameIndex{5}, "b.png", 0}};
-  file.tracks =
-      TrackSet::Build({{.feature = FeatureId{3}, .frame = FrameIndex{0}, .xy = {319.5, 239.5}},
-                       {.feature = FeatureId{8}, .frame = FrameIndex{0}, .xy = {639.5, -0.5}},
-                       {.feature = FeatureId{8}, .frame = FrameIndex{5}, .xy = {-0.5, 479.5}},
-                       {.feature = FeatureId{3},
-                        .frame = FrameIndex{5},
-                        .xy = {319.5, 239.5},
-                        .state = ObservationState::kPredicted}});
-  WriteOpenSfmTracks(dir / "tracks.csv", file);
-  EXPECT_EQ(ReadBytes(dir / "tracks.csv"),
-            "OPENSFM_TRACKS_VERSION_v2\n"
-            "a.png\t3\t0\t0\t0\t0.0015625\t0\t0\t0\t-1\t-1\n"
-            "a.png\t8\t1\t0.5\t-0.375\t0.0015625\t0\t0\t0\t-1\t-1\n"
-            "b.png\t8\t0\t-0.5\t0.375\t0.0015625\t0\t0\t0\t-1\t-1\n");
-  WriteOpenSfmTracks(dir / "tracks.csv", file, true);
-  EXPECT_THAT(ReadBytes(dir / "tracks.csv"), HasSubstr("b.png\t3\t0\t0\t0\t"));
-}
-
 }  // namespace
 }  // namespace cohort

@@ -288,6 +288,70 @@ TEST_F(Commands, ImportsWhatItExports) {
   EXPECT_EQ(file.camera->width_px, 160);
 }
 
+TEST_F(Commands, ImportsWhateverFormItExports) {
+  const std::string clip = WriteImages(Path("clip"), 5);
+  ASSERT_EQ(RunCohort(Track(clip, "--camera 150,150,79.5,59.5")).exit_code, 0);
+  ASSERT_EQ(RunCohort("export " + Path("a.tracks") + " --npz " + Path("a.npz") + " --opensfm " +
+                      Path("o.csv") + " --colmap-database " + Path("a.db"))
+                .exit_code,
+            0);
+  const TrackFile file = ReadTrackFile(Path("a.tracks"));
+  const auto import = [&](const char* name) {
+    const ProgramEnd end = RunCohort("import " + Path(name) + " --images " + clip +
+                                     " --quiet --out " + Path("b.tracks"));
+    EXPECT_EQ(end.exit_code, 0) << end.err;
+    return ReadTrackFile(Path("b.tracks"));
+  };
+  const TrackFile npz = import("a.npz");
+  ASSERT_EQ(npz.tracks.observations().size(), file.tracks.observations().size());
+  for (std::size_t i = 0; i < npz.tracks.observations().size(); ++i) {
+    EXPECT_EQ(npz.tracks.observations()[i].xy, file.tracks.observations()[i].xy);
+    EXPECT_EQ(npz.tracks.observations()[i].state, file.tracks.observations()[i].state);
+  }
+  EXPECT_FALSE(npz.camera);
+  EXPECT_EQ(import("o.csv").tracks.observations().size(), file.tracks.CountObserved());
+  const TrackFile database = import("a.db");
+  EXPECT_GT(database.tracks.features().size(), file.tracks.features().size() / 2);
+  ASSERT_TRUE(database.KnowsCamera());
+  EXPECT_EQ(database.camera->fx, 150.0);
+  EXPECT_EQ(database.meta.at("imported_from"), Path("a.db"));
+}
+
+TEST_F(Commands, ImportSaysInOneLineWhatATrackFileIsNot) {
+  const std::string clip = WriteImages(Path("clip"), 3);
+  const auto import = [&](const std::string& arguments) {
+    return RunCohort("import " + arguments + " --images " + clip + " --quiet --out " +
+                     Path("b.tracks"));
+  };
+  ASSERT_EQ(RunCohort(Track(clip)).exit_code, 0);
+  ASSERT_EQ(RunCohort("export " + Path("a.tracks") + " --npz " + Path("a.npz") +
+                      " --colmap-database " + Path("a.db"))
+                .exit_code,
+            0);
+  ExpectFailure(import(Path("missing.npz")), 1, HasSubstr("missing.npz"));
+  ExpectFailure(import(clip), 1, HasSubstr("it is a folder"));
+  ExpectFailure(import(Path("a.tracks")), 1, HasSubstr("no COLMAP database"));
+  ExpectFailure(import(Path("a.npz") + " --from colmap"), 1, HasSubstr("a.npz"));
+  ExpectFailure(import(Path("a.npz") + " --from pickle"), 2, HasSubstr("pickle"));
+  ExpectFailure(
+      import(Path("a.npz") + " --frames 0:2"), 1, HasSubstr("frame 2 is not among the 2"));
+  ExpectFailure(import(Path("a.npz") + " --npz.size 5"), 2, HasSubstr("--npz.size"));
+  const std::string whole = ReadBytes(Path("a.npz"));
+  WriteText(Path("cut.npz"), whole.substr(0, whole.size() / 2));
+  ExpectFailure(import(Path("cut.npz")), 1, HasSubstr("cut.npz"));
+  // The same database with pictures of another size.
+  const std::string large = Path("large");
+  fs::create_directory(large);
+  for (int i = 0; i < 3; ++i) {
+    cv::imwrite(ImagePath(large, i), MovingFrame(i, CV_8U, {200, 160}));
+  }
+  ExpectFailure(RunCohort("import " + Path("a.db") + " --images " + large + " --quiet --out " +
+                          Path("b.tracks")),
+                1,
+                HasSubstr("160 x 120"));
+  EXPECT_FALSE(fs::exists(Path("b.tracks")));
+}
+
 TEST_F(Commands, TakesACameraOfAnyModel) {
   const std::string clip = WriteImages(Path("clip"), 2);
   ASSERT_EQ(RunCohort(Track(clip, "--camera 150,151,79.5,59.5,0.1,0.2,0.3,0.4,0.5")).exit_code, 0);

@@ -1,0 +1,147 @@
+#include "backend/colmap/database_tracks.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+#include <tuple>
+#include <vector>
+
+namespace cohort {
+namespace {
+
+// Keypoints of all images, counted through; those at one position of one image are the first of
+// them.
+class Nodes {
+ public:
+  Nodes(const ColmapDatabase& database, const std::filesystem::path& path) {
+    for (const auto& [id, image] : database.images) {
+      const std::size_t first = image_of_.size();
+      first_of_image_[id] = first;
+      std::map<std::pair<float, float>, std::size_t> at_position;
+      for (const Eigen::Vector2f& xy : image.keypoints) {
+        if (!xy.allFinite()) {
+          ThrowError("COLMAP database {}: keypoint {} of image {} is not finite",
+                     path.string(),
+                     image_of_.size() - first,
+                     image.name);
+        }
+        same_.push_back(
+            at_position.emplace(std::pair(xy.x(), xy.y()), image_of_.size()).first->second);
+        image_of_.push_back(id);
+      }
+    }
+  }
+
+  std::size_t size() const { return image_of_.size(); }
+  std::size_t Of(ColmapImageId image, std::uint32_t keypoint) const {
+    return same_[first_of_image_.at(image) + keypoint];
+  }
+  ColmapImageId ImageOf(std::size_t node) const { return image_of_[node]; }
+  std::uint32_t KeypointOf(std::size_t node) const {
+    return static_cast<std::uint32_t>(node - first_of_image_.at(image_of_[node]));
+  }
+
+ private:
+  std::map<ColmapImageId, std::size_t> first_of_image_;
+  std::vector<ColmapImageId> image_of_;
+  std::vector<std::size_t> same_;
+};
+
+// Disjoint sets of nodes, no two of one image.
+class Components {
+ public:
+  explicit Components(const Nodes& nodes) : parent_(nodes.size()), images_(nodes.size()) {
+    std::iota(parent_.begin(), parent_.end(), std::size_t{0});
+    for (std::size_t n = 0; n < nodes.size(); ++n) images_[n] = {nodes.ImageOf(n)};
+  }
+
+  std::size_t Root(std::size_t node) {
+    while (parent_[node] != node) node = parent_[node] = parent_[parent_[node]];
+    return node;
+  }
+  // False where an image would have two.
+  bool Join(std::size_t a, std::size_t b) {
+    a = Root(a);
+    b = Root(b);
+    if (a == b) return true;
+    std::vector<ColmapImageId> both;
+    both.reserve(images_[a].size() + images_[b].size());
+    std::merge(images_[a].begin(),
+               images_[a].end(),
+               images_[b].begin(),
+               images_[b].end(),
+               std::back_inserter(both));
+    if (std::adjacent_find(both.begin(), both.end()) != both.end()) return false;
+    if (images_[a].size() < images_[b].size()) std::swap(a, b);
+    parent_[b] = a;
+    images_[a] = std::move(both);
+    images_[b] = {};
+    return true;
+  }
+  std::size_t Size(std::size_t root) const { return images_[root].size(); }
+
+ private:
+  std::vector<std::size_t> parent_;
+  std::vector<std::vector<ColmapImageId>> images_;  // of a root: ascending
+};
+
+}  // namespace
+
+ImportedTracks TracksOfColmapDatabase(const ColmapDatabase& database,
+                                      std::span<const FrameInfo> frames,
+                                      const std::filesystem::path& path) {
+  using Pair = std::tuple<std::size_t, ColmapImageId, ColmapImageId>;
+  std::vector<Pair> pairs;  // with most inliers first
+  for (const auto& [ids, pair] : database.pairs) {
+    if (!pair.geometry || pair.geometry->inliers.empty()) continue;
+    pairs.emplace_back(pair.geometry->inliers.size(), ids.first, ids.second);
+  }
+  if (pairs.empty()) {
+    ThrowError(
+        "COLMAP database {} has no verified matches (two_view_geometries): match its images with "
+        "colmap first",
+        path.string());
+  }
+  std::sort(pairs.begin(), pairs.end(), [](const Pair& a, const Pair& b) {
+    return std::tuple(std::get<0>(b), std::get<1>(a), std::get<2>(a)) <
+           std::tuple(std::get<0>(a), std::get<1>(b), std::get<2>(b));
+  });
+
+  ImportedTracks result;
+  result.camera = FromColmapCamera(database.camera);
+  const Nodes nodes(database, path);
+  Components components(nodes);
+  for (const auto& [count, image1, image2] : pairs) {
+    for (const auto& [index1, index2] : database.pairs.at({image1, image2}).geometry->inliers) {
+      if (!components.Join(nodes.Of(image1, index1), nodes.Of(image2, index2))) ++result.left_out;
+    }
+  }
+
+  FrameNames names(frames);
+  std::map<ColmapImageId, std::optional<FrameIndex>> frame_of_image;
+  for (const auto& [id, image] : database.images) {
+    frame_of_image[id] = names.Find(image.name);
+    if (frame_of_image[id] || image.keypoints.empty()) continue;
+    if (result.unknown_images++ == 0) result.an_unknown_image = image.name;
+  }
+  std::vector<Observation> observations;
+  std::map<std::size_t, FeatureId> feature_of_root;
+  for (std::size_t node = 0; node < nodes.size(); ++node) {
+    const std::size_t root = components.Root(node);
+    const auto frame = frame_of_image.at(nodes.ImageOf(node));
+    if (!frame || components.Size(root) < 2) continue;
+    const auto next = FeatureId{static_cast<std::uint32_t>(feature_of_root.size())};
+    const FeatureId feature = feature_of_root.emplace(root, next).first->second;
+    const Eigen::Vector2f& xy =
+        database.images.at(nodes.ImageOf(node)).keypoints[nodes.KeypointOf(node)];
+    observations.push_back(
+        {.feature = feature,
+         .frame = *frame,
+         .xy = xy.cast<double>() - Eigen::Vector2d::Constant(kColmapPixelShift)});
+  }
+  result.tracks = TrackSet::Build(std::move(observations));
+  CheckSomeImageKnown(result, path.string(), frames);
+  return result;
+}
+
+}  // namespace cohort

@@ -1,0 +1,75 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace cohort {
+
+// NumPy's .npz, as np.savez and np.savez_compressed write it: a zip archive of arrays NAME.npy.
+
+enum class NpzKind { kBool, kInteger, kReal };
+
+struct NpzArray {
+  NpzKind kind = NpzKind::kReal;
+  std::vector<std::size_t> shape;
+  std::vector<double> values;  // C order, the last index runs fastest; bool 0 or 1
+};
+
+// "30 x 1000 x 2", of a single number "1".
+std::string ShapeText(std::span<const std::size_t> shape);
+
+// Reads arrays of bool, integers and floats of 2 to 8 bytes, little-endian, in C or Fortran order.
+// Never trusts what a file says of its size, and never unpickles. Throws Error naming path and
+// array.
+class NpzReader {
+ public:
+  explicit NpzReader(const std::filesystem::path& path);
+  NpzReader(NpzReader&&) noexcept;
+  ~NpzReader();
+
+  // Of all arrays, in the file's order. What is in the archive and no .npy is not listed.
+  const std::vector<std::string>& names() const;
+  bool Has(std::string_view name) const;
+  NpzArray Read(const std::string& name);
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+// Writes compressed arrays, whole or not at all; the same arrays give the same bytes.
+//
+//   NpzWriter npz("a.npz");
+//   npz.Add("xy", {n, 2}, std::span<const double>(values));
+//   npz.Commit();
+class NpzWriter {
+ public:
+  explicit NpzWriter(const std::filesystem::path& path);
+  NpzWriter(NpzWriter&&) noexcept;
+  ~NpzWriter();
+
+  void Add(const std::string& name, std::span<const std::size_t> shape, std::span<const double>);
+  void Add(const std::string& name, std::span<const std::size_t> shape, std::span<const float>);
+  void Add(const std::string& name,
+           std::span<const std::size_t> shape,
+           std::span<const std::int64_t>);
+  // Bytes 0 and 1, as NumPy's bool.
+  void AddBools(const std::string& name,
+                std::span<const std::size_t> shape,
+                std::span<const std::uint8_t> values);
+  // Texts as NumPy's bytes (dtype S): np.char.decode makes them str.
+  void AddTexts(const std::string& name, std::span<const std::string> texts);
+  void Commit();
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace cohort

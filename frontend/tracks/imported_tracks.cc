@@ -1,0 +1,56 @@
+#include "frontend/tracks/imported_tracks.h"
+
+#include <filesystem>
+
+#include "frontend/core/error.h"
+
+namespace cohort {
+namespace fs = std::filesystem;
+
+FrameNames::FrameNames(std::span<const FrameInfo> frames) {
+  const auto add = [](ByName& names, const std::string& name, FrameIndex frame) {
+    const auto [at, is_new] = names.emplace(name, frame);
+    if (!is_new) at->second.reset();
+  };
+  for (const FrameInfo& frame : frames) {
+    const fs::path name = frame.name;
+    add(by_name_, name.string(), frame.index);
+    add(by_last_part_, name.filename().string(), frame.index);
+    add(by_stem_, name.stem().string(), frame.index);
+  }
+}
+
+std::optional<FrameIndex> FrameNames::Find(const std::string& name) {
+  const fs::path path = name;
+  const std::pair<const ByName*, std::string> ways[] = {{&by_name_, path.string()},
+                                                        {&by_last_part_, path.filename().string()},
+                                                        {&by_stem_, path.stem().string()}};
+  for (const auto& [names, key] : ways) {
+    const auto found = names->find(key);
+    if (found == names->end() || !found->second) continue;
+    const std::string& before = found_.emplace(*found->second, name).first->second;
+    if (before != name) {
+      ThrowError(
+          "images {} and {} are both frame {} of the clip by their names: give images whose "
+          "names are apart",
+          before,
+          name,
+          ToInt(*found->second));
+    }
+    return found->second;
+  }
+  return std::nullopt;
+}
+
+void CheckSomeImageKnown(const ImportedTracks& imported,
+                         const std::string& path,
+                         std::span<const FrameInfo> frames) {
+  if (imported.unknown_images == 0 || !imported.tracks.observations().empty()) return;
+  ThrowError("{}: none of its {} images is a frame of the clip: it has {}, the clip {}",
+             path,
+             imported.unknown_images,
+             imported.an_unknown_image,
+             frames.empty() ? "none" : frames.front().name);
+}
+
+}  // namespace cohort

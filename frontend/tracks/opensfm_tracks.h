@@ -1,0 +1,29 @@
+#pragma once
+
+#include <filesystem>
+
+#include "frontend/tracks/imported_tracks.h"
+#include "frontend/tracks/track_store.h"
+
+namespace cohort {
+
+// tracks.csv of OpenSfM, tab-separated; with D = max(width, height) of the image
+//   x = (x_px + 0.5 - width / 2) / D,  y = (y_px + 0.5 - height / 2) / D
+//   version 2: image, track_id, feature_id, x, y, scale, r, g, b, segmentation, instance
+//   version 1: without the last two; version 0: without scale too, and without a first line
+//   OPENSFM_TRACKS_VERSION_v1 that names the version.
+
+// Version 2, scale = 1 px / D. Colours are black, segmentation and instance -1 (none). Whole or not
+// at all.
+void WriteOpenSfmTracks(const std::filesystem::path& path,
+                        const TrackFile& file,
+                        bool include_predicted = false);
+
+// Of all versions. Images are found among the frames by name; all frames are of the same size. The
+// rows of images that are none are left out and counted. Throws Error naming path and line.
+ImportedTracks ReadOpenSfmTracks(const std::filesystem::path& path,
+                                 std::span<const FrameInfo> frames,
+                                 int width_px,
+                                 int height_px);
+
+}  // namespace cohort

@@ -1,0 +1,124 @@
+#pragma once
+
+// What readers and writers of tracks as text share: one row an observation.
+
+#include <array>
+#include <charconv>
+#include <cstdint>
+#include <filesystem>
+#include <fstream>
+#include <limits>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <system_error>
+#include <vector>
+
+#include "frontend/core/error.h"
+#include "frontend/core/output.h"
+#include "frontend/tracks/track_set.h"
+
+namespace cohort {
+
+// Lines of a text file, one at a time; the longest allowed line bounds the memory. Throws Error
+// naming path and line.
+class LineReader {
+ public:
+  explicit LineReader(const std::filesystem::path& path);
+
+  bool Next();
+  std::string_view line() const { return line_; }
+
+  template <typename... Args>
+  [[noreturn]] void Throw(fmt::format_string<Args...> text, Args&&... args) const {
+    ThrowAt(number_, fmt::format(text, std::forward<Args>(args)...));
+  }
+  [[noreturn]] void ThrowAt(std::size_t number, const std::string& what) const;
+  const std::filesystem::path& path() const { return path_; }
+  std::size_t number() const { return number_; }  // of the line, from 1
+
+ private:
+  std::filesystem::path path_;
+  std::ifstream stream_;
+  std::array<char, 1 << 16> buffer_;
+  std::string_view line_;
+  std::size_t number_ = 0;
+};
+
+std::string_view Trim(std::string_view text);
+
+// The whole text as a number, else none.
+template <typename T>
+std::optional<T> Parse(std::string_view text) {
+  T value = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (error != std::errc() || end != text.data() + text.size()) return std::nullopt;
+  return value;
+}
+
+template <typename T>
+T ParseId(const LineReader& reader, std::string_view name, std::string_view text) {
+  const auto value = Parse<T>(text);
+  if (!value) {
+    reader.Throw(
+        "{} is '{}', not an integer from 0 to {}", name, text, std::numeric_limits<T>::max());
+  }
+  return *value;
+}
+
+double ParseFinite(const LineReader& reader, std::string_view name, std::string_view text);
+
+// Rows as they come, with the ids of their tracks.
+class TrackRows {
+ public:
+  // A row of the line that the reader is at.
+  Observation& Add(const LineReader& reader, std::uint64_t track_id);
+  bool empty() const { return rows_.empty(); }
+
+  // Ids that need more than 32 bits are counted anew: then FeatureId{n} stands for track_ids[n],
+  // ascending; else track_ids is empty. Throws Error on two rows of the same track and frame.
+  struct Tracks {
+    TrackSet tracks;
+    std::vector<std::uint64_t> track_ids;
+  };
+  Tracks Build(const LineReader& reader) &&;
+
+ private:
+  void CheckDuplicates(const LineReader& reader) const;
+
+  std::vector<Observation> rows_;
+  std::vector<std::uint64_t> ids_;
+  std::vector<std::uint32_t> lines_;
+};
+
+// Text into an OutputFile, a block at a time.
+class TextOutput {
+ public:
+  explicit TextOutput(const std::filesystem::path& path);
+
+  TextOutput& Text(std::string_view text) {
+    text_ += text;
+    return *this;
+  }
+  // In the fewest digits that read back the same.
+  template <typename T>
+  TextOutput& Number(T value) {
+    std::array<char, 32> digits;
+    const auto end = std::to_chars(digits.data(), digits.data() + digits.size(), value).ptr;
+    text_.append(digits.data(), end);
+    return *this;
+  }
+  void EndLine();
+  void Commit();
+
+ private:
+  void Flush();
+  void CheckWritten() const;
+
+  std::filesystem::path path_;
+  OutputFile file_;
+  std::ofstream stream_;
+  std::string text_;
+};
+
+}  // namespace cohort

@@ -1,0 +1,391 @@
+#include "frontend/tracks/track_npz.h"
+
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <initializer_list>
+#include <limits>
+#include <set>
+#include <vector>
+
+#include "frontend/core/error.h"
+#include "frontend/core/npz.h"
+#include "frontend/tracks/text_rows.h"
+
+namespace cohort {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::size_t kMaxCells = std::size_t{1} << 27;
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+
+// Under what names trackers and their users save them; the first that is there counts.
+constexpr std::initializer_list<const char*> kTrackNames = {"tracks", "pred_tracks", "pred_track"};
+constexpr std::initializer_list<const char*> kVisibilityNames = {"visibility",
+                                                                 "visibilities",
+                                                                 "visibles",
+                                                                 "visible",
+                                                                 "vis",
+                                                                 "pred_visibility",
+                                                                 "pred_visibilities",
+                                                                 "pred_visibles",
+                                                                 "pred_vis",
+                                                                 "pred_vis_scores",
+                                                                 "occluded",
+                                                                 "pred_occluded",
+                                                                 "occlusion",
+                                                                 "occlusions"};
+constexpr std::initializer_list<const char*> kConfidenceNames = {"confidence",
+                                                                 "confidences",
+                                                                 "conf",
+                                                                 "vis_conf",
+                                                                 "pred_confidence",
+                                                                 "pred_conf",
+                                                                 "pred_confs",
+                                                                 "pred_score"};
+
+struct Size {
+  double width;
+  double height;
+};
+
+Size ParseSize(const std::string& text) {
+  const std::size_t x = std::min(text.find('x'), text.size());
+  const auto width = Parse<int>(std::string_view(text).substr(0, x));
+  const auto height =
+      x < text.size() ? Parse<int>(std::string_view(text).substr(x + 1)) : std::nullopt;
+  if (!width || !height || *width < 1 || *height < 1) {
+    ThrowUsageError("--npz.size '{}' is no size in pixels: give WxH, as 256x256", text);
+  }
+  return {static_cast<double>(*width), static_cast<double>(*height)};
+}
+
+// The arrays of one file, brought to frames first.
+class TracksReader {
+ public:
+  TracksReader(const fs::path& path,
+               std::span<const FrameInfo> frames,
+               const NpzTracksOptions& options)
+      : npz_(path), path_(path.string()), options_(options) {
+    tracks_name_ = Required();
+    NpzArray tracks = npz_.Read(tracks_name_);
+    DropBatch(tracks, 3);
+    if (tracks.shape.size() != 3 || tracks.shape[2] != 2 || tracks.kind == NpzKind::kBool) {
+      Fail(tracks_name_,
+           fmt::format("it is {}: positions are frames x tracks x 2 or tracks x frames x 2",
+                       ShapeText(tracks.shape)));
+    }
+    ReadFrames(frames);
+    Decide(tracks.shape);
+    tracks_ = std::move(tracks.values);
+  }
+
+  std::size_t frame_count() const { return frames_.size(); }
+  std::size_t track_count() const { return track_count_; }
+  FrameIndex Frame(std::size_t t) const { return frames_[t]; }
+  Eigen::Vector2d Position(std::size_t t, std::size_t n) const {
+    return {tracks_[2 * Cell(t, n)], tracks_[2 * Cell(t, n) + 1]};
+  }
+  std::size_t Cell(std::size_t t, std::size_t n) const {
+    return frames_first_ ? t * track_count_ + n : n * frames_.size() + t;
+  }
+  const std::string& tracks_name() const { return tracks_name_; }
+
+  // Values of cells, none where the file has no such array.
+  std::vector<double> Cells(const std::string& name, std::size_t values_a_cell) {
+    NpzArray array = npz_.Read(name);
+    std::vector<std::size_t> shape{frames_.size(), track_count_};
+    if (!frames_first_) std::swap(shape[0], shape[1]);
+    if (values_a_cell > 1) shape.push_back(values_a_cell);
+    DropBatch(array, shape.size());
+    if (values_a_cell == 1 && array.shape.size() == 3 && array.shape.back() == 1) {
+      array.shape.pop_back();
+    }
+    if (array.shape != shape) {
+      Fail(name,
+           fmt::format("it is {} instead of {}, as {} is",
+                       ShapeText(array.shape),
+                       ShapeText(shape),
+                       tracks_name_));
+    }
+    return std::move(array.values);
+  }
+
+  std::string Find(std::initializer_list<const char*> names) const {
+    for (const char* name : names) {
+      if (npz_.Has(name)) return name;
+    }
+    return {};
+  }
+  bool Has(const std::string& name) const { return npz_.Has(name); }
+  NpzArray Read(const std::string& name) { return npz_.Read(name); }
+
+  [[noreturn]] void Fail(const std::string& array, const std::string& why) const {
+    ThrowError("{}, array {}: {}", path_, array, why);
+  }
+
+ private:
+  std::string Required() const {
+    const std::string name = options_.tracks.empty() ? Find(kTrackNames) : options_.tracks;
+    if (!name.empty() && npz_.Has(name)) return name;
+    ThrowError("{} has no array {}, but {}: name the one of the positions by --npz.tracks",
+               path_,
+               name.empty() ? "tracks" : name,
+               npz_.names().empty() ? "none" : fmt::format("{}", fmt::join(npz_.names(), ", ")));
+  }
+
+  // A first axis of 1 more than it should have.
+  static void DropBatch(NpzArray& array, std::size_t dimensions) {
+    while (array.shape.size() > dimensions && array.shape.front() == 1) {
+      array.shape.erase(array.shape.begin());
+    }
+  }
+
+  void ReadFrames(std::span<const FrameInfo> frames) {
+    for (const char* name : {"frame_indices", "frame_index", "frame_ids", "frames"}) {
+      if (!npz_.Has(name)) continue;
+      const NpzArray indices = npz_.Read(name);
+      // `frames` may be the pictures themselves.
+      if (indices.shape.size() != 1 || indices.kind != NpzKind::kInteger) continue;
+      std::set<FrameIndex> known;
+      for (const FrameInfo& frame : frames) known.insert(frame.index);
+      for (const double index : indices.values) {
+        const bool fits = index >= 0 && index <= std::numeric_limits<std::uint32_t>::max();
+        if (!fits || !known.contains(FrameIndex{static_cast<std::uint32_t>(index)})) {
+          Fail(name,
+               fmt::format("frame {} is not among the {} of the input", index, frames.size()));
+        }
+        frames_.push_back(FrameIndex{static_cast<std::uint32_t>(index)});
+      }
+      const std::set<FrameIndex> once(frames_.begin(), frames_.end());
+      if (once.size() != frames_.size()) Fail(name, "a frame occurs twice");
+      return;
+    }
+    for (const FrameInfo& frame : frames) frames_.push_back(frame.index);
+  }
+
+  // Which axis is of frames.
+  void Decide(const std::vector<std::size_t>& shape) {
+    const bool first = shape[0] == frames_.size();
+    const bool second = shape[1] == frames_.size();
+    if (options_.layout == NpzLayout::kAuto && first && second) {
+      Fail(tracks_name_,
+           fmt::format("it is {}, as many tracks as frames: say which come first by --npz.layout "
+                       "frames-first or tracks-first",
+                       ShapeText(shape)));
+    }
+    frames_first_ =
+        options_.layout == NpzLayout::kAuto ? first : options_.layout == NpzLayout::kFramesFirst;
+    if (frames_first_ ? !first : !second) {
+      Fail(tracks_name_,
+           fmt::format("it is {}, and {} is the {} frames of the input: choose those that were "
+                       "tracked by --frames, or save their numbers as an array frame_indices",
+                       ShapeText(shape),
+                       options_.layout == NpzLayout::kAuto ? "neither axis"
+                       : frames_first_                     ? "not its first axis"
+                                                           : "not its second axis",
+                       frames_.size()));
+    }
+    track_count_ = frames_first_ ? shape[1] : shape[0];
+  }
+
+  NpzReader npz_;
+  std::string path_;
+  const NpzTracksOptions& options_;
+  std::string tracks_name_;
+  std::vector<FrameIndex> frames_;
+  std::size_t track_count_ = 0;
+  bool frames_first_ = true;
+  std::vector<double> tracks_;
+};
+
+bool MeansHidden(const std::string& name) {
+  return name.starts_with("occ") || name.find("_occ") != std::string::npos;
+}
+
+// Whether a cell is visible: empty, if all are.
+std::vector<bool> ReadVisible(TracksReader& reader, const NpzTracksOptions& options) {
+  std::string name = options.visibility;
+  if (!name.empty() && !reader.Has(name)) reader.Fail(name, "there is none of this name");
+  if (name.empty()) name = reader.Find(kVisibilityNames);
+  std::vector<bool> visible;
+  if (!name.empty()) {
+    for (const double value : reader.Cells(name, 1)) {
+      if (!(value >= 0.0 && value <= 1.0)) {
+        reader.Fail(name,
+                    fmt::format("{} is no probability: save bool, or numbers from 0 to 1 (the "
+                                "sigmoid of what a network gives)",
+                                value));
+      }
+      visible.push_back((MeansHidden(name) ? 1.0 - value : value) >= options.min_visibility);
+    }
+  }
+  const std::string confidence = reader.Find(kConfidenceNames);
+  if (confidence.empty()) return visible;
+  const std::vector<double> confidences = reader.Cells(confidence, 1);
+  if (visible.empty()) visible.assign(confidences.size(), true);
+  for (std::size_t i = 0; i < confidences.size(); ++i) {
+    if (!(confidences[i] >= options.min_confidence)) visible[i] = false;
+  }
+  return visible;
+}
+
+std::vector<FeatureId> ReadTrackIds(TracksReader& reader) {
+  std::vector<FeatureId> ids;
+  if (!reader.Has("track_ids")) {
+    for (std::size_t n = 0; n < reader.track_count(); ++n) {
+      ids.push_back(FeatureId{static_cast<std::uint32_t>(n)});
+    }
+    return ids;
+  }
+  const NpzArray array = reader.Read("track_ids");
+  if (array.kind != NpzKind::kInteger || array.shape.size() != 1 ||
+      array.shape[0] != reader.track_count()) {
+    reader.Fail(
+        "track_ids",
+        fmt::format(
+            "it is {} instead of {} integers", ShapeText(array.shape), reader.track_count()));
+  }
+  std::set<FeatureId> once;
+  for (const double id : array.values) {
+    if (!(id >= 0.0 && id <= std::numeric_limits<std::uint32_t>::max())) {
+      reader.Fail("track_ids", fmt::format("{} needs more than 32 bits", id));
+    }
+    ids.push_back(FeatureId{static_cast<std::uint32_t>(id)});
+    if (!once.insert(ids.back()).second)
+      reader.Fail("track_ids", fmt::format("{} is there twice", id));
+  }
+  return ids;
+}
+
+std::optional<PixelCovariance> CovarianceOf(const TracksReader& reader,
+                                            const std::vector<double>& covariances,
+                                            std::size_t cell) {
+  const double xx = covariances[3 * cell];
+  const double xy = covariances[3 * cell + 1];
+  const double yy = covariances[3 * cell + 2];
+  if (std::isnan(xx) && std::isnan(xy) && std::isnan(yy)) return std::nullopt;
+  if (!(xx > 0.0 && yy > 0.0 && xx * yy > xy * xy) || !std::isfinite(xx) || !std::isfinite(yy)) {
+    reader.Fail("covariance",
+                fmt::format("xx {}, xy {}, yy {} is no positive definite covariance", xx, xy, yy));
+  }
+  return PixelCovariance{static_cast<float>(xx), static_cast<float>(xy), static_cast<float>(yy)};
+}
+
+}  // namespace
+
+ImportedTracks ReadTracksNpz(const fs::path& path,
+                             std::span<const FrameInfo> frames,
+                             int width_px,
+                             int height_px,
+                             const NpzTracksOptions& options) {
+  ValidateOptions(options);
+  const Size size{static_cast<double>(width_px), static_cast<double>(height_px)};
+  const Size made_on = options.size.empty() ? size : ParseSize(options.size);
+  const Eigen::Array2d scale(size.width / made_on.width, size.height / made_on.height);
+  // Of the file's (0, 0) from the corner of the top-left pixel.
+  const double shift = options.origin == NpzOrigin::kPixelCentre ? 0.5 : 0.0;
+  const bool as_it_is = options.origin == NpzOrigin::kPixelCentre && (scale == 1.0).all();
+
+  TracksReader reader(path, frames, options);
+  const std::vector<bool> visible = ReadVisible(reader, options);
+  const std::vector<FeatureId> ids = ReadTrackIds(reader);
+  std::vector<double> residuals;
+  if (reader.Has("residual")) residuals = reader.Cells("residual", 1);
+  std::vector<double> covariances;
+  if (reader.Has("covariance")) covariances = reader.Cells("covariance", 3);
+
+  ImportedTracks result;
+  std::vector<Observation> observations;
+  std::size_t observed = 0;
+  for (std::size_t n = 0; n < reader.track_count(); ++n) {
+    for (std::size_t t = 0; t < reader.frame_count(); ++t) {
+      const std::size_t cell = reader.Cell(t, n);
+      const Eigen::Vector2d xy = reader.Position(t, n);
+      const bool is_visible = visible.empty() ? !xy.hasNaN() : visible[cell];
+      if (!xy.allFinite()) {
+        if (!is_visible) continue;
+        reader.Fail(reader.tracks_name(),
+                    fmt::format("track {} in frame {} is {}, {} and visible",
+                                n,
+                                ToInt(reader.Frame(t)),
+                                xy.x(),
+                                xy.y()));
+      }
+      Observation o{.feature = ids[n], .frame = reader.Frame(t)};
+      o.xy = as_it_is ? xy : ((xy.array() + shift) * scale - 0.5).matrix();
+      const bool inside = o.xy.x() >= -0.5 && o.xy.y() >= -0.5 && o.xy.x() <= size.width - 0.5 &&
+                          o.xy.y() <= size.height - 0.5;
+      if (is_visible) ++observed;
+      if (is_visible && !inside) ++result.left_out;
+      if (!is_visible || !inside) o.state = ObservationState::kPredicted;
+      if (!residuals.empty() && std::isfinite(residuals[cell])) o.residual = residuals[cell];
+      if (!covariances.empty()) o.covariance = CovarianceOf(reader, covariances, cell);
+      observations.push_back(o);
+    }
+  }
+  if (observations.empty()) reader.Fail(reader.tracks_name(), "it has no position");
+  if (2 * result.left_out > observed) {
+    reader.Fail(reader.tracks_name(),
+                fmt::format("{} of {} visible positions lie outside the picture of {} x {}: if it "
+                            "was of another size to the tracker, say so by --npz.size",
+                            result.left_out,
+                            observed,
+                            width_px,
+                            height_px));
+  }
+  result.tracks = TrackSet::Build(std::move(observations));
+  return result;
+}
+
+void WriteTracksNpz(const fs::path& path, const TrackFile& file) {
+  const auto features = file.tracks.features();
+  const std::size_t columns = features.size();
+  if (columns > 0 && file.frames.size() > kMaxCells / columns) {
+    ThrowError(
+        "cannot write {}: {} frames times {} tracks are too many cells; take --csv, which has "
+        "a row only for what there is",
+        path.string(),
+        file.frames.size(),
+        columns);
+  }
+  const std::size_t shape[] = {file.frames.size(), columns, 2};
+  const std::size_t covariance_shape[] = {file.frames.size(), columns, 3};
+  const std::size_t cells = file.frames.size() * columns;
+  std::vector<double> tracks(2 * cells, kNaN);
+  std::vector<std::uint8_t> visible(cells, 0);
+  std::vector<double> residuals(cells, kNaN);
+  std::vector<float> covariances(3 * cells, std::numeric_limits<float>::quiet_NaN());
+  std::vector<std::int64_t> track_ids;
+  std::vector<std::int64_t> frame_indices;
+  for (const FeatureId feature : features) track_ids.push_back(ToInt(feature));
+  for (std::size_t t = 0; t < file.frames.size(); ++t) {
+    frame_indices.push_back(ToInt(file.frames[t].index));
+    auto column = features.begin();
+    for (const Observation* o : file.tracks.InFrame(file.frames[t].index)) {
+      column = std::lower_bound(column, features.end(), o->feature);
+      const std::size_t cell = t * columns + static_cast<std::size_t>(column - features.begin());
+      tracks[2 * cell] = o->xy.x();
+      tracks[2 * cell + 1] = o->xy.y();
+      visible[cell] = IsObserved(*o) ? 1 : 0;
+      residuals[cell] = o->residual;
+      if (!o->covariance) continue;
+      covariances[3 * cell] = o->covariance->xx;
+      covariances[3 * cell + 1] = o->covariance->xy;
+      covariances[3 * cell + 2] = o->covariance->yy;
+    }
+  }
+  NpzWriter npz(path);
+  npz.Add("tracks", shape, std::span<const double>(tracks));
+  npz.AddBools("visibility", std::span(shape).first(2), visible);
+  npz.Add("residual", std::span(shape).first(2), std::span<const double>(residuals));
+  npz.Add("covariance", covariance_shape, std::span<const float>(covariances));
+  npz.Add("track_ids", std::span(shape).subspan(1, 1), std::span<const std::int64_t>(track_ids));
+  npz.Add("frame_indices", std::span(shape).first(1), std::span<const std::int64_t>(frame_indices));
+  npz.Commit();
+}
+
+}  // namespace cohort

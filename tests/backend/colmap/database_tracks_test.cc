@@ -1,0 +1,177 @@
+#include "backend/colmap/database_tracks.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <limits>
+
+#include "backend/colmap/tracks_to_database.h"
+#include "frontend/core/error.h"
+#include "tests/support/synthetic_tracks.h"
+#include "tests/support/temp_dir.h"
+
+namespace cohort {
+namespace {
+
+using test::MakeSyntheticTracks;
+using test::TempDir;
+using testing::AllOf;
+using testing::HasSubstr;
+using testing::ThrowsMessage;
+
+using Index = std::uint32_t;
+using Matches = std::vector<ColmapMatch>;
+
+std::vector<FrameInfo> Frames(Index count) {
+  std::vector<FrameInfo> frames;
+  for (Index i = 0; i < count; ++i) {
+    frames.push_back({FrameIndex{i}, fmt::format("{}.png", i), 0});
+  }
+  return frames;
+}
+
+// Images 1, 2 ... of so many keypoints each, keypoint k of image i at (10 k + 1/2, i + 1/2).
+ColmapDatabase Database(Index images, Index keypoints) {
+  ColmapDatabase database;
+  database.camera = ToColmapCamera(test::SyntheticTracksOptions::DefaultCamera());
+  for (Index i = 1; i <= images; ++i) {
+    ColmapImage& image = database.images[i];
+    image.name = fmt::format("{}.png", i - 1);
+    for (Index k = 0; k < keypoints; ++k) {
+      image.keypoints.emplace_back(10.0F * static_cast<float>(k) + 0.5F,
+                                   static_cast<float>(i) + 0.5F);
+    }
+  }
+  return database;
+}
+
+void Match(ColmapDatabase& database, Index image1, Index image2, const Matches& inliers) {
+  ColmapPair& pair = database.pairs[{image1, image2}];
+  pair.matches = inliers;
+  pair.geometry.emplace();
+  pair.geometry->config = ColmapPairConfig::kCalibrated;
+  pair.geometry->inliers = inliers;
+}
+
+ImportedTracks Tracks(const ColmapDatabase& database, Index frames = 4) {
+  return TracksOfColmapDatabase(database, Frames(frames), "a.db");
+}
+
+// Of each track: frame and keypoint.
+std::vector<std::vector<std::pair<Index, Index>>> Shape(const TrackSet& tracks) {
+  std::vector<std::vector<std::pair<Index, Index>>> shape;
+  for (const FeatureId feature : tracks.features()) {
+    auto& track = shape.emplace_back();
+    for (const Observation& o : tracks.Track(feature)) {
+      track.emplace_back(ToInt(o.frame), static_cast<Index>(o.xy.x() / 10.0 + 0.5));
+      EXPECT_EQ(o.xy.y(), ToInt(o.frame) + 1.0);
+      EXPECT_TRUE(IsObserved(o));
+    }
+  }
+  return shape;
+}
+
+using Track = std::vector<std::pair<Index, Index>>;
+
+TEST(ColmapTracks, JoinsVerifiedMatchesIntoOneTrackAPoint) {
+  ColmapDatabase database = Database(4, 3);
+  Match(database, 1, 2, {{0, 1}, {2, 2}});
+  Match(database, 2, 4, {{1, 0}});
+  Match(database, 1, 4, {{0, 0}});
+  database.pairs[{2, 3}].matches = {{0, 0}};  // not verified
+  const ImportedTracks imported = Tracks(database);
+  EXPECT_EQ(Shape(imported.tracks),
+            (std::vector<Track>{{{0, 0}, {1, 1}, {3, 0}}, {{0, 2}, {1, 2}}}));
+  EXPECT_EQ(imported.left_out, 0u);
+  ASSERT_TRUE(imported.camera);
+  EXPECT_EQ(imported.camera->fx, 500.0);
+  EXPECT_EQ(imported.camera->cx, test::SyntheticTracksOptions::DefaultCamera().cx);
+}
+
+TEST(ColmapTracks, AFalseMatchNeitherJoinsTwoTracksNorCostsThem) {
+  // Two points through four images; the pair of most inliers is right, the one of fewest wrong.
+  ColmapDatabase database = Database(4, 3);
+  Match(database, 1, 2, {{0, 0}, {1, 1}});
+  Match(database, 2, 3, {{0, 0}, {1, 1}});
+  Match(database, 3, 4, {{0, 0}, {1, 1}});
+  Match(database, 1, 4, {{0, 1}});
+  const ImportedTracks imported = Tracks(database);
+  EXPECT_EQ(
+      Shape(imported.tracks),
+      (std::vector<Track>{{{0, 0}, {1, 0}, {2, 0}, {3, 0}}, {{0, 1}, {1, 1}, {2, 1}, {3, 1}}}));
+  EXPECT_EQ(imported.left_out, 1u);
+}
+
+TEST(ColmapTracks, KeypointsAtOnePositionAreOne) {
+  ColmapDatabase database = Database(3, 3);
+  database.images[2].keypoints[1] = database.images[2].keypoints[0];
+  Match(database, 1, 2, {{0, 0}});
+  Match(database, 2, 3, {{1, 2}});
+  const ImportedTracks imported = Tracks(database);
+  EXPECT_EQ(Shape(imported.tracks), (std::vector<Track>{{{0, 0}, {1, 0}, {2, 2}}}));
+}
+
+TEST(ColmapTracks, AKeypointMatchedTwiceTakesTheFirst) {
+  ColmapDatabase database = Database(2, 3);
+  Match(database, 1, 2, {{0, 0}, {0, 1}});
+  const ImportedTracks imported = Tracks(database);
+  EXPECT_EQ(Shape(imported.tracks), (std::vector<Track>{{{0, 0}, {1, 0}}}));
+  EXPECT_EQ(imported.left_out, 1u);
+}
+
+TEST(ColmapTracks, ImagesThatAreNoFrameAreCounted) {
+  ColmapDatabase database = Database(4, 1);
+  Match(database, 1, 2, {{0, 0}});
+  Match(database, 2, 3, {{0, 0}});
+  Match(database, 3, 4, {{0, 0}});
+  const ImportedTracks imported = Tracks(database, 3);
+  EXPECT_EQ(imported.unknown_images, 1u);
+  EXPECT_EQ(imported.an_unknown_image, "3.png");
+  EXPECT_EQ(imported.tracks.observations().size(), 3u);
+  EXPECT_THAT([&] { Tracks(database, 0); },
+              ThrowsMessage<Error>(HasSubstr("none of its 4 images")));
+  database.images[2].name = "left/0.png";
+  EXPECT_THAT([&] { Tracks(database); },
+              ThrowsMessage<Error>(AllOf(HasSubstr("left/0.png"), HasSubstr("both frame 0"))));
+}
+
+TEST(ColmapTracks, WithoutVerifiedMatchesOrWithAPositionThatIsNoneThereAreNone) {
+  ColmapDatabase database = Database(2, 1);
+  database.pairs[{1, 2}].matches = {{0, 0}};
+  EXPECT_THAT([&] { Tracks(database); },
+              ThrowsMessage<Error>(AllOf(HasSubstr("a.db"), HasSubstr("no verified matches"))));
+  Match(database, 1, 2, {{0, 0}});
+  database.images[2].keypoints[0].x() = std::numeric_limits<float>::quiet_NaN();
+  EXPECT_THAT([&] { Tracks(database); },
+              ThrowsMessage<Error>(HasSubstr("keypoint 0 of image 1.png is not finite")));
+}
+
+TEST(ColmapTracks, WhatWeExportComesBackToTheLastBitOfAFloat) {
+  const TempDir dir;
+  const TrackFile file = MakeSyntheticTracks({.points = 200}).file;
+  WriteColmapDatabase(dir / "a.db", file);
+  const TrackSet back =
+      TracksOfColmapDatabase(ReadColmapDatabase(dir / "a.db"), file.frames, dir / "a.db").tracks;
+  // Tracks are numbered anew: by the position in their first frame.
+  std::map<std::pair<float, float>, FeatureId> feature_at;
+  const auto key = [](const Observation& o) {
+    const Eigen::Vector2f xy = (o.xy.array() + 0.5).matrix().cast<float>();
+    return std::pair(xy.x(), xy.y());
+  };
+  std::size_t same = 0;
+  for (const Observation& o : file.tracks.observations()) feature_at[key(o)] = o.feature;
+  for (const FeatureId feature : back.features()) {
+    const auto track = back.Track(feature);
+    const auto was = file.tracks.Track(feature_at.at(key(track.front())));
+    for (const Observation& o : track) {
+      const Observation* before = file.tracks.Find(was.front().feature, o.frame);
+      ASSERT_NE(before, nullptr);
+      EXPECT_EQ(key(o), key(*before));
+      ++same;
+    }
+  }
+  EXPECT_GT(same, file.tracks.observations().size() * 98 / 100);
+}
+
+}  // namespace
+}  // namespace cohort
