@@ -140,6 +140,7 @@ void ExpectRuns(const std::string& line) {
     return;
   }
   if (program == "bash") words >> program;
+  if (test::RunShell("command -v " + program).exit_code == 0) return;  // the machine's
   const std::string name = fs::path(program).filename().string();
   const bool known = fs::exists(test::SourceDir() / program) ||
                      fs::exists(test::SourceDir() / "tests/benchmark" / name) ||
@@ -147,15 +148,62 @@ void ExpectRuns(const std::string& line) {
   EXPECT_TRUE(known) << line << ": no such program";
 }
 
+// The lines of a ```console block that begin with $, each with what a \ at its end carries on.
+std::vector<std::string> CommandsOf(const std::string& block) {
+  std::vector<std::string> commands;
+  std::istringstream lines(std::regex_replace(block, std::regex(R"(\\\n\s*)"), ""));
+  for (std::string line; std::getline(lines, line);) {
+    if (!line.starts_with("$ ")) continue;
+    line = line.substr(2, line.find(" #") - 2);
+    line.erase(line.find_last_not_of(' ') + 1);
+    commands.push_back(line);
+  }
+  return commands;
+}
+
+// The page's own folder, with what a reader has before it begins.
+struct Desk {
+  test::TempDir dir;
+  std::string shell = fmt::format("cd {} && PATH={}:$PATH && set -e\n",
+                                  dir.path().string(),
+                                  fs::path(COHORT_PROGRAM).parent_path().string());
+
+  void Prepare(const std::string& commands) const {
+    const auto names = [&commands](const char* word) {
+      return commands.find(word) != std::string::npos;
+    };
+    if (names("clip.mp4") && !fs::exists(dir / "clip.mp4")) WriteClip(shell, dir.path());
+    if (names("pipelines/workflow") && !fs::exists(dir / "pipelines")) {
+      fs::create_symlink(test::SourceDir() / "pipelines", dir / "pipelines");
+    }
+  }
+
+  test::ProgramEnd Run(const std::string& commands) const {
+    Prepare(commands);
+    return test::RunShell(shell + commands);
+  }
+};
+
+// What a page's commands need and this machine may not have.
+std::string MissingProgram(const std::string& document) {
+  for (const std::string program : {"snakemake"}) {
+    if (document.find("\n" + program + " ") != std::string::npos &&
+        test::RunShell("command -v " + program).exit_code != 0) {
+      return program;
+    }
+  }
+  return "";
+}
+
 class Document : public testing::TestWithParam<std::string> {};
 
 TEST_P(Document, HasCommandsThatRunAndPrintWhatItShows) {
   const fs::path file = test::SourceDir() / GetParam();
   std::string document = ReadBytes(file);
-  const test::TempDir dir;
-  const std::string shell = fmt::format("cd {} && PATH={}:$PATH && set -e\n",
-                                        dir.path().string(),
-                                        fs::path(COHORT_PROGRAM).parent_path().string());
+  if (const std::string missing = MissingProgram(document); !missing.empty()) {
+    GTEST_SKIP() << "no " << missing;
+  }
+  const Desk desk;
   std::string printed;
   std::size_t end_of_command = std::string::npos;
   for (const Block& block : BlocksOf(document)) {
@@ -169,22 +217,19 @@ TEST_P(Document, HasCommandsThatRunAndPrintWhatItShows) {
       ExpectAlike(block.text, printed);
     }
     if (block.kind == "console") {
-      std::istringstream lines(block.text);
-      for (std::string line; std::getline(lines, line);) {
-        line = line.substr(0, line.find(" #"));
-        if (line.starts_with("$ cohort ")) {
-          const test::ProgramEnd end = test::RunShell(shell + line.substr(2));
-          EXPECT_EQ(end.exit_code, 0) << line << "\n" << end.err;
-        } else if (line.starts_with("$ ")) {
-          ExpectRuns(line.substr(2));
+      for (const std::string& command : CommandsOf(block.text)) {
+        if (command.starts_with("cohort ") || command.starts_with("snakemake ")) {
+          // What a cluster would do is only planned.
+          const test::ProgramEnd end =
+              desk.Run(command + (command.starts_with("snakemake ") ? " --dry-run" : ""));
+          EXPECT_EQ(end.exit_code, 0) << command << "\n" << end.err;
+        } else {
+          ExpectRuns(command);
         }
       }
     }
     if (block.kind != "sh") continue;
-    if (block.text.find("clip.mp4") != std::string::npos && !fs::exists(dir / "clip.mp4")) {
-      WriteClip(shell, dir.path());
-    }
-    const test::ProgramEnd end = test::RunShell(shell + block.text);
+    const test::ProgramEnd end = desk.Run(block.text);
     EXPECT_EQ(end.exit_code, 0) << block.text << end.err;
     printed = end.out;
     end_of_command = block.end;

@@ -3,6 +3,7 @@
 #include <nlohmann/json.hpp>
 
 #include "pipelines/console/version.h"
+#include "pipelines/experiment/collection.h"
 #include "pipelines/experiment/file_lock.h"
 #include "pipelines/experiment/paper_tables.h"
 #include "pipelines/report/headline_output.h"
@@ -28,10 +29,12 @@ void PrintNotes(const char* what, const std::vector<CellNote>& notes) {
 }  // namespace
 
 void RunCompare(const ExperimentOptions& options) {
-  const ExperimentResults results = RunExperiment(options);
-  const auto headline = MakeHeadline(results);
+  const ExperimentPlan plan = RunCells(options);
   const std::filesystem::path out = options.out;
-  const FileLock lock(out / "cells" / "results.lock");  // shards may end together
+  // Shards may end together: the last to write has seen what all others finished.
+  const FileLock lock(out / "cells" / "results.lock");
+  const ExperimentResults results = CollectResults(plan);
+  const auto headline = MakeHeadline(results);
   WriteResultsCsv(out / "results.csv", results);
   WriteResultsJson(out / "results.json",
                    results,

@@ -1,12 +1,18 @@
 #include "pipelines/experiment/experiment.h"
 
+#include <spdlog/spdlog.h>
+
+#include <algorithm>
 #include <filesystem>
+#include <iterator>
+#include <nlohmann/json.hpp>
 #include <system_error>
 
 #include "pipelines/experiment/cell_tasks.h"
 #include "pipelines/experiment/collection.h"
 #include "pipelines/experiment/plan.h"
 #include "pipelines/experiment/tasks.h"
+#include "pipelines/json/json_file.h"
 
 namespace cohort {
 namespace {
@@ -19,18 +25,55 @@ void MakeFolder(const fs::path& folder) {
   if (error) ThrowError("cannot make folder {}: {}", folder.string(), error.message());
 }
 
+// Has the cell all of its results, good or bad?
+bool IsFinished(const ExperimentOptions& options,
+                const ExperimentPlan& plan,
+                const TrackCell& cell) {
+  const bool has_tracks = cell.tracker.source != TrackSource::kSift;
+  if (has_tracks) {
+    if (!fs::exists(cell.Result())) return false;
+    if (options.protocol == Protocol::kPaper) return true;
+    if (ReadJsonFile(cell.Result()).at("figures").contains("not_available")) return true;
+  }
+  for (const GridBackend backend : plan.backends) {
+    if (cell.Has(backend) && !fs::exists(cell.Result(backend))) return false;
+  }
+  return true;
+}
+
+// There is something to collect; what is missing is said.
+void CheckWhatIsFinished(const ExperimentOptions& options, const ExperimentPlan& plan) {
+  const auto finished =
+      std::count_if(plan.cells.begin(), plan.cells.end(), [&](const TrackCell& cell) {
+        return IsFinished(options, plan, cell);
+      });
+  if (finished == 0) {
+    ThrowError("no cell of this grid is finished in {}: run it, or shards of it, first",
+               options.out);
+  }
+  if (finished < std::ssize(plan.cells)) {
+    spdlog::warn("{} of {} cells are not finished: the results are without them",
+                 std::ssize(plan.cells) - finished,
+                 plan.cells.size());
+  }
+}
+
 }  // namespace
 
-ExperimentResults RunExperiment(const ExperimentOptions& options) {
+ExperimentPlan RunCells(const ExperimentOptions& options) {
   ExperimentPlan plan = PlanWithoutClips(options);
   MakeFolder(plan.cells_folder);
   const std::vector<GridClip> clips = ProbeClips(options, plan);
   // Not before the inputs are known to be good. Other shards may be at work in the same folder.
-  if (!options.resume && options.shard.empty()) {
+  if (!options.resume && !options.collect && options.shard.empty()) {
     fs::remove_all(plan.cells_folder);
     MakeFolder(plan.cells_folder);
   }
   AddClips(options, clips, plan);
+  if (options.collect) {
+    CheckWhatIsFinished(options, plan);
+    return plan;
+  }
 
   const auto run = [&options](const char* stage, const std::vector<Task>& tasks) {
     RunTasks(stage, tasks, options.jobs, options.resume);
@@ -38,12 +81,16 @@ ExperimentResults RunExperiment(const ExperimentOptions& options) {
   run("degrade", DegradeTasks(options, plan));
   if (options.protocol == Protocol::kPaper) {
     run("follow", FollowTasks(options, plan));
-    return CollectResults(plan);
+    return plan;
   }
   run("track", TrackTasks(options, plan));
   run("reconstruct", ReconstructTasks(options, plan));
   run("halves", HalvesTasks(options, plan));
-  return CollectResults(plan);
+  return plan;
+}
+
+ExperimentResults RunExperiment(const ExperimentOptions& options) {
+  return CollectResults(RunCells(options));
 }
 
 }  // namespace cohort

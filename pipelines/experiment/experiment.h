@@ -15,6 +15,8 @@
 
 namespace cohort {
 
+struct ExperimentPlan;
+
 // What is measured of every cell.
 enum class Protocol {
   kReconstruction,  // tracks, and the models made of them
@@ -35,6 +37,7 @@ struct ExperimentOptions {
   int jobs = 1;
   std::string shard;
   bool resume = false;
+  bool collect = false;
   bool halves = true;
   Layout layout = Layout::kAuto;
   std::string frames;
@@ -104,6 +107,11 @@ struct ExperimentOptions {
            "Keep the finished cells of an earlier run. What depends on an option, a file of the "
            "clip or a program that has changed since is done again.",
            Tier::kCommon);
+    v.Flag("collect",
+           o.collect,
+           "Run nothing: write the results of the cells that are finished, such as those of "
+           "shards.",
+           Tier::kCommon);
     v.Flag("halves",
            o.halves,
            "Of clips without true cameras, compare the models of two halves of the features; "
@@ -139,7 +147,10 @@ struct ExperimentOptions {
 
 // Degrades, tracks, reconstructs and evaluates every cell, each in a process of its own, below
 // OUT/cells. A cell that fails, in whatever way, is a failure in the results and stops nothing.
-// With a shard, the results are those of all cells that are finished by now.
+// With `collect` it runs none. Returns the plan, of which CollectResults makes the results.
+ExperimentPlan RunCells(const ExperimentOptions& options);
+
+// Runs the cells and collects the results of all that are finished by now, other shards' too.
 ExperimentResults RunExperiment(const ExperimentOptions& options);
 
 }  // namespace cohort

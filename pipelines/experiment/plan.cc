@@ -81,6 +81,9 @@ void CheckTracker(const ExperimentOptions& options,
 }  // namespace
 
 ExperimentPlan PlanWithoutClips(const ExperimentOptions& options) {
+  if (options.collect && !options.shard.empty()) {
+    ThrowUsageError("--collect gathers what all shards have finished: leave out --shard");
+  }
   ExperimentPlan plan;
   plan.cells_folder = fs::path(options.out) / "cells";
   plan.shard = ParseShard(options.shard);

@@ -138,6 +138,8 @@ TEST_F(Commands, UnknownCommandFlagOrValueIsAUsageError) {
                 2,
                 HasSubstr("add colmap to --backends"));
   ExpectFailure(RunCohort("compare a --out b --shard 2/2"), 2, HasSubstr("--shard '2/2'"));
+  ExpectFailure(
+      RunCohort("compare a --out b --shard 0/2 --collect"), 2, HasSubstr("leave out --shard"));
   ExpectFailure(RunCohort("compare a --out b --seeds 1,2,01"), 2, HasSubstr("--seeds has 1 twice"));
   const std::string clip = WriteImages(Path("clip"), 2);
   ExpectFailure(RunCohort(Track(clip, "--camera 1,2,3")), 2, HasSubstr("--camera '1,2,3'"));
@@ -752,10 +754,17 @@ TEST_F(Commands, CompareMeasuresEveryCellAndResumes) {
   EXPECT_THAT(second.err, HasSubstr("reconstruct: 2 of 2 are done already"));
 
   // Shards in one folder, at the same time, give the whole.
+  ExpectFailure(RunCohort(compare + "2 --collect --quiet"), 1, HasSubstr("no cell of this grid"));
+  ASSERT_EQ(RunCohort(compare + "2 --shard 1/2").exit_code, 0);
+  EXPECT_THAT(RunCohort(compare + "2 --collect").err, HasSubstr("1 of 2 cells are not finished"));
+  fs::remove_all(Path("out2"));
   const std::string shard = std::string(COHORT_PROGRAM) + " " + compare + "2 --shard ";
   const ProgramEnd shards = RunShell(shard + "0/2 & first=$!; " + shard + "1/2 && wait $first");
   ASSERT_EQ(shards.exit_code, 0) << shards.err;
-  ASSERT_EQ(RunCohort(compare + "2 --resume").exit_code, 0);
+  const std::string of_the_last = ReadBytes(Path("out2/results.csv"));
+  const ProgramEnd collect = RunCohort(compare + "2 --collect");
+  EXPECT_THAT(collect.err, Not(HasSubstr("not finished")));
+  EXPECT_EQ(ReadBytes(Path("out2/results.csv")), of_the_last);
   const auto without_times = [](const std::string& csv) {
     std::istringstream in(csv);
     std::string kept;
