@@ -75,6 +75,8 @@ const std::map<std::string, std::set<std::string>> kMayInclude{
     {"pipelines/evaluation",
      {"frontend/core", "frontend/geometry", "frontend/tracks", "datasets", "backend"}},
     {"pipelines/sfm", {"frontend", "backend", "datasets", "pipelines/json"}},
+    {"pipelines/python",
+     {"frontend", "backend", "datasets", "pipelines/json", "pipelines/console", "pipelines/sfm"}},
     {"pipelines/jobs",
      {"frontend",
       "backend",
@@ -120,6 +122,7 @@ const std::map<std::string, std::vector<std::string>> kOnlyIn{
     {"zip.h", {"frontend/core"}},
     {"CLI/", {"pipelines/console"}},
     {"nlohmann/", {"pipelines"}},
+    {"pybind11/", {"pipelines/python"}},
 };
 
 std::optional<std::string> PartOf(const std::string& path) {

@@ -12,6 +12,7 @@
 
 #include "backend/scene/bundle_costs.h"
 #include "backend/scene/bundle_covariances.h"
+#include "frontend/core/interruption.h"
 
 namespace cohort {
 namespace {
@@ -316,6 +317,7 @@ class Adjuster {
 }  // namespace
 
 BundleResult AdjustBundle(BundleProblem problem, const BundleOptions& options) {
+  CheckInterruption();
   ValidateOptions(options);
   Adjuster adjuster(std::move(problem), options);
   return adjuster.Run();

@@ -40,6 +40,8 @@ class Sequence {
   // why.
   virtual std::optional<Frame> Next() = 0;
   virtual void Rewind() = 0;
+  // May another thread call Next, while nobody else does? Not where it runs somebody else's code.
+  virtual bool AnyThreadMayRead() const { return true; }
 
   virtual std::string Name() const = 0;  // for tables: the folder's or file's name
   // Frame names are relative to it; empty for a video.

@@ -14,6 +14,7 @@
 #include <sstream>
 
 #include "frontend/core/error.h"
+#include "frontend/core/interruption.h"
 
 namespace cohort {
 namespace {
@@ -100,7 +101,15 @@ ProgramEnd RunProgram(const fs::path& program, std::vector<std::string> argument
   } while (got < 0 && errno == EINTR);
   int status = 0;
   while (waitpid(child, &status, 0) < 0 && errno == EINTR) {
+    try {
+      CheckInterruption();
+    } catch (...) {
+      kill(child, SIGKILL);
+      waitpid(child, &status, 0);
+      throw;
+    }
   }
+  CheckInterruption();
   if (got == sizeof(exec_error)) {
     ThrowError("cannot run {}: {}", program.string(), std::strerror(exec_error));
   }

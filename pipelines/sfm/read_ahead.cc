@@ -7,7 +7,7 @@ namespace cohort {
 std::optional<Frame> ReadAhead::Next() { return next_.valid() ? next_.get() : sequence_.Next(); }
 
 void ReadAhead::Begin() {
-  if (cv::getNumThreads() <= 1 || next_.valid()) return;
+  if (cv::getNumThreads() <= 1 || next_.valid() || !sequence_.AnyThreadMayRead()) return;
   next_ = std::async(std::launch::async, [this] { return sequence_.Next(); });
 }
 

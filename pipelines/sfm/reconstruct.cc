@@ -12,7 +12,6 @@
 #include "backend/scene/working_model.h"
 #include "frontend/core/output.h"
 #include "pipelines/json/json_file.h"
-#include "pipelines/json/option_list.h"
 #include "pipelines/sfm/summary_json.h"
 #include "pipelines/sfm/video_frames.h"
 
@@ -136,7 +135,8 @@ ReconstructResult ReconstructByColmap(TrackFile file,
                                       ReconstructOptions options,
                                       const fs::path& work_dir,
                                       const StageProgress& progress) {
-  if (file.image_root.empty() && options.write_frames) {
+  // Tracks of pictures that came from no file have none to write.
+  if (file.image_root.empty() && !file.source.empty() && options.write_frames) {
     fs::create_directories(work_dir);
     WriteVideoFrames(file, work_dir / "images", progress);
     file.image_root = (work_dir / "images").string();
@@ -205,40 +205,6 @@ void WriteFindings(const CeresFindings& findings, const TrackFile& file, const f
   }
 }
 
-Json CameraToJson(const Camera& c) {
-  return {{"model", NameOf(kCameraModelNames, c.model)},
-          {"fx", c.fx},
-          {"fy", c.fy},
-          {"cx", c.cx},
-          {"cy", c.cy},
-          {"k1", c.k1},
-          {"k2", c.k2},
-          {"p1", c.p1},
-          {"p2", c.p2},
-          {"k3", c.k3},
-          {"k4", c.k4},
-          {"k5", c.k5},
-          {"k6", c.k6}};
-}
-
-Json FindingsToJson(const CeresFindings& findings, const Reconstruction& reconstruction) {
-  Json json{{"tracks_without_point", findings.without_point.size()}};
-  if (!reconstruction.cam_from_world.empty()) {
-    json["depth_uncertainty"] = findings.depth_uncertainty;
-    json["unexplained_parallax"] = findings.unexplained_parallax;
-    json["noise"] = findings.noise;
-    json["camera"] = CameraToJson(reconstruction.camera);
-  }
-  if (findings.better_camera) json["better_camera"] = CameraToJson(*findings.better_camera);
-  for (const Reconstruction& part : findings.other_parts) {
-    json["other_parts"].push_back({{"first_frame", ToInt(part.cam_from_world.begin()->first)},
-                                   {"last_frame", ToInt(part.cam_from_world.rbegin()->first)},
-                                   {"registered", part.cam_from_world.size()},
-                                   {"points", part.points.size()}});
-  }
-  return json;
-}
-
 }  // namespace
 
 ReconstructResult Reconstruct(const TrackFile& file,
@@ -279,17 +245,9 @@ ReconstructResult ReconstructIntoFolder(const TrackFile& file,
   if (!result.reconstruction.cam_from_world.empty()) {
     WriteReconstructionFiles(out.partial(), result.reconstruction);
   }
-  Json summary{{"backend", NameOf(kBackendNames, options.backend)}};
-  summary.update(SummaryToJson(result.summary, file.frames));
-  summary["readout"] = result.reconstruction.readout;
-  summary["options"] = summary_options.empty() ? ToJson(options) : Json::parse(summary_options);
-  if (result.ceres) {
-    WriteFindings(*result.ceres, file, out.partial());
-    // COLMAP's models are judged by nobody.
-    summary["quality"] = NameOf(kModelQualityNames, result.summary.Quality());
-    summary["reasons"] = result.summary.reasons;
-    summary.update(FindingsToJson(*result.ceres, result.reconstruction));
-  }
+  if (result.ceres) WriteFindings(*result.ceres, file, out.partial());
+  Json summary = SummaryToJson(result, file.frames, options);
+  if (!summary_options.empty()) summary["options"] = Json::parse(summary_options);
   WriteJsonFile(out.partial() / "summary.json", summary);
   out.Commit();
   return result;

@@ -5,8 +5,12 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
+#include "pipelines/json/option_list.h"
+
 namespace cohort {
 namespace {
+
+using Json = nlohmann::ordered_json;
 
 // "first:end:stride", as FrameRange reads it: evaluation must know which frames are missing.
 std::string RangeOf(const std::vector<FrameInfo>& frames) {
@@ -14,6 +18,40 @@ std::string RangeOf(const std::vector<FrameInfo>& frames) {
   const std::uint32_t first = ToInt(frames.front().index);
   const std::uint32_t stride = frames.size() > 1 ? ToInt(frames[1].index) - first : 1;
   return fmt::format("{}:{}:{}", first, ToInt(frames.back().index) + 1, stride);
+}
+
+Json CameraToJson(const Camera& c) {
+  return {{"model", NameOf(kCameraModelNames, c.model)},
+          {"fx", c.fx},
+          {"fy", c.fy},
+          {"cx", c.cx},
+          {"cy", c.cy},
+          {"k1", c.k1},
+          {"k2", c.k2},
+          {"p1", c.p1},
+          {"p2", c.p2},
+          {"k3", c.k3},
+          {"k4", c.k4},
+          {"k5", c.k5},
+          {"k6", c.k6}};
+}
+
+Json FindingsToJson(const CeresFindings& findings, const Reconstruction& reconstruction) {
+  Json json{{"tracks_without_point", findings.without_point.size()}};
+  if (!reconstruction.cam_from_world.empty()) {
+    json["depth_uncertainty"] = findings.depth_uncertainty;
+    json["unexplained_parallax"] = findings.unexplained_parallax;
+    json["noise"] = findings.noise;
+    json["camera"] = CameraToJson(reconstruction.camera);
+  }
+  if (findings.better_camera) json["better_camera"] = CameraToJson(*findings.better_camera);
+  for (const Reconstruction& part : findings.other_parts) {
+    json["other_parts"].push_back({{"first_frame", ToInt(part.cam_from_world.begin()->first)},
+                                   {"last_frame", ToInt(part.cam_from_world.rbegin()->first)},
+                                   {"registered", part.cam_from_world.size()},
+                                   {"points", part.points.size()}});
+  }
+  return json;
 }
 
 }  // namespace
@@ -30,6 +68,22 @@ nlohmann::ordered_json SummaryToJson(const ReconstructionSummary& summary,
           {"mean_reprojection_px", summary.mean_reprojection_px},
           {"seconds", summary.seconds},
           {"termination", summary.termination}};
+}
+
+Json SummaryToJson(const ReconstructResult& result,
+                   const std::vector<FrameInfo>& frames,
+                   const ReconstructOptions& options) {
+  Json summary{{"backend", NameOf(kBackendNames, options.backend)}};
+  summary.update(SummaryToJson(result.summary, frames));
+  summary["readout"] = result.reconstruction.readout;
+  summary["options"] = ToJson(options);
+  if (result.ceres) {
+    // COLMAP's models are judged by nobody.
+    summary["quality"] = NameOf(kModelQualityNames, result.summary.Quality());
+    summary["reasons"] = result.summary.reasons;
+    summary.update(FindingsToJson(*result.ceres, result.reconstruction));
+  }
+  return summary;
 }
 
 }  // namespace cohort

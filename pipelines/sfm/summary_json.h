@@ -5,11 +5,17 @@
 
 #include "backend/scene/reconstruction.h"
 #include "frontend/tracks/track_store.h"
+#include "pipelines/sfm/reconstruct.h"
 
 namespace cohort {
 
 // What summary.json says of any model: the summary, and which frames it was to have.
 nlohmann::ordered_json SummaryToJson(const ReconstructionSummary& summary,
                                      const std::vector<FrameInfo>& frames);
+
+// All of summary.json (docs/files.md) of a model that Reconstruct made of tracks in `frames`.
+nlohmann::ordered_json SummaryToJson(const ReconstructResult& result,
+                                     const std::vector<FrameInfo>& frames,
+                                     const ReconstructOptions& options);
 
 }  // namespace cohort

@@ -7,6 +7,7 @@
 #include <Eigen/Eigenvalues>
 
 #include "frontend/core/error.h"
+#include "frontend/core/interruption.h"
 #include "frontend/core/random_stream.h"
 #include "tests/support/cameras.h"
 #include "tests/support/shared_data.h"
@@ -67,6 +68,20 @@ TEST(IncrementalMapper, SameTracksGiveTheSameBytes) {
   for (const auto& [feature, point] : one.reconstruction.points) {
     EXPECT_EQ(point.in_world, again.reconstruction.points.at(feature).in_world);
   }
+}
+
+TEST(IncrementalMapper, EndsSoonWhereSomebodyInterruptsIt) {
+  const SyntheticTracks scene = MakeSyntheticTracks(Scene(CameraPath::kArc));
+  int checks = 0;
+  {
+    const InterruptionCheck check([&] {
+      if (++checks == 3) ThrowError("enough");
+    });
+    EXPECT_THROW(ReconstructWithCeres(scene.file), Error);
+  }
+  EXPECT_EQ(checks, 3);
+  EXPECT_EQ(ReconstructWithCeres(scene.file).termination, MapperTermination::kSuccess);
+  EXPECT_EQ(checks, 3);
 }
 
 TEST(IncrementalMapper, CopesWithWrongAndMissingObservations) {

@@ -1,0 +1,541 @@
+// The module _cohort: what the Python package cohort (cohort/__init__.py) is made of. Options come
+// as JSON with the names that `--dump-config` prints, results as arrays.
+
+#include <pybind11/functional.h>
+#include <pybind11/numpy.h>
+#include <pybind11/pybind11.h>
+#include <pybind11/stl.h>
+#include <pybind11/stl/filesystem.h>
+
+#include <filesystem>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <opencv2/core/utility.hpp>
+#include <optional>
+#include <string>
+#include <tuple>
+#include <utility>
+#include <variant>
+#include <vector>
+
+#include "backend/colmap/database_tracks.h"
+#include "backend/colmap/model_io.h"
+#include "backend/colmap/tracks_to_database.h"
+#include "frontend/core/interruption.h"
+#include "frontend/core/output.h"
+#include "frontend/geometry/camera_text.h"
+#include "frontend/tracks/track_csv.h"
+#include "frontend/tracks/track_store.h"
+#include "pipelines/console/version.h"
+#include "pipelines/json/option_list.h"
+#include "pipelines/python/arrays.h"
+#include "pipelines/python/frames.h"
+#include "pipelines/sfm/input.h"
+#include "pipelines/sfm/reconstruct.h"
+#include "pipelines/sfm/summary_json.h"
+#include "pipelines/sfm/track_sequence.h"
+
+namespace py = pybind11;
+namespace fs = std::filesystem;
+
+namespace cohort {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+// What `cohort track` takes, but for the files that it reads and writes.
+struct TrackArguments {
+  InputOptions input;
+  std::string mask;
+  unsigned seed = 0;
+  int threads = 0;
+  TrackerOptions tracker;
+  SecondPassOptions second_pass;
+
+  template <typename Self, typename Visitor>
+  static void Visit(Self& o, Visitor& v) {
+    InputOptions::Visit(o.input, v);
+    v.Text("mask", o.mask, "as of `cohort track`");
+    v.Number("seed", o.seed, 0U, 4294967295U, "as of `cohort track`");
+    v.Number("threads", o.threads, 0, 1024, "as of `cohort track`");
+    TrackerOptions::Visit(o.tracker, v);
+    v.Group("second_pass", o.second_pass, "the second pass");
+  }
+};
+
+// What `cohort refine` takes, but for the files.
+struct RefineArguments {
+  SecondPassOptions second_pass;
+
+  template <typename Self, typename Visitor>
+  static void Visit(Self& o, Visitor& v) {
+    SecondPassOptions::VisitMeasurement(o.second_pass, v);
+  }
+};
+
+template <typename Options>
+Options FromJsonText(const std::string& json, const std::string& function) {
+  Options options;
+  SetFromJson(ListOptions(options), Json::parse(json), function);
+  return options;
+}
+
+template <typename Options>
+std::string DefaultsAsJsonText() {
+  return ToJson(Options{}).dump();
+}
+
+std::string DefaultOptions(const std::string& function) {
+  if (function == "track") return DefaultsAsJsonText<TrackArguments>();
+  if (function == "reconstruct") return DefaultsAsJsonText<ReconstructOptions>();
+  if (function == "refine") return DefaultsAsJsonText<RefineArguments>();
+  if (function == "write_colmap_database") return DefaultsAsJsonText<ColmapDatabaseOptions>();
+  ThrowUsageError("default_options('{}'): give track, reconstruct, refine or write_colmap_database",
+                  function);
+}
+
+// While one lives, OpenCV has as many threads as asked for; 0: as before.
+class ThreadsOfOpenCv {
+ public:
+  explicit ThreadsOfOpenCv(int threads) : before_(cv::getNumThreads()) {
+    if (threads > 0) cv::setNumThreads(threads);
+  }
+  ThreadsOfOpenCv(const ThreadsOfOpenCv&) = delete;
+  ThreadsOfOpenCv& operator=(const ThreadsOfOpenCv&) = delete;
+  ~ThreadsOfOpenCv() {
+    if (cv::getNumThreads() != before_) cv::setNumThreads(before_);
+  }
+
+ private:
+  int before_;
+};
+
+// Throws KeyboardInterrupt after Ctrl-C, or what else a signal's handler raises.
+void RaiseOfSignals() {
+  const py::gil_scoped_acquire gil;
+  if (PyErr_CheckSignals() != 0) throw py::error_already_set();
+}
+
+// To be called without the GIL. `callback`: progress(stage, done, total or None), or None.
+StageProgress ProgressTo(const py::object& callback) {
+  return [&callback](std::string_view stage, std::size_t done, std::optional<std::size_t> total) {
+    RaiseOfSignals();
+    const py::gil_scoped_acquire gil;
+    if (!callback.is_none()) callback(stage, done, total);
+  };
+}
+
+// An INPUT, or an iterable of arrays.
+using ClipArgument = std::variant<fs::path, py::object>;
+
+std::unique_ptr<Sequence> OpenArrays(const ClipArgument& clip, bool rgb, bool keep) {
+  const auto* frames = std::get_if<py::object>(&clip);
+  return frames == nullptr ? nullptr : SequenceOfArrays(*frames, rgb, keep);
+}
+
+cv::Mat MaskOf(const std::optional<py::object>& array, const std::string& path) {
+  return array ? GrayOfArray(*array, false, "the mask") : ReadMask(path);
+}
+
+TrackFile Track(const ClipArgument& clip,
+                const std::string& options,
+                bool rgb,
+                const std::optional<py::object>& mask_array,
+                const py::object& callback) {
+  TrackArguments arguments = FromJsonText<TrackArguments>(options, "track()");
+  const bool second_pass = WantsSecondPass(arguments.second_pass.mode, arguments.tracker);
+  const cv::Mat mask = MaskOf(mask_array, arguments.mask);
+  std::unique_ptr<Sequence> sequence = OpenArrays(clip, rgb, second_pass);
+  const StageProgress progress = ProgressTo(callback);
+
+  const py::gil_scoped_release no_gil;
+  const InterruptionCheck interruption(RaiseOfSignals);
+  const ThreadsOfOpenCv threads(arguments.threads);
+  // Destroyed without the GIL, which the thread that reads ahead may wait for.
+  const std::unique_ptr<Sequence> opened = [&] {
+    if (sequence) return std::move(sequence);
+    arguments.input.input = std::get<fs::path>(clip).string();
+    return OpenInput(arguments.input);
+  }();
+  TrackFile file = TrackFirstPass(*opened,
+                                  {.tracker = arguments.tracker,
+                                   .second_pass = arguments.second_pass,
+                                   .mask = mask,
+                                   .source = arguments.input.input},
+                                  progress);
+  DescribeInput(arguments.input, *opened, file);
+  file.meta["program"] = fmt::format("cohort {}", kVersion);
+  file.meta["frames"] = arguments.input.frames;
+  file.meta["mask"] = AbsolutePath(arguments.mask);
+  if (!second_pass) return file;
+  return WithSecondPass(std::move(file), *opened, mask, arguments.second_pass, progress).file;
+}
+
+TrackFile Refine(const TrackFile& file,
+                 const Reconstruction& model,
+                 const ClipArgument& clip,
+                 const std::string& options,
+                 bool rgb,
+                 const std::optional<py::object>& mask_array,
+                 const py::object& callback) {
+  const auto arguments = FromJsonText<RefineArguments>(options, "refine()");
+  const auto mask_path = file.meta.find("mask");  // that the tracks were made with
+  const cv::Mat mask = MaskOf(mask_array, mask_path == file.meta.end() ? "" : mask_path->second);
+  std::unique_ptr<Sequence> sequence = OpenArrays(clip, rgb, true);
+  const StageProgress progress = ProgressTo(callback);
+
+  const py::gil_scoped_release no_gil;
+  const InterruptionCheck interruption(RaiseOfSignals);
+  const std::unique_ptr<Sequence> opened =
+      sequence ? std::move(sequence) : OpenSequence(std::get<fs::path>(clip));
+  return MeasureAgain(file, model, *opened, mask, arguments.second_pass, progress).file;
+}
+
+// A model with what Reconstruct says of it; of one that was read, summary.json or nothing.
+struct Model {
+  Reconstruction reconstruction;
+  std::string summary = "{}";
+  std::vector<std::string> warnings;
+};
+
+Model ReconstructTracks(const TrackFile& file,
+                        const std::optional<fs::path>& folder,
+                        const std::string& options,
+                        const py::object& callback) {
+  const auto arguments = FromJsonText<ReconstructOptions>(options, "reconstruct()");
+  const StageProgress progress = ProgressTo(callback);
+  const py::gil_scoped_release no_gil;
+  const InterruptionCheck interruption(RaiseOfSignals);
+  ReconstructResult result = folder ? ReconstructIntoFolder(file, arguments, *folder, progress)
+                                    : Reconstruct(file, arguments, {}, progress);
+  std::string summary = SummaryToJson(result, file.frames, arguments).dump();
+  return {std::move(result.reconstruction), std::move(summary), std::move(result.warnings)};
+}
+
+Model ReadModel(const fs::path& folder) {
+  Model model{ReadModelFolder(folder), "{}", {}};
+  if (fs::exists(folder / "summary.json")) model.summary = ReadBytes(folder / "summary.json");
+  return model;
+}
+
+template <typename Map>
+std::vector<std::uint32_t> KeysOf(const Map& map) {
+  std::vector<std::uint32_t> keys;
+  for (const auto& [key, value] : map) keys.push_back(ToInt(key));
+  return keys;
+}
+
+template <typename T>
+py::array_t<T> AsArray(const std::vector<T>& values) {
+  return py::array_t<T>(static_cast<py::ssize_t>(values.size()), values.data());
+}
+
+// The frames that observations are of, or as many as said; named as a video's are.
+TrackFile MakeTracks(const py::array_t<ObservationRow>& rows,
+                     std::uint32_t frames,
+                     int width_px,
+                     int height_px,
+                     const std::optional<Camera>& camera) {
+  TrackFile file;
+  file.width_px = width_px;
+  file.height_px = height_px;
+  file.camera = camera;
+  file.meta = {{"program", fmt::format("cohort {}", kVersion)}, {"tracker", "import"}};
+  file.tracks = ToTracks(rows);
+  if (!file.tracks.frames().empty() && ToInt(file.tracks.frames().back()) >= frames) {
+    ThrowError("there is an observation in frame {}, but there are {} frames",
+               ToInt(file.tracks.frames().back()),
+               frames);
+  }
+  for (std::uint32_t i = 0; i < frames; ++i) {
+    file.frames.push_back({FrameIndex{i}, fmt::format("frame_{:06}.png", i), 0});
+  }
+  return file;
+}
+
+// All of a database: its images are the frames.
+TrackFile ReadDatabaseTracks(const fs::path& path) {
+  const ColmapDatabase database = ReadColmapDatabase(path);
+  TrackFile file;
+  for (const auto& [id, image] : database.images) {
+    file.frames.push_back({FrameOfColmapImage(id), image.name, 0});
+  }
+  ImportedTracks imported = TracksOfColmapDatabase(database, file.frames, path);
+  file.width_px = imported.camera->width_px;
+  file.height_px = imported.camera->height_px;
+  file.camera = imported.camera;
+  file.meta = {{"program", fmt::format("cohort {}", kVersion)},
+               {"tracker", "import"},
+               {"imported_from", AbsolutePath(path)}};
+  file.tracks = std::move(imported.tracks);
+  return file;
+}
+
+std::vector<std::tuple<std::uint32_t, std::uint32_t, std::string>> EndsOf(const TrackFile& file) {
+  std::vector<std::tuple<std::uint32_t, std::uint32_t, std::string>> ends;
+  for (const TrackEnd& end : file.tracks.ends()) {
+    ends.emplace_back(ToInt(end.feature),
+                      ToInt(end.last_frame),
+                      std::string(NameOf(kLossReasonNames, end.reason)));
+  }
+  return ends;
+}
+
+void BindErrors(py::module_& module) {
+  static const py::exception<Error> error(module, "Error", PyExc_RuntimeError);
+  const py::tuple bases = py::make_tuple(error, py::handle(PyExc_ValueError));
+  static const py::exception<UsageError> usage_error(module, "UsageError", bases);
+  py::register_exception_translator([](std::exception_ptr pointer) {
+    try {
+      if (pointer) std::rethrow_exception(pointer);
+    } catch (const UsageError& e) {
+      PyErr_SetString(usage_error.ptr(), e.what());
+    } catch (const Error& e) {
+      PyErr_SetString(error.ptr(), e.what());
+    }
+  });
+}
+
+void BindCamera(py::module_& module) {
+  py::class_<Camera>(module, "Camera")
+      .def(py::init([](int width_px,
+                       int height_px,
+                       const std::vector<double>& parameters,
+                       const std::string& model,
+                       bool known) {
+             if (parameters.size() < 4) {
+               ThrowUsageError("a camera has at least fx, fy, cx, cy: {} numbers were given",
+                               parameters.size());
+             }
+             std::vector<std::string> words;
+             for (const double value : parameters) words.push_back(fmt::format("{}", value));
+             if (model == "fisheye") {
+               words.insert(words.begin() + 4, model);
+             } else if (model != "pinhole") {
+               ThrowUsageError("camera model '{}': give pinhole or fisheye", model);
+             }
+             Camera camera = CameraFromWords(words);
+             camera.width_px = width_px;
+             camera.height_px = height_px;
+             camera.known = known;
+             return camera;
+           }),
+           py::arg("width_px"),
+           py::arg("height_px"),
+           py::arg("parameters"),
+           py::arg("model") = "pinhole",
+           py::arg("known") = true)
+      .def_readonly("width_px", &Camera::width_px)
+      .def_readonly("height_px", &Camera::height_px)
+      .def_readonly("fx", &Camera::fx)
+      .def_readonly("fy", &Camera::fy)
+      .def_readonly("cx", &Camera::cx)
+      .def_readonly("cy", &Camera::cy)
+      .def_readonly("known", &Camera::known)
+      .def_property_readonly(
+          "model",
+          [](const Camera& camera) { return std::string(NameOf(kCameraModelNames, camera.model)); })
+      .def_property_readonly(
+          "distortion",
+          [](const Camera& c) {
+            return c.model == CameraModel::kFisheye
+                       ? std::vector<double>{c.k1, c.k2, c.k3, c.k4}
+                       : std::vector<double>{c.k1, c.k2, c.p1, c.p2, c.k3, c.k4, c.k5, c.k6};
+          },
+          "As OpenCV has it: k1,k2,p1,p2,k3,k4,k5,k6; of a fisheye k1,k2,k3,k4.")
+      .def_property_readonly(
+          "text",
+          [](const Camera& camera) {
+            return fmt::format("{}", fmt::join(WordsOfCamera(camera), ","));
+          },
+          "As the program's --camera takes it.")
+      .def("project",
+           &ProjectAll,
+           py::arg("points_in_cam"),
+           "(N, 3) in the camera's frame -> (N, 2) [px]; NaN at or behind the camera.")
+      .def("unproject",
+           &UnprojectAll,
+           py::arg("xy"),
+           "Pixels (N, 2) -> (N, 2), X/Z and Y/Z of their rays.")
+      .def("__repr__", [](const Camera& camera) {
+        return fmt::format("<cohort.Camera {} x {} px, {}{}>",
+                           camera.width_px,
+                           camera.height_px,
+                           fmt::join(WordsOfCamera(camera), ","),
+                           camera.known ? "" : ", guessed");
+      });
+}
+
+void BindTrackFile(py::module_& module) {
+  py::class_<TrackFile>(module, "TrackFile")
+      .def_readonly("source", &TrackFile::source)
+      .def_readonly("image_root", &TrackFile::image_root)
+      .def_readonly("width_px", &TrackFile::width_px)
+      .def_readonly("height_px", &TrackFile::height_px)
+      .def_readonly("camera", &TrackFile::camera)
+      .def_readonly("meta", &TrackFile::meta)
+      .def_readonly("complete", &TrackFile::complete)
+      .def_property_readonly("frames",
+                             [](const TrackFile& file) {
+                               std::vector<std::uint32_t> indices;
+                               for (const FrameInfo& frame : file.frames) {
+                                 indices.push_back(ToInt(frame.index));
+                               }
+                               return AsArray(indices);
+                             })
+      .def_property_readonly("frame_names",
+                             [](const TrackFile& file) {
+                               std::vector<std::string> names;
+                               for (const FrameInfo& frame : file.frames) {
+                                 names.push_back(frame.name);
+                               }
+                               return names;
+                             })
+      .def_property_readonly("timestamps_ns",
+                             [](const TrackFile& file) {
+                               std::vector<std::int64_t> times;
+                               for (const FrameInfo& frame : file.frames) {
+                                 times.push_back(frame.timestamp_ns);
+                               }
+                               return AsArray(times);
+                             })
+      .def_property_readonly("track_ids",
+                             [](const TrackFile& file) {
+                               std::vector<std::uint32_t> ids;
+                               for (const FeatureId id : file.tracks.features()) {
+                                 ids.push_back(ToInt(id));
+                               }
+                               return AsArray(ids);
+                             })
+      .def_property_readonly("ends", &EndsOf)
+      .def("observations", [](const TrackFile& file) { return ToArray(file.tracks); });
+
+  module.attr("OBSERVATION") = py::dtype::of<ObservationRow>();
+  using NoGil = py::call_guard<py::gil_scoped_release>;
+  module.def("make_tracks",
+             &MakeTracks,
+             py::arg("rows"),
+             py::arg("frames"),
+             py::arg("width_px"),
+             py::arg("height_px"),
+             py::arg("camera"));
+  module.def("read_tracks", &ReadTrackFile, py::arg("path"), NoGil());
+  module.def("write_tracks", &WriteTrackFile, py::arg("path"), py::arg("tracks"), NoGil());
+  module.def(
+      "read_csv",
+      [](const fs::path& path) { return ToArray(ReadTracksCsv(path).tracks); },
+      py::arg("path"));
+  module.def(
+      "write_csv",
+      [](const fs::path& path, const TrackFile& tracks) { WriteTracksCsv(path, tracks.tracks); },
+      py::arg("path"),
+      py::arg("tracks"),
+      NoGil());
+  module.def("read_colmap_database", &ReadDatabaseTracks, py::arg("path"), NoGil());
+  module.def(
+      "write_colmap_database",
+      [](const fs::path& path, const TrackFile& tracks, const std::string& options) {
+        WriteColmapDatabase(
+            path, tracks, FromJsonText<ColmapDatabaseOptions>(options, "write_colmap_database()"));
+      },
+      py::arg("path"),
+      py::arg("tracks"),
+      py::arg("options"),
+      NoGil());
+}
+
+void BindModel(py::module_& module) {
+  const auto keys = [](auto Reconstruction::*map) {
+    return [map](const Model& model) { return AsArray(KeysOf(model.reconstruction.*map)); };
+  };
+  py::class_<Model>(module, "Model")
+      .def_property_readonly("camera",
+                             [](const Model& model) { return model.reconstruction.camera; })
+      .def_property_readonly("readout",
+                             [](const Model& model) { return model.reconstruction.readout; })
+      .def_property_readonly("frames", keys(&Reconstruction::cam_from_world))
+      .def_property_readonly(
+          "frame_names",
+          [](const Model& model) {
+            std::vector<std::string> names;
+            for (const auto& [frame, pose] : model.reconstruction.cam_from_world) {
+              const auto& known = model.reconstruction.frame_names;
+              const auto name = known.find(frame);
+              names.push_back(name == known.end() ? "" : name->second);
+            }
+            return names;
+          })
+      .def_property_readonly("track_ids", keys(&Reconstruction::points))
+      .def_property_readonly("errors_px",
+                             [](const Model& model) {
+                               std::vector<double> errors;
+                               for (const auto& [id, point] : model.reconstruction.points) {
+                                 errors.push_back(point.mean_reprojection_px);
+                               }
+                               return AsArray(errors);
+                             })
+      .def_readonly("summary", &Model::summary)
+      .def_readonly("warnings", &Model::warnings)
+      .def("poses", [](const Model& model) { return PosesOf(model.reconstruction); })
+      .def("points", [](const Model& model) { return PointsOf(model.reconstruction); })
+      .def("views", [](const Model& model) { return ViewsOf(model.reconstruction); });
+
+  module.def("read_model", &ReadModel, py::arg("folder"), py::call_guard<py::gil_scoped_release>());
+  module.def(
+      "write_model",
+      [](const fs::path& folder, const Model& model) {
+        WriteReconstruction(folder, model.reconstruction);
+      },
+      py::arg("folder"),
+      py::arg("model"),
+      py::call_guard<py::gil_scoped_release>());
+}
+
+void BindWork(py::module_& module) {
+  module.def("default_options", &DefaultOptions, py::arg("function"));
+  module.def("track",
+             &Track,
+             py::arg("clip"),
+             py::arg("options"),
+             py::arg("rgb"),
+             py::arg("mask"),
+             py::arg("progress"));
+  module.def("reconstruct",
+             &ReconstructTracks,
+             py::arg("tracks"),
+             py::arg("folder"),
+             py::arg("options"),
+             py::arg("progress"));
+  module.def(
+      "refine",
+      [](const TrackFile& tracks,
+         const Model& model,
+         const ClipArgument& clip,
+         const std::string& options,
+         bool rgb,
+         const std::optional<py::object>& mask,
+         const py::object& progress) {
+        return Refine(tracks, model.reconstruction, clip, options, rgb, mask, progress);
+      },
+      py::arg("tracks"),
+      py::arg("model"),
+      py::arg("clip"),
+      py::arg("options"),
+      py::arg("rgb"),
+      py::arg("mask"),
+      py::arg("progress"));
+}
+
+PYBIND11_MODULE(_cohort, module) {
+  module.doc() = "What the package cohort is made of; its names are no interface.";
+  module.attr("__version__") = kVersion;
+  RegisterRows();
+  BindErrors(module);
+  BindCamera(module);
+  BindTrackFile(module);
+  BindModel(module);
+  BindWork(module);
+}
+
+}  // namespace
+}  // namespace cohort
