@@ -72,10 +72,16 @@ Eigen::Vector2d Normalise(const Eigen::Vector2d& error, const PixelCovariance& c
   return covariance.Matrix().llt().matrixL().solve(error);
 }
 
+// L^-1 d, and the deviation that S claims.
+struct NormalisedError {
+  Eigen::Vector2d error;
+  double claimed_px = 0.0;
+};
+
 // A track's errors about their own median, and normalised. With n of them that median takes one
 // part in n of their variance.
 void AddNormalised(const std::vector<std::pair<Eigen::Vector2d, PixelCovariance>>& errors,
-                   std::vector<Eigen::Vector2d>& normalised) {
+                   std::vector<NormalisedError>& normalised) {
   const auto n = static_cast<double>(errors.size());
   if (n < 2.0) return;
   Eigen::Vector2d median;
@@ -85,11 +91,37 @@ void AddNormalised(const std::vector<std::pair<Eigen::Vector2d, PixelCovariance>
     median[axis] = InterpolatedMedian(std::move(values));
   }
   for (const auto& [error, covariance] : errors) {
-    normalised.push_back(std::sqrt(n / (n - 1.0)) * Normalise(error - median, covariance));
+    normalised.push_back({std::sqrt(n / (n - 1.0)) * Normalise(error - median, covariance),
+                          std::sqrt(0.5 * (double{covariance.xx} + double{covariance.yy}))});
   }
 }
 
-CalibrationFigure Calibration(const std::vector<Eigen::Vector2d>& normalised) {
+double NeesRatio(std::vector<double> squares) {
+  return InterpolatedMedian(std::move(squares)) / (2.0 * std::numbers::ln2);
+}
+
+std::vector<CalibrationFigure::Tenth> Tenths(std::vector<NormalisedError> normalised) {
+  constexpr std::size_t kEnough = 1000;
+  if (normalised.size() < kEnough) return {};
+  std::stable_sort(
+      normalised.begin(), normalised.end(), [](const NormalisedError& a, const NormalisedError& b) {
+        return a.claimed_px < b.claimed_px;
+      });
+  std::vector<CalibrationFigure::Tenth> tenths;
+  for (std::size_t tenth = 0; tenth < 10; ++tenth) {
+    std::vector<double> claimed_px;
+    std::vector<double> squares;
+    for (std::size_t i = tenth * normalised.size() / 10; i < (tenth + 1) * normalised.size() / 10;
+         ++i) {
+      claimed_px.push_back(normalised[i].claimed_px);
+      squares.push_back(normalised[i].error.squaredNorm());
+    }
+    tenths.push_back({InterpolatedMedian(std::move(claimed_px)), NeesRatio(std::move(squares))});
+  }
+  return tenths;
+}
+
+CalibrationFigure Calibration(const std::vector<NormalisedError>& normalised) {
   CalibrationFigure figure;
   figure.count = normalised.size();
   std::vector<double> squares;
@@ -97,7 +129,7 @@ CalibrationFigure Calibration(const std::vector<Eigen::Vector2d>& normalised) {
   std::size_t beyond = 0;
   const double bins_per_sigma =
       CalibrationFigure::kHistogramBins / (2.0 * CalibrationFigure::kHistogramSigmas);
-  for (const Eigen::Vector2d& e : normalised) {
+  for (const auto& [e, claimed_px] : normalised) {
     squares.push_back(e.squaredNorm());
     for (const double x : {e.x(), e.y()}) {
       sizes.push_back(std::abs(x));
@@ -109,9 +141,10 @@ CalibrationFigure Calibration(const std::vector<Eigen::Vector2d>& normalised) {
     }
   }
   constexpr double kNormalMadToSigma = 1.4826;
-  figure.nees_ratio = InterpolatedMedian(std::move(squares)) / (2.0 * std::numbers::ln2);
+  figure.nees_ratio = NeesRatio(std::move(squares));
   figure.share_beyond_3 = static_cast<double>(beyond) / static_cast<double>(sizes.size());
   figure.robust_sigma = kNormalMadToSigma * InterpolatedMedian(std::move(sizes));
+  figure.tenths = Tenths(normalised);
   return figure;
 }
 
@@ -126,7 +159,7 @@ struct PositionErrors {
   std::vector<double> hidden_but_observed_px;
   ErrorsByFramesHidden predicted_px;
   ErrorsByFramesHidden hidden_px;
-  std::vector<Eigen::Vector2d> normalised;  // AddNormalised
+  std::vector<NormalisedError> normalised;  // AddNormalised
   std::size_t predicted = 0;
   std::size_t hidden = 0;
   std::size_t predicted_and_hidden = 0;

@@ -79,6 +79,13 @@ struct CalibrationFigure {
   double robust_sigma = 0.0;                         // 1.4826 median |L^-1 d|_i
   double share_beyond_3 = 0.0;                       // of the numbers; 0.0027 if S is right
   std::array<std::size_t, kHistogramBins> histogram{};  // beyond the ends: not counted
+  // The same of each tenth of the observations, from those that claim to be most certain to those
+  // that claim least: does a large covariance mean a large error? Of fewer than 1000: none.
+  struct Tenth {
+    double claimed_px = 0.0;  // median of sqrt(trace(S) / 2)
+    double nees_ratio = 0.0;
+  };
+  std::vector<Tenth> tenths;
 };
 
 // What `evaluate` says of tracks.

@@ -53,12 +53,17 @@ Json ErrorsToJson(const std::map<int, ErrorSummary>& errors_by_frames) {
 }
 
 Json CalibrationToJson(const CalibrationFigure& figure) {
+  Json tenths = Json::array();
+  for (const CalibrationFigure::Tenth& tenth : figure.tenths) {
+    tenths.push_back({{"claimed_px", tenth.claimed_px}, {"nees_ratio", tenth.nees_ratio}});
+  }
   return {{"count", figure.count},
           {"nees_ratio", figure.nees_ratio},
           {"robust_sigma", figure.robust_sigma},
           {"share_beyond_3", figure.share_beyond_3},
           {"histogram_sigmas", CalibrationFigure::kHistogramSigmas},
-          {"histogram", figure.histogram}};
+          {"histogram", figure.histogram},
+          {"tenths", tenths}};
 }
 
 Json EvaluateTrackFile(const std::string& path,

@@ -14,7 +14,7 @@ namespace cohort::test {
 inline std::string RunNumpy(const std::filesystem::path& folder, const std::string& script) {
   const TempDir dir;
   WriteBytes(dir / "script.py", "import numpy as np\n" + script + "\n");
-  const ProgramEnd end = RunShell("cd '" + folder.string() + "' && /usr/bin/python3 '" +
+  const ProgramEnd end = RunShell("cd '" + folder.string() + "' && /usr/bin/python3 -B '" +
                                   (dir / "script.py").string() + "'");
   EXPECT_EQ(end.exit_code, 0) << end.err;
   return end.out;

@@ -14,12 +14,17 @@
 #include <csignal>
 #include <fstream>
 
+#include "backend/colmap/database_tracks.h"
+#include "backend/colmap/keypoint_covariances.h"
 #include "backend/colmap/model_io.h"
 #include "backend/colmap/program.h"
 #include "backend/scene/mapper.h"
 #include "frontend/core/output.h"
 #include "frontend/core/random_stream.h"
+#include "frontend/core/statistics.h"
 #include "tests/support/cameras.h"
+#include "tests/support/numpy.h"
+#include "tests/support/source_dir.h"
 #include "tests/support/synthetic_tracks.h"
 #include "tests/support/temp_dir.h"
 
@@ -614,6 +619,79 @@ TEST(ColmapProgram, ItsOwnDatabaseIsRead) {
       EXPECT_FALSE(pair.geometry->cam2_from_cam1);
     }
   }
+
+  // Its verified matches are tracks of the picture's shift.
+  const std::vector<FrameInfo> frames = {
+      {FrameIndex{0}, "0.pgm", 0}, {FrameIndex{1}, "1.pgm", 0}, {FrameIndex{2}, "2.pgm", 0}};
+  const TrackSet tracks = TracksOfColmapDatabase(read, frames, database).tracks;
+  EXPECT_GT(tracks.features().size(), 20u);
+  std::vector<double> off;
+  for (const FeatureId feature : tracks.features()) {
+    const auto track = tracks.Track(feature);
+    ASSERT_GE(track.size(), 2u);
+    const double frames_apart = ToInt(track.back().frame) - ToInt(track.front().frame);
+    const Eigen::Vector2d moved = track.back().xy - track.front().xy;
+    off.push_back((moved - Eigen::Vector2d(-5.0 * frames_apart, 0.0)).norm());
+  }
+  EXPECT_LT(Median(std::move(off)), 0.3);
+}
+
+// The index of a keypoint is that in points2D of the model that COLMAP makes, as the example for
+// pycolmap takes it.
+TEST(KeypointCovariances, JoinTheModelThatColmapMakesOfTheDatabase) {
+  const TempDir dir;
+  TrackFile file = ClipWithOutliers(CameraPath::kArc).file;
+  std::vector<Observation> observations(file.tracks.observations().begin(),
+                                        file.tracks.observations().end());
+  for (std::size_t i = 0; i < observations.size(); ++i) {
+    const float size = 0.1F + 0.0001F * static_cast<float>(i % 1000);
+    if (i % 17 != 0) observations[i].covariance = PixelCovariance{size, 0.01F, size};
+  }
+  file.tracks = TrackSet::Build(std::move(observations));
+  WriteColmapDatabase(dir / "a.db", file);
+  const CovarianceCounts counts = WriteKeypointCovariances(dir / "a.npz", file);
+  std::filesystem::create_directory(dir / "models");
+  std::filesystem::create_directory(dir / "images");
+  ColmapProgram program;
+  ASSERT_EQ(program
+                .Run("mapper",
+                     {{{"database_path"}, (dir / "a.db").string(), true},
+                      {{"image_path"}, (dir / "images").string(), true},
+                      {{"output_path"}, (dir / "models").string(), true}},
+                     dir / "log")
+                .exit_code,
+            0);
+  const auto largest = ReadLargestColmapModel(dir / "models");
+  ASSERT_TRUE(largest);
+  EXPECT_EQ(largest->model.images.size(), 30u);
+  WriteColmapModel(dir.path(), largest->model, ColmapModelFormat::kText);
+  const std::string printed = test::RunNumpy(
+      dir.path(),
+      "import sys\n"
+      "sys.path.insert(0, '" +
+          (test::SourceDir() / "docs/examples").string() +
+          "')\n"
+          "import adjust_with_covariances as example\n"
+          "measured = example.covariances('a.npz')\n"
+          "lines = [line for line in open('images.txt') if not line.startswith('#')]\n"
+          "points = found = 0\n"
+          "for head, body in zip(lines[::2], lines[1::2]):\n"
+          "  name, numbers = head.split()[9], body.split()\n"
+          "  for k in range(len(numbers) // 3):\n"
+          "    xy = np.array([float(numbers[3 * k]), float(numbers[3 * k + 1])])\n"
+          "    covariance = example.covariance_of(measured, name, k, xy)\n"
+          "    points += 1\n"
+          "    found += (name, k) in measured\n"
+          "    size = measured[name, k][1][0, 0] if (name, k) in measured else 1.0\n"
+          "    assert abs(covariance[0, 0] - size - 0.01) < 1e-9\n"
+          "print(points, found)\n"
+          "name, k = next(iter(measured))\n"
+          "try: example.covariance_of(measured, name, k, np.array([-9.0, 5.0]))\n"
+          "except SystemExit as error: print(error)");
+  EXPECT_THAT(printed,
+              testing::StartsWith(
+                  fmt::format("{} {}\n", counts.keypoints, counts.keypoints - counts.without)));
+  EXPECT_THAT(printed, HasSubstr("in the model, at"));
 }
 
 }  // namespace

@@ -166,6 +166,43 @@ TEST(Calibration, CovariancesFourTimesTooSmallAreFoundOut) {
   EXPECT_NEAR(calibration->robust_sigma, 2.0, 0.04);
 }
 
+// Errors of 0.1 to 2 px. A tracker that knows them, and one that claims the same of all.
+TEST(Calibration, TenthsTellWhetherALargeCovarianceMeansALargeError) {
+  const auto evaluate = [](bool knows) {
+    RandomStream random(4, "test/calibration");
+    std::vector<Observation> all;
+    for (std::uint32_t id = 0; id < 40; ++id) {
+      auto track = Track(id, 0, 201, {100, 100});
+      const Eigen::Vector2d still = track.front().xy;
+      const double sigma = 0.1 * std::pow(20.0, id / 39.0);
+      for (Observation& o : track) {
+        o.xy = still + sigma * Eigen::Vector2d(random.Gaussian(), random.Gaussian());
+        const double claimed = knows ? sigma : 0.45;
+        o.covariance = PixelCovariance::From(claimed * claimed * Eigen::Matrix2d::Identity());
+      }
+      all.insert(all.end(), track.begin(), track.end());
+    }
+    const auto still_truth = [](FrameIndex, const Eigen::Vector2d& xy) -> std::optional<TruePath> {
+      return [xy](FrameIndex) { return TrueSighting{.xy = xy, .visible = true}; };
+    };
+    return EvaluateTracks(TrackSet::Build(std::move(all)), still_truth, kImage).calibration->tenths;
+  };
+  const auto right = evaluate(true);
+  ASSERT_EQ(right.size(), 10u);
+  for (std::size_t i = 0; i < 10; ++i) {
+    EXPECT_NEAR(right[i].nees_ratio, 1.0, 0.2) << i;
+    if (i > 0) {
+      EXPECT_GT(right[i].claimed_px, right[i - 1].claimed_px);
+    }
+  }
+  EXPECT_NEAR(right.front().claimed_px, 0.11, 0.02);
+  EXPECT_NEAR(right.back().claimed_px, 1.8, 0.3);
+  // Ten equal claims, in the order of the tracks.
+  const auto constant = evaluate(false);
+  EXPECT_LT(constant.front().nees_ratio, 0.1);
+  EXPECT_GT(constant.back().nees_ratio, 10.0);
+}
+
 TEST(Calibration, TracksWithoutCovarianceHaveNone) {
   EXPECT_FALSE(EvaluateTracks(Join({Track(1, 0, 9, {100, 100})}), Moving(), kImage).calibration);
 }
