@@ -173,8 +173,10 @@ struct Desk {
       return commands.find(word) != std::string::npos;
     };
     if (names("clip.mp4") && !fs::exists(dir / "clip.mp4")) WriteClip(shell, dir.path());
-    if (names("pipelines/workflow") && !fs::exists(dir / "pipelines")) {
-      fs::create_symlink(test::SourceDir() / "pipelines", dir / "pipelines");
+    for (const char* folder : {"pipelines", "tests"}) {  // a reader is in the repository
+      if (names(folder) && !fs::exists(dir / folder)) {
+        fs::create_directory_symlink(test::SourceDir() / folder, dir / folder);
+      }
     }
   }
 

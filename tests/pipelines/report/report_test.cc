@@ -17,6 +17,7 @@
 
 #include "frontend/core/output.h"
 #include "frontend/core/statistics.h"
+#include "tests/support/browser.h"
 #include "tests/support/program.h"
 #include "tests/support/temp_dir.h"
 
@@ -27,14 +28,6 @@ namespace fs = std::filesystem;
 using testing::HasSubstr;
 using testing::IsEmpty;
 using testing::Not;
-
-std::string Replaced(std::string text, const std::string& what, const std::string& by) {
-  for (std::size_t at = text.find(what); at != std::string::npos; at = text.find(what, at)) {
-    text.replace(at, what.size(), by);
-    at += by.size();
-  }
-  return text;
-}
 
 // Put into a copy of the page: collects errors from the start, and at the end what there is to see.
 constexpr const char* kProbeHead = R"(<script>
@@ -106,43 +99,19 @@ class Report : public testing::Test {
            Path(out);
   }
 
-  static std::string Browser() {
-    for (const char* name : {"chromium", "chromium-browser", "google-chrome"}) {
-      if (test::RunShell(fmt::format("command -v {}", name)).exit_code == 0) return name;
-    }
-    return "";
-  }
-
-  // The page in a browser without a network.
-  static test::ProgramEnd Browse(const std::string& page, const std::string& what) {
-    return test::RunShell(
-        fmt::format("HOME={} timeout 100 {} --headless=new --no-sandbox --disable-gpu "
-                    "--enable-unsafe-swiftshader --disable-dev-shm-usage --hide-scrollbars "
-                    "--host-resolver-rules='MAP * ~NOTFOUND' --virtual-time-budget=20000 {} "
-                    "'file://{}'",
-                    dir_->path().string(),
-                    Browser(),
-                    what,
-                    page));
-  }
-
   static nlohmann::json Probe(const std::string& window) {
     std::string page = ReadBytes(Path("out/report.html"));
     page.replace(page.find("<head>"), 6, std::string("<head>") + kProbeHead);
     page.replace(page.rfind("</body>"), 7, std::string(kProbeFoot) + "</body>");
     WriteBytes(Path("probed.html"), page);
     const test::ProgramEnd end =
-        Browse(Path("probed.html"), "--window-size=" + window + " --dump-dom");
-    const std::string open = "<pre id=\"probe\">";
-    const std::size_t begin = end.out.find(open);
-    const std::size_t close = end.out.find("</pre>", begin);
-    if (begin == std::string::npos || close == std::string::npos) {
+        test::Browse(Path("probed.html"), "--window-size=" + window + " --dump-dom", dir_->path());
+    const auto json = test::Probe(end.out);
+    if (!json) {
       ADD_FAILURE() << "the page did not come to its end\n" << end.err;
       return {};
     }
-    std::string json = end.out.substr(begin + open.size(), close - begin - open.size());
-    json = Replaced(Replaced(Replaced(json, "&lt;", "<"), "&gt;", ">"), "&amp;", "&");
-    return nlohmann::json::parse(json);
+    return nlohmann::json::parse(*json);
   }
 
   static test::TempDir* dir_;
@@ -167,7 +136,7 @@ Figures ReadCsv(const fs::path& path) {
 }
 
 TEST_F(Report, OpensOfflineAndDrawsEverythingWithoutComplaint) {
-  if (Browser().empty()) GTEST_SKIP() << "no chromium";
+  if (test::Browser().empty()) GTEST_SKIP() << "no chromium";
   const auto probe = Probe("1200,900");
   ASSERT_FALSE(probe.is_null());
   EXPECT_EQ(probe["ready"], "true");
@@ -196,7 +165,7 @@ TEST_F(Report, OpensOfflineAndDrawsEverythingWithoutComplaint) {
 }
 
 TEST_F(Report, ShowsWhatResultsCsvHas) {
-  if (Browser().empty()) GTEST_SKIP() << "no chromium";
+  if (test::Browser().empty()) GTEST_SKIP() << "no chromium";
   const auto probe = Probe("1200,900");
   ASSERT_FALSE(probe.is_null());
   const Figures figures = ReadCsv(Path("out/results.csv"));
@@ -222,11 +191,13 @@ TEST_F(Report, ShowsWhatResultsCsvHas) {
 }
 
 TEST_F(Report, FitsAPhoneAndIsNotBlankThere) {
-  if (Browser().empty()) GTEST_SKIP() << "no chromium";
+  if (test::Browser().empty()) GTEST_SKIP() << "no chromium";
   const auto probe = Probe("500,900");  // the least that headless Chromium takes
   ASSERT_FALSE(probe.is_null());
   EXPECT_LE(probe["wider"], 0);
-  Browse(Path("out/report.html"), "--window-size=500,3000 --screenshot=" + Path("phone.png"));
+  test::Browse(Path("out/report.html"),
+               "--window-size=500,3000 --screenshot=" + Path("phone.png"),
+               dir_->path());
   const cv::Mat picture = cv::imread(Path("phone.png"), cv::IMREAD_GRAYSCALE);
   ASSERT_FALSE(picture.empty());
   for (int y = 0; y + 600 <= picture.rows; y += 600) {
