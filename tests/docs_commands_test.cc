@@ -70,12 +70,12 @@ std::vector<std::string> Documents() {
 // The video that the documents take as the reader's own: a rendered clip.
 void WriteClip(const std::string& shell, const fs::path& dir) {
   const test::ProgramEnd end =
-      test::RunShell(shell + "cohort synth video --motion lateral --frames 30 --quiet");
+      test::RunShell(shell + "cohort synth video --motion lateral --frames 16 --quiet");
   ASSERT_EQ(end.exit_code, 0) << end.err;
   const fs::path images = dir / "video/rgb";
   const fs::path video = dir / "clip.mp4";
   cv::VideoWriter writer;
-  for (int i = 0; i < 30; ++i) {
+  for (int i = 0; i < 16; ++i) {
     const cv::Mat frame = cv::imread((images / fmt::format("{:06}.png", i)).string());
     ASSERT_FALSE(frame.empty());
     if (i == 0) {
