@@ -8,7 +8,7 @@
 #include <cstring>
 #include <fstream>
 
-#include "backend/colmap/database_tracks.h"
+#include "backend/colmap/colmap_tracks.h"
 #include "frontend/tracks/opensfm_tracks.h"
 #include "frontend/tracks/track_csv.h"
 #include "frontend/tracks/track_store.h"
@@ -53,9 +53,7 @@ void CheckFramesKnown(const TrackSet& tracks,
 
 // What a file is, by its first bytes.
 TracksForm FormOf(const std::string& path) {
-  if (std::filesystem::is_directory(path)) {
-    ThrowError("cannot read tracks of {}: it is a folder; give a file", path);
-  }
+  if (std::filesystem::is_directory(path)) return TracksForm::kColmap;
   std::array<char, 4096> start{};
   std::ifstream in(path, std::ios::binary);
   if (!in) ThrowError("cannot read {}: {}", path, std::strerror(errno));
@@ -82,9 +80,13 @@ ImportedTracks ReadCsv(const ImportCommandOptions& options, const TrackFile& fil
   return imported;
 }
 
-ImportedTracks ReadDatabase(const ImportCommandOptions& options, const TrackFile& file) {
+// A database, or the folder of a model.
+ImportedTracks ReadColmap(const ImportCommandOptions& options, const TrackFile& file) {
+  const bool is_model = std::filesystem::is_directory(options.tracks);
   ImportedTracks imported =
-      TracksOfColmapDatabase(ReadColmapDatabase(options.tracks), file.frames, options.tracks);
+      is_model
+          ? TracksOfColmapModel(ReadColmapModel(options.tracks), file.frames, options.tracks)
+          : TracksOfColmapDatabase(ReadColmapDatabase(options.tracks), file.frames, options.tracks);
   if (imported.camera->width_px != file.width_px || imported.camera->height_px != file.height_px) {
     ThrowError("{} is of pictures of {} x {}, but {} has {} x {}: give the images that COLMAP had",
                options.tracks,
@@ -95,9 +97,10 @@ ImportedTracks ReadDatabase(const ImportCommandOptions& options, const TrackFile
                file.height_px);
   }
   if (imported.left_out > 0) {
-    spdlog::warn("{}: {} matches would give a point two positions in an image, and are left out",
+    spdlog::warn("{}: {} {} a point two positions in an image, and are left out",
                  options.tracks,
-                 imported.left_out);
+                 imported.left_out,
+                 is_model ? "positions give" : "matches would give");
   }
   return imported;
 }
@@ -122,7 +125,7 @@ ImportedTracks ReadTracks(TracksForm form,
     case TracksForm::kOpensfm:
       return ReadOpenSfmTracks(options.tracks, file.frames, file.width_px, file.height_px);
     case TracksForm::kColmap:
-      return ReadDatabase(options, file);
+      return ReadColmap(options, file);
   }
   Check(false, "every form of tracks is read");
   return {};

@@ -18,7 +18,7 @@
 #include <variant>
 #include <vector>
 
-#include "backend/colmap/database_tracks.h"
+#include "backend/colmap/colmap_tracks.h"
 #include "backend/colmap/model_io.h"
 #include "backend/colmap/tracks_to_database.h"
 #include "frontend/core/interruption.h"

@@ -14,7 +14,7 @@
 #include <csignal>
 #include <fstream>
 
-#include "backend/colmap/database_tracks.h"
+#include "backend/colmap/colmap_tracks.h"
 #include "backend/colmap/keypoint_covariances.h"
 #include "backend/colmap/model_io.h"
 #include "backend/colmap/program.h"

@@ -319,6 +319,27 @@ TEST_F(Commands, ImportsWhateverFormItExports) {
   EXPECT_EQ(database.meta.at("imported_from"), Path("a.db"));
 }
 
+TEST_F(Commands, ImportsTheTracksOfAModelFolder) {
+  const auto run = [](const std::string& arguments) {
+    const ProgramEnd end = RunCohort(arguments + " --quiet");
+    EXPECT_EQ(end.exit_code, 0) << arguments << "\n" << end.err;
+  };
+  run("synth " + Path("clip") + " --width-px 320 --height-px 240 --focal-px 260 --frames 16");
+  run("track " + Path("clip") + " --features 150 --out " + Path("a.tracks"));
+  run("reconstruct " + Path("a.tracks") + " --out " + Path("m"));
+  run("import " + Path("m") + " --images " + Path("clip") + " --out " + Path("b.tracks"));
+  const TrackFile file = ReadTrackFile(Path("a.tracks"));
+  const TrackFile model = ReadTrackFile(Path("b.tracks"));
+  EXPECT_EQ(model.tracks.observations().size(), ReadJson(dir_ / "m/summary.json")["observations"]);
+  for (const Observation& o : model.tracks.observations()) {
+    const Observation* before = file.tracks.Find(o.feature, o.frame);
+    ASSERT_NE(before, nullptr);
+    EXPECT_LT((o.xy - before->xy).norm(), 1e-9);
+  }
+  EXPECT_NEAR(model.camera->fx, 260.0, 1e-9);
+  EXPECT_NEAR(model.camera->cx, 159.5, 1e-9);
+}
+
 TEST_F(Commands, ImportSaysInOneLineWhatATrackFileIsNot) {
   const std::string clip = WriteImages(Path("clip"), 3);
   const auto import = [&](const std::string& arguments) {
@@ -331,7 +352,7 @@ TEST_F(Commands, ImportSaysInOneLineWhatATrackFileIsNot) {
                 .exit_code,
             0);
   ExpectFailure(import(Path("missing.npz")), 1, HasSubstr("missing.npz"));
-  ExpectFailure(import(clip), 1, HasSubstr("it is a folder"));
+  ExpectFailure(import(clip), 1, HasSubstr("cameras"));
   ExpectFailure(import(Path("a.tracks")), 1, HasSubstr("no COLMAP database"));
   ExpectFailure(import(Path("a.npz") + " --from colmap"), 1, HasSubstr("a.npz"));
   ExpectFailure(import(Path("a.npz") + " --from pickle"), 2, HasSubstr("pickle"));

@@ -1,8 +1,9 @@
-#include "backend/colmap/database_tracks.h"
+#include "backend/colmap/colmap_tracks.h"
 
 #include <algorithm>
 #include <cmath>
 #include <numeric>
+#include <set>
 #include <tuple>
 #include <vector>
 
@@ -138,6 +139,83 @@ ImportedTracks TracksOfColmapDatabase(const ColmapDatabase& database,
         {.feature = feature,
          .frame = *frame,
          .xy = xy.cast<double>() - Eigen::Vector2d::Constant(kColmapPixelShift)});
+  }
+  result.tracks = TrackSet::Build(std::move(observations));
+  CheckSomeImageKnown(result, path.string(), frames);
+  return result;
+}
+
+ImportedTracks TracksOfColmapModel(const ColmapModel& model,
+                                   std::span<const FrameInfo> frames,
+                                   const std::filesystem::path& path) {
+  ImportedTracks result;
+  std::optional<ColmapCamera> camera;
+  for (const auto& [id, image] : model.images) {
+    const auto found = model.cameras.find(image.camera_id);
+    if (found == model.cameras.end()) {
+      ThrowError("COLMAP model {}: image {} has camera {}, which is not there",
+                 path.string(),
+                 image.name,
+                 image.camera_id);
+    }
+    if (!camera) camera = found->second;
+    if (found->second == *camera) continue;
+    ThrowError(
+        "COLMAP model {}: image {} has another camera than others: one is read, of a clip of "
+        "one camera",
+        path.string(),
+        image.name);
+  }
+  if (model.images.empty() || model.points.empty()) {
+    ThrowError("COLMAP model {} has {} images and {} points: there are no tracks",
+               path.string(),
+               model.images.size(),
+               model.points.size());
+  }
+  result.camera = FromColmapCamera(*camera);
+  result.camera->known = true;
+
+  FrameNames names(frames);
+  std::map<ColmapImageId, std::optional<FrameIndex>> frame_of_image;
+  for (const auto& [id, image] : model.images) {
+    frame_of_image[id] = names.Find(image.name);
+    if (frame_of_image[id]) continue;
+    if (result.unknown_images++ == 0) result.an_unknown_image = image.name;
+  }
+  constexpr std::uint64_t kIds = std::uint64_t{1} << 32;
+  const bool keeps_ids = model.points.begin()->first > 0 && model.points.rbegin()->first <= kIds;
+  std::uint64_t count = 0;
+  std::vector<Observation> observations;
+  for (const auto& [id, point] : model.points) {
+    const std::uint64_t number = keeps_ids ? id - 1 : count;
+    ++count;
+    std::set<FrameIndex> seen_in;
+    for (const auto& [image_id, index] : point.track) {
+      const auto image = model.images.find(image_id);
+      if (image == model.images.end() || index >= image->second.points2d.size()) {
+        ThrowError("COLMAP model {}: point {} is seen in image {} at index {}, which is not there",
+                   path.string(),
+                   id,
+                   image_id,
+                   index);
+      }
+      const Eigen::Vector2d& xy = image->second.points2d[index].xy;
+      if (!xy.allFinite()) {
+        ThrowError("COLMAP model {}: position {} of image {} is not finite",
+                   path.string(),
+                   index,
+                   image->second.name);
+      }
+      const auto frame = frame_of_image.at(image_id);
+      if (!frame) continue;
+      if (!seen_in.insert(*frame).second) {
+        ++result.left_out;
+        continue;
+      }
+      observations.push_back({.feature = FeatureId{static_cast<std::uint32_t>(number)},
+                              .frame = *frame,
+                              .xy = xy - Eigen::Vector2d::Constant(kColmapPixelShift)});
+    }
   }
   result.tracks = TrackSet::Build(std::move(observations));
   CheckSomeImageKnown(result, path.string(), frames);

@@ -1,4 +1,4 @@
-#include "backend/colmap/database_tracks.h"
+#include "backend/colmap/colmap_tracks.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -171,6 +171,82 @@ TEST(ColmapTracks, WhatWeExportComesBackToTheLastBitOfAFloat) {
     }
   }
   EXPECT_GT(same, file.tracks.observations().size() * 98 / 100);
+}
+
+// Two points in three images, keypoints of image i at (10 k + 1/2, i + 1/2).
+ColmapModel Model() {
+  ColmapModel model;
+  model.cameras[3] = ToColmapCamera(test::SyntheticTracksOptions::DefaultCamera());
+  for (Index i = 1; i <= 3; ++i) {
+    ColmapModelImage& image = model.images[i];
+    image.camera_id = 3;
+    image.name = fmt::format("{}.png", i - 1);
+    for (int k = 0; k < 3; ++k) image.points2d.push_back({{10.0 * k + 0.5, i + 0.5}, std::nullopt});
+  }
+  model.points[8].track = {{1, 0}, {2, 1}};
+  model.points[5].track = {{1, 2}, {3, 2}};
+  return model;
+}
+
+ImportedTracks Tracks(const ColmapModel& model) {
+  return TracksOfColmapModel(model, Frames(4), "model");
+}
+
+TEST(ColmapModelTracks, AreThoseOfItsPoints) {
+  const ImportedTracks imported = Tracks(Model());
+  EXPECT_THAT(imported.tracks.features(), testing::ElementsAre(FeatureId{4}, FeatureId{7}));
+  EXPECT_EQ(Shape(imported.tracks), (std::vector<Track>{{{0, 2}, {2, 2}}, {{0, 0}, {1, 1}}}));
+  ASSERT_TRUE(imported.camera);
+  EXPECT_TRUE(imported.camera->known);
+  EXPECT_EQ(imported.camera->cx, test::SyntheticTracksOptions::DefaultCamera().cx);
+}
+
+TEST(ColmapModelTracks, IdsOf64BitsAreCountedThrough) {
+  ColmapModel model = Model();
+  model.points[std::uint64_t{1} << 40].track = {{2, 0}, {3, 0}};
+  EXPECT_THAT(Tracks(model).tracks.features(),
+              testing::ElementsAre(FeatureId{0}, FeatureId{1}, FeatureId{2}));
+  model = Model();
+  model.points[0].track = {{2, 0}, {3, 0}};
+  EXPECT_EQ(Tracks(model).tracks.features().size(), 3u);
+}
+
+TEST(ColmapModelTracks, APointTwiceInAnImageKeepsTheFirst) {
+  ColmapModel model = Model();
+  model.points[8].track.emplace_back(1, 1);
+  const ImportedTracks imported = Tracks(model);
+  EXPECT_EQ(imported.left_out, 1u);
+  EXPECT_EQ(imported.tracks.Find(FeatureId{7}, FrameIndex{0})->xy.x(), 0.0);
+}
+
+TEST(ColmapModelTracks, CamerasThatAreAlikeAreOneAndOthersAnError) {
+  ColmapModel model = Model();
+  model.cameras[4] = model.cameras[3];
+  model.images[2].camera_id = 4;
+  EXPECT_EQ(Tracks(model).tracks.features().size(), 2u);
+  model.cameras[4].params[0] += 1.0;
+  EXPECT_THAT(
+      [&] { Tracks(model); },
+      ThrowsMessage<Error>(AllOf(HasSubstr("model"), HasSubstr("image 1.png has another"))));
+}
+
+TEST(ColmapModelTracks, SaysInOneLineWhatIsNotThere) {
+  const auto fails = [](const auto& change, const char* why) {
+    ColmapModel model = Model();
+    change(model);
+    EXPECT_THAT([&] { Tracks(model); },
+                ThrowsMessage<Error>(AllOf(HasSubstr("model"), HasSubstr(why))));
+  };
+  fails([](ColmapModel& m) { m.points[8].track.emplace_back(9, 0); }, "image 9");
+  fails([](ColmapModel& m) { m.points[8].track.emplace_back(3, 3); }, "index 3");
+  fails([](ColmapModel& m) { m.points.clear(); }, "0 points");
+  fails([](ColmapModel& m) { m.images[1].camera_id = 9; }, "camera 9, which is not there");
+  fails(
+      [](ColmapModel& m) {
+        m.images[1].points2d[0].xy.x() = std::numeric_limits<double>::infinity();
+      },
+      "not finite");
+  fails([](ColmapModel& m) { m.images.clear(); }, "0 images");
 }
 
 }  // namespace
