@@ -441,19 +441,6 @@ std::string TrajectoryText(const Reconstruction& reconstruction) {
   return text;
 }
 
-std::string PointsPly(const Reconstruction& reconstruction) {
-  std::string bytes = fmt::format(
-      "ply\nformat binary_little_endian 1.0\nelement vertex {}\n"
-      "property float x\nproperty float y\nproperty float z\n"
-      "property uchar red\nproperty uchar green\nproperty uchar blue\nend_header\n",
-      reconstruction.points.size());
-  for (const auto& [feature, point] : reconstruction.points) {
-    for (const double value : point.in_world) Put(bytes, static_cast<float>(value));
-    for (const std::uint8_t value : kPointColour) Put(bytes, value);
-  }
-  return bytes;
-}
-
 }  // namespace
 
 void WriteColmapModel(const fs::path& folder, const ColmapModel& model, ColmapModelFormat format) {
@@ -617,12 +604,25 @@ const std::vector<std::string>& ModelFolderNames() {
   return names;
 }
 
+std::string PointsPly(const ColmapModel& model) {
+  std::string bytes = fmt::format(
+      "ply\nformat binary_little_endian 1.0\nelement vertex {}\n"
+      "property float x\nproperty float y\nproperty float z\n"
+      "property uchar red\nproperty uchar green\nproperty uchar blue\nend_header\n",
+      model.points.size());
+  for (const auto& [id, point] : model.points) {
+    for (const double value : point.xyz) Put(bytes, static_cast<float>(value));
+    for (const std::uint8_t value : point.rgb) Put(bytes, value);
+  }
+  return bytes;
+}
+
 void WriteReconstructionFiles(const fs::path& folder, const Reconstruction& reconstruction) {
   const ColmapModel model = ToColmapModel(reconstruction);
   WriteColmapModel(folder, model, ColmapModelFormat::kText);
   WriteColmapModel(folder, model, ColmapModelFormat::kBinary);
   WriteBytes(folder / "trajectory.tum", TrajectoryText(reconstruction));
-  WriteBytes(folder / "points.ply", PointsPly(reconstruction));
+  WriteBytes(folder / "points.ply", PointsPly(model));
 }
 
 void WriteReconstruction(const fs::path& folder, const Reconstruction& reconstruction) {

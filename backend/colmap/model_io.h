@@ -68,6 +68,9 @@ Reconstruction FromColmapModel(const ColmapModel& model,
                                const TrackFile& file,
                                bool include_predicted);
 
+// The points as a PLY file: x, y, z [float], red, green, blue [uchar], binary.
+std::string PointsPly(const ColmapModel& model);
+
 // A model folder: text and binary model, trajectory.tum (world_from_cam, `t tx ty tz qx qy qz qw`;
 // t in seconds, the frame's index where there is no time stamp), points.ply.
 void WriteReconstructionFiles(const std::filesystem::path& existing_folder,

@@ -4,6 +4,7 @@
 #include <opencv2/imgproc.hpp>
 #include <string>
 #include <string_view>
+#include <utility>
 
 #include "frontend/core/error.h"
 #include "frontend/core/output.h"
@@ -54,6 +55,11 @@ cv::Mat ToGray(const cv::Mat& picture, std::string_view what) {
   cv::Mat gray;
   cv::cvtColor(picture, gray, picture.channels() == 4 ? cv::COLOR_BGRA2GRAY : cv::COLOR_BGR2GRAY);
   return gray;
+}
+
+void SetPicture(cv::Mat picture, std::string_view what, Frame& frame) {
+  frame.gray = ToGray(picture, what);
+  frame.color = picture.channels() >= 3 ? std::move(picture) : cv::Mat();
 }
 
 void RequireSize(cv::Size size, cv::Size expected, std::string_view what) {

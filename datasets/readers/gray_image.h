@@ -4,6 +4,8 @@
 #include <opencv2/core/mat.hpp>
 #include <string_view>
 
+#include "frontend/image/frame.h"
+
 namespace cohort {
 
 // The pixels of an image file as stored (EXIF orientation is ignored, as COLMAP does). Throws Error
@@ -13,6 +15,9 @@ cv::Mat ReadImage(const std::filesystem::path& file);
 // CV_8UC1 or CV_16UC1 of a 1, 3 (BGR) or 4 (BGRA, alpha dropped) channel picture of 8 or 16 bits.
 // Throws Error naming `what` on any other kind.
 cv::Mat ToGray(const cv::Mat& picture, std::string_view what);
+
+// Moves the pixels of a decoded picture into a frame: as grey, and in colours if it has any.
+void SetPicture(cv::Mat picture, std::string_view what, Frame& frame);
 
 // Throws Error naming `what` and both sizes unless they are equal.
 void RequireSize(cv::Size size, cv::Size expected, std::string_view what);

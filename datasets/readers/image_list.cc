@@ -54,8 +54,9 @@ class ImageListSequence final : public Sequence {
     }
     RequireSize(picture.size(), size_, file);
     ++read_;
-    return Frame{
-        FrameIndex(i), list_.images[i].timestamp_ns, list_.images[i].name, ToGray(picture, file)};
+    Frame frame{FrameIndex(i), list_.images[i].timestamp_ns, list_.images[i].name, {}};
+    SetPicture(std::move(picture), file, frame);
+    return frame;
   }
 
   void Rewind() override { read_ = 0; }

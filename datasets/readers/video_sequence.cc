@@ -82,8 +82,9 @@ class VideoSequence final : public Sequence {
     const std::size_t index = std::exchange(next_, next_ + range_.stride);
     const double seconds = static_cast<double>(index) / frames_per_second_;
     std::string name = fmt::format("frame_{:06}.png", index);
-    cv::Mat gray = ToGray(picture, file_);
-    return Frame{FrameIndex(index), std::llround(seconds * 1e9), std::move(name), std::move(gray)};
+    Frame frame{FrameIndex(index), std::llround(seconds * 1e9), std::move(name), {}};
+    SetPicture(std::move(picture), file_, frame);
+    return frame;
   }
 
   std::optional<Frame> End() {

@@ -14,6 +14,7 @@ struct Frame {
   std::int64_t timestamp_ns = 0;
   std::string name;  // path relative to the sequence's image folder; for a video frame_000123.png
   cv::Mat gray;  // CV_8UC1 or CV_16UC1, as decoded (colour is converted by OpenCV's BGR weights)
+  cv::Mat color = {};  // as decoded, BGR or BGRA of 8 or 16 bits; empty where it has no colours
 };
 
 }  // namespace cohort

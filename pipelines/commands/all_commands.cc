@@ -7,13 +7,15 @@
 #include "pipelines/commands/import.h"
 #include "pipelines/commands/reconstruct.h"
 #include "pipelines/commands/refine.h"
+#include "pipelines/commands/sfm.h"
 #include "pipelines/commands/synth.h"
 #include "pipelines/commands/track.h"
 
 namespace cohort {
 
 std::vector<Command> AllCommands() {
-  return {TrackCommand(),
+  return {SfmCommand(),
+          TrackCommand(),
           ImportCommand(),
           ExportCommand(),
           ReconstructCommand(),

@@ -2,9 +2,12 @@
 
 #include <fmt/format.h>
 
+#include <cmath>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <string>
 
+#include "frontend/core/statistics.h"
 #include "pipelines/json/option_list.h"
 
 namespace cohort {
@@ -36,6 +39,24 @@ Json CameraToJson(const Camera& c) {
           {"k6", c.k6}};
 }
 
+// Median standard deviation of a coordinate of the cameras' centres, as a share of the median
+// distance from which points are seen; none without covariances.
+std::optional<double> CameraUncertainty(const CeresFindings& findings,
+                                        const Reconstruction& reconstruction) {
+  std::vector<double> deviations;
+  for (const auto& [frame, covariance] : findings.camera_covariances) {
+    deviations.push_back(std::sqrt(covariance.bottomRightCorner<3, 3>().trace() / 3.0));
+  }
+  std::vector<double> distances;
+  for (const auto& [feature, point] : reconstruction.points) {
+    for (const PointView& view : point.views) {
+      distances.push_back((reconstruction.cam_from_world.at(view.frame) * point.in_world).norm());
+    }
+  }
+  if (deviations.empty() || distances.empty()) return std::nullopt;
+  return Median(std::move(deviations)) / Median(std::move(distances));
+}
+
 Json FindingsToJson(const CeresFindings& findings, const Reconstruction& reconstruction) {
   Json json{{"tracks_without_point", findings.without_point.size()}};
   if (!reconstruction.cam_from_world.empty()) {
@@ -43,6 +64,9 @@ Json FindingsToJson(const CeresFindings& findings, const Reconstruction& reconst
     json["unexplained_parallax"] = findings.unexplained_parallax;
     json["noise"] = findings.noise;
     json["camera"] = CameraToJson(reconstruction.camera);
+  }
+  if (const auto uncertainty = CameraUncertainty(findings, reconstruction)) {
+    json["camera_uncertainty"] = *uncertainty;
   }
   if (findings.better_camera) json["better_camera"] = CameraToJson(*findings.better_camera);
   for (const Reconstruction& part : findings.other_parts) {

@@ -1,0 +1,56 @@
+#include "pipelines/commands/sfm.h"
+
+#include "pipelines/console/table.h"
+#include "pipelines/jobs/sfm_job.h"
+
+namespace cohort {
+namespace {
+
+void PrintFigures(const SfmFigures& figures, const std::string& out) {
+  std::vector<std::vector<std::string>> rows{
+      {"scene", out},
+      {"frames with a pose",
+       fmt::format("{} of {}", figures.model.registered, figures.model.frames)},
+      {"pictures of the scene", fmt::format("{}", figures.images)},
+      {"points", fmt::format("{}", figures.points)}};
+  if (!figures.quality.empty()) rows.push_back({"quality", figures.quality});
+  if (figures.camera_uncertainty) {
+    rows.push_back({"expected error of the cameras",
+                    fmt::format("{:.2g} % of the distance to the scene",
+                                100.0 * *figures.camera_uncertainty)});
+  }
+  fmt::print("{}", AlignedTable(rows));
+  for (const std::string& reason : figures.reasons) fmt::print("Doubt: {}\n", reason);
+  for (const std::string& advice : figures.film_better) fmt::print("To film better: {}\n", advice);
+}
+
+void RunSfm(const SfmJobOptions& options) {
+  const SfmFigures figures = RunSfmJob(options);
+  PrintFigures(figures, options.out);
+  if (figures.model.Failed()) {
+    ThrowError(
+        "the reconstruction failed: {} of {} frames registered, fewer than 80 % ({}); what "
+        "there is lies in {}",
+        figures.model.registered,
+        figures.model.frames,
+        figures.model.termination,
+        options.out);
+  }
+}
+
+}  // namespace
+
+Command SfmCommand() {
+  return MakeCommand(
+      {.name = "sfm",
+       .usage = "INPUT --out SCENE [options]",
+       .summary = "From a video to a scene: tracks, cameras, points, undistorted pictures",
+       .positionals = {"input"},
+       .required = {"input", "out"},
+       .short_flags = {{"features", {"detector.max_features"}},
+                       {"second-pass", {"second_pass.mode"}},
+                       {"colmap-program", {"colmap.program"}}}},
+      RunSfm);
+}
+
+}  // namespace cohort

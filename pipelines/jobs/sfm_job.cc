@@ -1,0 +1,167 @@
+#include "pipelines/jobs/sfm_job.h"
+
+#include <spdlog/spdlog.h>
+
+#include <filesystem>
+#include <nlohmann/json.hpp>
+
+#include "frontend/core/output.h"
+#include "pipelines/console/progress_bar.h"
+#include "pipelines/console/version.h"
+#include "pipelines/json/json_file.h"
+#include "pipelines/json/option_list.h"
+#include "pipelines/sfm/film_advice.h"
+
+namespace cohort {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::ordered_json;
+
+constexpr std::size_t kMostFramesWithCovariances = 600;  // memory grows with their square
+
+TrackJobOptions TrackOptionsOf(const SfmJobOptions& options) {
+  TrackJobOptions track;
+  track.input = options.input;
+  track.out = (fs::path(options.out) / "clip.tracks").string();
+  track.mask = options.mask;
+  track.resume = options.resume;
+  track.seed = options.seed;
+  track.threads = options.threads;
+  track.tracker = options.tracker;
+  track.second_pass = options.second_pass;
+  return track;
+}
+
+// All that the outcome depends on, as summary.json keeps it: the options, and of the input's files
+// what changes when they do.
+Json MadeOf(SfmJobOptions options) {
+  options.resume = false;
+  options.threads = 0;
+  options.out.clear();
+  Json made_of{{"program", fmt::format("cohort {}", kVersion)},
+               {"input", AbsolutePath(options.input.input)},
+               {"options", ToJson(options)}};
+  std::error_code ignored;
+  if (fs::is_regular_file(options.input.input)) {
+    made_of["bytes"] = fs::file_size(options.input.input, ignored);
+  }
+  return made_of;
+}
+
+bool IsMadeOf(const fs::path& summary, const Json& made_of) {
+  return fs::exists(summary) && ReadJsonFile(summary).value("made_of", Json()) == made_of;
+}
+
+// The model of the tracks, made anew unless it is of them already. What its summary.json says.
+Json MakeModel(const SfmJobOptions& options, std::size_t frames, const Json& made_of) {
+  ReconstructJobOptions job;
+  job.tracks = (fs::path(options.out) / "clip.tracks").string();
+  job.out = (fs::path(options.out) / "model").string();
+  job.reconstruct = options.reconstruct;
+  if (frames > kMostFramesWithCovariances && job.reconstruct.ceres.covariances) {
+    job.reconstruct.ceres.covariances = false;
+    spdlog::info("more than {} frames: without covariances of cameras and points",
+                 kMostFramesWithCovariances);
+  }
+  const fs::path summary = fs::path(job.out) / "summary.json";
+  const fs::path stamp = fs::path(options.out) / "model_of.json";
+  const bool is_made = options.resume && fs::exists(summary) && fs::exists(stamp) &&
+                       ReadJsonFile(stamp) == made_of &&
+                       fs::last_write_time(stamp) >= fs::last_write_time(job.tracks);
+  if (is_made) {
+    spdlog::info("{} is complete already", job.out);
+  } else {
+    std::error_code ignored;
+    fs::remove(stamp, ignored);
+    RunReconstructJob(job);
+    WriteJsonFile(stamp, made_of);
+  }
+  return ReadJsonFile(summary);
+}
+
+template <typename T>
+std::optional<T> Find(const Json& json, const char* key) {
+  const auto it = json.find(key);
+  if (it == json.end() || it->is_null()) return std::nullopt;
+  return it->get<T>();
+}
+
+SfmFigures FiguresOf(const Json& model) {
+  SfmFigures figures;
+  figures.model.registered = model.at("registered").get<std::size_t>();
+  figures.model.frames = model.at("frames").get<std::size_t>();
+  figures.model.points = model.at("points").get<std::size_t>();
+  figures.model.observations = model.at("observations").get<std::size_t>();
+  figures.model.mean_track_length = model.at("mean_track_length").get<double>();
+  figures.model.mean_reprojection_px = model.at("mean_reprojection_px").get<double>();
+  figures.model.seconds = model.at("seconds").get<double>();
+  figures.model.termination = model.at("termination").get<std::string>();
+  figures.quality = Find<std::string>(model, "quality").value_or("");
+  figures.reasons = Find<std::vector<std::string>>(model, "reasons").value_or(figures.reasons);
+  figures.camera_uncertainty = Find<double>(model, "camera_uncertainty");
+  return figures;
+}
+
+Json SummaryOf(const SfmFigures& figures, const Json& made_of) {
+  Json json{{"registered", figures.model.registered},
+            {"frames", figures.model.frames},
+            {"images", figures.images},
+            {"points", figures.points},
+            {"failed", figures.model.Failed()},
+            {"termination", figures.model.termination},
+            {"quality", figures.quality.empty() ? Json() : Json(figures.quality)},
+            {"reasons", figures.reasons},
+            {"camera_uncertainty",
+             figures.camera_uncertainty ? Json(*figures.camera_uncertainty) : Json()},
+            {"film_better", figures.film_better},
+            {"made_of", made_of}};
+  return json;
+}
+
+SfmFigures FiguresOfSummary(const fs::path& folder) {
+  SfmFigures figures = FiguresOf(ReadJsonFile(folder / "model" / "summary.json"));
+  const Json summary = ReadJsonFile(folder / "summary.json");
+  figures.images = summary.at("images").get<std::size_t>();
+  figures.points = summary.at("points").get<std::size_t>();
+  figures.film_better = summary.at("film_better").get<std::vector<std::string>>();
+  return figures;
+}
+
+}  // namespace
+
+SfmFigures RunSfmJob(const SfmJobOptions& options) {
+  const fs::path folder = options.out;
+  const fs::path summary = folder / "summary.json";
+  const Json made_of = MadeOf(options);
+  if (options.resume && IsMadeOf(summary, made_of)) {
+    spdlog::info("{} is complete already", options.out);
+    return FiguresOfSummary(folder);
+  }
+  // Checked before hours of work: the input, and that the folder can be made.
+  OpenInput(options.input);
+  std::error_code error;
+  fs::create_directories(folder, error);
+  if (error) ThrowError("cannot make folder {}: {}", options.out, error.message());
+  fs::remove(summary, error);
+
+  RunTrackJob(TrackOptionsOf(options));
+  const TrackFile file = ReadTrackFile(folder / "clip.tracks");
+  SfmFigures figures = FiguresOf(MakeModel(options, file.frames.size(), made_of));
+  std::vector<double> brightness;
+  Reconstruction model;
+  if (figures.model.registered > 0) {
+    model = ReadModelFolder(folder / "model");
+    const auto sequence = OpenInput(options.input);
+    const SceneFigures scene =
+        WriteScene(file, model, *sequence, options.scene, folder, ProgressBars());
+    figures.images = scene.images.size();
+    figures.points = scene.points;
+    brightness = scene.brightness;
+  }
+  figures.film_better = FilmAdvice(file, model, brightness);
+  WriteJsonFile(summary, SummaryOf(figures, made_of));
+  return figures;
+}
+
+}  // namespace cohort

@@ -1,0 +1,73 @@
+#pragma once
+
+#include <cstddef>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "pipelines/jobs/reconstruct_job.h"
+#include "pipelines/jobs/track_job.h"
+#include "pipelines/sfm/scene.h"
+
+namespace cohort {
+
+// The work of `cohort sfm`.
+struct SfmJobOptions {
+  SfmJobOptions() { reconstruct.ceres.covariances = true; }
+
+  InputOptions input;
+  std::string out;
+  std::string mask;
+  bool resume = false;
+  unsigned seed = 0;
+  int threads = 0;
+  SceneOptions scene;
+  TrackerOptions tracker;
+  SecondPassOptions second_pass;
+  ReconstructOptions reconstruct;
+
+  template <typename Self, typename Visitor>
+  static void Visit(Self& o, Visitor& v) {
+    InputOptions::Visit(o.input, v);
+    v.Text("out", o.out, "The scene folder to write.", Tier::kCommon);
+    SceneOptions::Visit(o.scene, v);
+    v.Text("mask",
+           o.mask,
+           "A picture of the frames' size, black where no feature may be, such as the "
+           "bonnet of a car.",
+           Tier::kCommon);
+    v.Flag("resume",
+           o.resume,
+           "Go on where an interrupted run with the same options ended, instead of "
+           "beginning anew.",
+           Tier::kCommon);
+    v.Number("seed", o.seed, 0U, 4294967295U, "of random draws; kept in the file's options");
+    v.Number("threads",
+             o.threads,
+             0,
+             1024,
+             "How many threads may work; 0: one a core. More are faster, and the scene stays"
+             " the same.",
+             Tier::kCommon);
+    TrackerOptions::Visit(o.tracker, v);
+    v.Group("second_pass", o.second_pass, "the second pass", Tier::kExpert);
+    ReconstructOptions::Visit(o.reconstruct, v);
+  }
+};
+
+struct SfmFigures {
+  ReconstructionSummary model;
+  std::size_t images = 0;
+  std::size_t points = 0;  // of the scene
+  std::string quality;     // as summary.json of the model has it; empty: not judged
+  std::optional<double> camera_uncertainty;  // share of the distance to the scene
+  std::vector<std::string> reasons;          // to doubt the model
+  std::vector<std::string> film_better;      // FilmAdvice
+};
+
+// INPUT -> scene folder (docs/files.md): clip.tracks by RunTrackJob, model/ by RunReconstructJob,
+// and the scene by WriteScene, each whole or not at all. With `resume` finished stages of the same
+// input and options are kept. A clip without a model is a result, whose summary.json says why.
+SfmFigures RunSfmJob(const SfmJobOptions& options);
+
+}  // namespace cohort

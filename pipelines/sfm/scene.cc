@@ -1,0 +1,489 @@
+#include "pipelines/sfm/scene.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <numeric>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+#include <set>
+#include <string>
+#include <utility>
+
+#include "backend/colmap/model_io.h"
+#include "backend/scene/row_poses.h"
+#include "frontend/core/output.h"
+#include "frontend/core/statistics.h"
+#include "pipelines/json/json_file.h"
+
+namespace cohort {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::ordered_json;
+
+// CV_8UC3, BGR.
+cv::Mat BgrOf(const Frame& frame) {
+  cv::Mat picture = frame.color.empty() ? frame.gray : frame.color;
+  if (picture.depth() == CV_16U) picture.convertTo(picture, CV_8U, 1.0 / 257.0);
+  cv::Mat bgr;
+  switch (picture.channels()) {
+    case 1:
+      cv::cvtColor(picture, bgr, cv::COLOR_GRAY2BGR);
+      return bgr;
+    case 4:
+      cv::cvtColor(picture, bgr, cv::COLOR_BGRA2BGR);
+      return bgr;
+    default:
+      return picture;
+  }
+}
+
+// Mean square gradient of the picture at half its size, where noise says less.
+double SharpnessOf(const cv::Mat& bgr) {
+  cv::Mat gray;
+  cv::cvtColor(bgr, gray, cv::COLOR_BGR2GRAY);
+  cv::pyrDown(gray, gray);
+  cv::Mat dx;
+  cv::Mat dy;
+  cv::Sobel(gray, dx, CV_32F, 1, 0);
+  cv::Sobel(gray, dy, CV_32F, 0, 1);
+  return (dx.dot(dx) + dy.dot(dy)) / static_cast<double>(gray.total());
+}
+
+using Views = std::vector<std::pair<FeatureId, Eigen::Vector2d>>;  // ascending features
+
+// How far points seen in both frames moved, the upper quartile [px]; none of too few.
+std::optional<double> MotionBetween(const Views& from, const Views& to) {
+  constexpr std::size_t kEnough = 5;
+  constexpr double kQuantile = 0.75;
+  std::vector<double> distances;
+  auto other = to.begin();
+  for (const auto& [feature, xy] : from) {
+    while (other != to.end() && other->first < feature) ++other;
+    if (other != to.end() && other->first == feature)
+      distances.push_back((xy - other->second).norm());
+  }
+  if (distances.size() < kEnough) return std::nullopt;
+  return Quantile(std::move(distances), kQuantile);
+}
+
+// Counts of 8-bit intensities, of all frames.
+using Histogram = std::array<double, 256>;
+
+void Count(const cv::Mat& bgr, Histogram& histogram) {
+  cv::Mat gray;
+  cv::cvtColor(bgr, gray, cv::COLOR_BGR2GRAY);
+  for (auto it = gray.begin<std::uint8_t>(); it != gray.end<std::uint8_t>(); ++it) {
+    ++histogram[*it];
+  }
+}
+
+double QuantileOf(const Histogram& histogram, double share) {
+  double left = share * std::accumulate(histogram.begin(), histogram.end(), 0.0);
+  for (std::size_t v = 0; v < histogram.size(); ++v) {
+    left -= histogram[v];
+    if (left <= 0.0) return static_cast<double>(v) / 255.0;
+  }
+  return 1.0;
+}
+
+// The whole range, and its middle as bright as people like it.
+ToneCurve Brighter(const Histogram& histogram) {
+  constexpr double kTail = 0.005;
+  constexpr double kMiddle = 0.4;
+  ToneCurve tone;
+  tone.black = QuantileOf(histogram, kTail);
+  tone.white = std::max(QuantileOf(histogram, 1.0 - kTail), tone.black + 4.0 / 255.0);
+  const double median = (QuantileOf(histogram, 0.5) - tone.black) / (tone.white - tone.black);
+  tone.gamma = std::clamp(std::log(kMiddle) / std::log(std::clamp(median, 0.01, 0.99)), 0.4, 1.0);
+  return tone;
+}
+
+cv::Mat TableOf(const ToneCurve& tone) {
+  cv::Mat table(1, 256, CV_8UC1);
+  for (int v = 0; v < 256; ++v) {
+    table.at<std::uint8_t>(v) = cv::saturate_cast<std::uint8_t>(255.0 * tone(v / 255.0));
+  }
+  return table;
+}
+
+// What is learnt of the clip before any picture is written.
+struct Survey {
+  std::vector<SceneCandidate> candidates;
+  std::vector<double> brightness;
+  std::map<FeatureId, Eigen::Vector3d> colour_sums;  // blue, green, red 0..255
+  std::map<FeatureId, int> colour_counts;
+  Histogram histogram{};
+};
+
+std::map<FrameIndex, Views> ViewsByFrame(const Reconstruction& model) {
+  std::map<FrameIndex, Views> views;
+  for (const auto& [feature, point] : model.points) {
+    for (const PointView& view : point.views) views[view.frame].emplace_back(feature, view.xy);
+  }
+  return views;
+}
+
+void AddColours(const cv::Mat& bgr, const Views& views, Survey& survey) {
+  for (const auto& [feature, xy] : views) {
+    const int x = std::clamp(static_cast<int>(std::lround(xy.x())), 0, bgr.cols - 1);
+    const int y = std::clamp(static_cast<int>(std::lround(xy.y())), 0, bgr.rows - 1);
+    const auto& pixel = bgr.at<cv::Vec3b>(y, x);
+    survey.colour_sums.try_emplace(feature, Eigen::Vector3d::Zero()).first->second +=
+        Eigen::Vector3d(pixel[0], pixel[1], pixel[2]);
+    ++survey.colour_counts[feature];
+  }
+}
+
+// Calls back for every frame of the tracks.
+template <typename Use>
+void ForEachFrameOf(const TrackFile& file,
+                    Sequence& sequence,
+                    std::string_view stage,
+                    const StageProgress& progress,
+                    const Use& use) {
+  sequence.Rewind();
+  std::size_t done = 0;
+  for (const FrameInfo& wanted : file.frames) {
+    std::optional<Frame> frame = sequence.Next();
+    while (frame && frame->index < wanted.index) frame = sequence.Next();
+    if (!frame || frame->index != wanted.index) {
+      ThrowError("{} has no frame {} any more, of which there are tracks: track it again",
+                 file.source,
+                 ToInt(wanted.index));
+    }
+    use(*frame);
+    if (progress) progress(stage, ++done, file.frames.size());
+  }
+}
+
+Survey SurveyClip(const TrackFile& file,
+                  const Reconstruction& model,
+                  Sequence& sequence,
+                  const StageProgress& progress) {
+  Survey survey;
+  const std::map<FrameIndex, Views> views = ViewsByFrame(model);
+  const Views none;
+  const double diagonal_px = std::hypot(model.camera.width_px, model.camera.height_px);
+  const Views* before = nullptr;
+  ForEachFrameOf(file, sequence, "look", progress, [&](const Frame& frame) {
+    const cv::Mat bgr = BgrOf(frame);
+    if (bgr.cols != model.camera.width_px || bgr.rows != model.camera.height_px) {
+      ThrowError("{} is {}x{}, the model's camera {}x{}: they do not belong together",
+                 frame.name,
+                 bgr.cols,
+                 bgr.rows,
+                 model.camera.width_px,
+                 model.camera.height_px);
+    }
+    const cv::Scalar mean = cv::mean(bgr);
+    survey.brightness.push_back((0.114 * mean[0] + 0.587 * mean[1] + 0.299 * mean[2]) / 255.0);
+    if (!model.cam_from_world.contains(frame.index)) return;
+    Count(bgr, survey.histogram);
+    const auto seen = views.find(frame.index);
+    const Views& now = seen != views.end() ? seen->second : none;
+    AddColours(bgr, now, survey);
+    SceneCandidate candidate{frame.index, 0.0, SharpnessOf(bgr)};
+    if (before != nullptr) {
+      // Without common points: as far as may be.
+      const auto motion_px = MotionBetween(*before, now);
+      candidate.motion = motion_px ? *motion_px / diagonal_px : 1.0;
+    }
+    before = &now;
+    survey.candidates.push_back(candidate);
+  });
+  return survey;
+}
+
+// Where every pixel of `to` is in pictures of `from`.
+cv::Mat UndistortionMap(const Camera& from, const Camera& to) {
+  cv::Mat map(to.height_px, to.width_px, CV_32FC2);
+  for (int y = 0; y < to.height_px; ++y) {
+    for (int x = 0; x < to.width_px; ++x) {
+      const auto xy = from.Project({(x - to.cx) / to.fx, (y - to.cy) / to.fy, 1.0});
+      map.at<cv::Vec2f>(y, x) =
+          xy ? cv::Vec2f(static_cast<float>(xy->x()), static_cast<float>(xy->y()))
+             : cv::Vec2f(-1.0F, -1.0F);
+    }
+  }
+  return map;
+}
+
+std::string ImageName(FrameIndex frame) { return fmt::format("{:06}.jpg", ToInt(frame)); }
+
+// The model in the scene's world, seen by the undistorted camera in the chosen frames: points that
+// two of them see.
+Reconstruction SceneModel(const Reconstruction& model, const SceneFigures& figures) {
+  const RowPoses rows(model.cam_from_world, model.readout, model.camera.height_px);
+  const Rigid3 model_from_scene = figures.scene_from_model.Inverse();
+  Reconstruction scene;
+  scene.camera = figures.camera;
+  for (const FrameIndex frame : figures.images) {
+    scene.cam_from_world[frame] = model.cam_from_world.at(frame) * model_from_scene;
+    scene.frame_names[frame] = ImageName(frame);
+  }
+  for (const auto& [feature, point] : model.points) {
+    Point3D in_scene;
+    in_scene.in_world = figures.scene_from_model * point.in_world;
+    for (const PointView& view : point.views) {
+      const auto pose = scene.cam_from_world.find(view.frame);
+      if (pose == scene.cam_from_world.end()) continue;
+      Eigen::Vector2d xy = view.xy;
+      if (model.readout != 0.0) {  // as a global shutter would have seen it
+        const auto of_row = rows.Project(model.camera, view.frame, point.in_world);
+        const auto of_middle =
+            model.camera.Project(model.cam_from_world.at(view.frame) * point.in_world);
+        if (!of_row || !of_middle) continue;
+        xy += *of_middle - *of_row;
+      }
+      const auto undistorted =
+          scene.camera.Project(model.camera.Unproject(xy).homogeneous().eval());
+      if (undistorted && scene.camera.Contains(*undistorted)) {
+        in_scene.views.push_back({view.frame, *undistorted});
+      }
+    }
+    if (in_scene.views.size() >= 2) scene.points[feature] = std::move(in_scene);
+  }
+  UpdateReprojectionErrors(scene);
+  return scene;
+}
+
+std::array<std::uint8_t, 3> RgbOf(const Survey& survey,
+                                  FeatureId feature,
+                                  const std::optional<ToneCurve>& tone) {
+  const auto sum = survey.colour_sums.find(feature);
+  if (sum == survey.colour_sums.end()) return {};
+  const Eigen::Vector3d mean = sum->second / survey.colour_counts.at(feature);
+  std::array<std::uint8_t, 3> rgb{};
+  for (int c = 0; c < 3; ++c) {
+    const double value = mean[2 - c] / 255.0;
+    rgb[static_cast<std::size_t>(c)] =
+        cv::saturate_cast<std::uint8_t>(255.0 * (tone ? (*tone)(value) : value));
+  }
+  return rgb;
+}
+
+Json MatrixToJson(const Eigen::Matrix<double, Eigen::Dynamic, 4>& matrix) {
+  Json rows = Json::array();
+  for (Eigen::Index r = 0; r < matrix.rows(); ++r) {
+    rows.push_back({matrix(r, 0), matrix(r, 1), matrix(r, 2), matrix(r, 3)});
+  }
+  return rows;
+}
+
+Eigen::Matrix4d MatrixOf(const Rigid3& motion) {
+  Eigen::Matrix4d matrix = Eigen::Matrix4d::Identity();
+  matrix.topLeftCorner<3, 3>() = motion.rotation.toRotationMatrix();
+  matrix.topRightCorner<3, 1>() = motion.translation;
+  return matrix;
+}
+
+// Nerfstudio's: world_from_camera in OpenGL's axes (x right, y up, z back); pixels have their
+// centre at .5, as COLMAP's.
+Json TransformsJson(const Reconstruction& scene, const SceneFigures& figures) {
+  const Camera& c = scene.camera;
+  Json frames = Json::array();
+  for (const auto& [frame, cam_from_world] : scene.cam_from_world) {
+    Eigen::Matrix4d world_from_camera = MatrixOf(cam_from_world.Inverse());
+    world_from_camera.middleCols<2>(1) *= -1.0;
+    frames.push_back({{"file_path", "images/" + ImageName(frame)},
+                      {"transform_matrix", MatrixToJson(world_from_camera)},
+                      {"colmap_im_id", ColmapImageIdOf(frame)}});
+  }
+  return {{"camera_model", "PINHOLE"},
+          {"w", c.width_px},
+          {"h", c.height_px},
+          {"fl_x", c.fx},
+          {"fl_y", c.fy},
+          {"cx", c.cx + kColmapPixelShift},
+          {"cy", c.cy + kColmapPixelShift},
+          {"k1", 0.0},
+          {"k2", 0.0},
+          {"p1", 0.0},
+          {"p2", 0.0},
+          {"ply_file_path", "sparse_pc.ply"},
+          {"applied_transform", MatrixToJson(MatrixOf(figures.scene_from_model).topRows<3>())},
+          {"frames", frames}};
+}
+
+void WriteImages(const TrackFile& file,
+                 const Reconstruction& model,
+                 Sequence& sequence,
+                 const SceneOptions& options,
+                 const SceneFigures& figures,
+                 const fs::path& folder,
+                 const StageProgress& progress) {
+  std::vector<std::string> names;  // of any earlier run, too
+  for (const FrameInfo& frame : file.frames) names.push_back(ImageName(frame.index));
+  OutputFolder out(folder, names);
+  const Camera& from = model.camera;
+  const bool is_pinhole = !from.HasDistortion() && from.fx == figures.camera.fx &&
+                          from.fy == figures.camera.fy && from.cx == figures.camera.cx &&
+                          from.cy == figures.camera.cy;
+  const cv::Mat map = is_pinhole ? cv::Mat() : UndistortionMap(from, figures.camera);
+  const cv::Mat table = figures.tone ? TableOf(*figures.tone) : cv::Mat();
+  const std::set<FrameIndex> chosen(figures.images.begin(), figures.images.end());
+  ForEachFrameOf(file, sequence, "write pictures", progress, [&](const Frame& frame) {
+    if (!chosen.contains(frame.index)) return;
+    cv::Mat picture = BgrOf(frame);
+    if (!map.empty()) {
+      cv::Mat undistorted;
+      cv::remap(picture, undistorted, map, {}, cv::INTER_CUBIC, cv::BORDER_REPLICATE);
+      picture = undistorted;
+    }
+    if (!table.empty()) {
+      cv::Mat bright;
+      cv::LUT(picture, table, bright);
+      picture = bright;
+    }
+    const std::string path = (out.partial() / ImageName(frame.index)).string();
+    bool written = false;
+    try {
+      written = cv::imwrite(path, picture, {cv::IMWRITE_JPEG_QUALITY, options.jpeg_quality});
+    } catch (const cv::Exception&) {  // the line below says it
+    }
+    if (!written) ThrowError("cannot write {}: is the disk full?", path);
+  });
+  out.Commit();
+}
+
+}  // namespace
+
+std::vector<FrameIndex> ChooseImages(const std::vector<SceneCandidate>& candidates,
+                                     const SceneOptions& options) {
+  if (candidates.empty()) return {};
+  double path = 0.0;
+  for (std::size_t i = 1; i < candidates.size(); ++i) path += candidates[i].motion;
+  const auto most = static_cast<double>(
+      std::min(candidates.size(), static_cast<std::size_t>(options.max_images)));
+  // Of a slow or short clip rather alike pictures than few.
+  constexpr double kFew = 50.0;
+  const double pieces =
+      options.min_motion > 0.0
+          ? std::clamp(std::floor(path / options.min_motion), std::min(kFew, most), most)
+          : most;
+  // As many as there are frames: all. Of a camera that stands still: pieces of time.
+  const bool by_time = path == 0.0 || pieces >= static_cast<double>(candidates.size());
+  const auto step = [&](std::size_t i) {
+    return by_time ? 1.0 / static_cast<double>(candidates.size()) : candidates[i].motion / path;
+  };
+  std::map<int, const SceneCandidate*> sharpest;
+  double along = 0.0;
+  for (std::size_t i = 0; i < candidates.size(); ++i) {
+    if (i > 0) along += step(i);
+    const int piece = static_cast<int>(std::min(std::floor(along * pieces + 1e-9), pieces - 1.0));
+    const auto [best, first] = sharpest.try_emplace(piece, &candidates[i]);
+    if (!first && candidates[i].sharpness > best->second->sharpness) best->second = &candidates[i];
+  }
+  std::vector<FrameIndex> chosen;
+  for (const auto& [piece, candidate] : sharpest) chosen.push_back(candidate->frame);
+  return chosen;
+}
+
+Camera UndistortedCamera(const Camera& camera) {
+  Camera pinhole;
+  pinhole.width_px = camera.width_px;
+  pinhole.height_px = camera.height_px;
+  pinhole.cx = (camera.width_px - 1) / 2.0;
+  pinhole.cy = (camera.height_px - 1) / 2.0;
+  const double start = std::max(camera.fx, camera.fy);
+  pinhole.fx = pinhole.fy = start;
+  if (!camera.HasDistortion() && camera.fx == camera.fy && camera.cx == pinhole.cx &&
+      camera.cy == pinhole.cy) {
+    return pinhole;
+  }
+  // Its border, some pixels apart.
+  constexpr int kSteps = 64;
+  std::vector<Eigen::Vector2d> border;
+  for (int i = 0; i <= kSteps; ++i) {
+    const double x = (camera.width_px - 1.0) * i / kSteps;
+    const double y = (camera.height_px - 1.0) * i / kSteps;
+    border.insert(border.end(),
+                  {{x, 0.0}, {x, camera.height_px - 1.0}, {0.0, y}, {camera.width_px - 1.0, y}});
+  }
+  // Wider and wider, as long as the border is inside and goes outwards: behind that the lens model
+  // would fold.
+  constexpr double kNarrowest = 4.0;
+  constexpr double kWidest = 0.4;
+  constexpr double kFiner = 0.998;
+  const Eigen::Vector2d middle(camera.cx, camera.cy);
+  std::vector<double> reached(border.size(), 0.0);
+  double best = kNarrowest * start;
+  for (double f = kNarrowest * start; f >= kWidest * start; f *= kFiner) {
+    for (std::size_t i = 0; i < border.size(); ++i) {
+      const auto xy =
+          camera.Project({(border[i].x() - pinhole.cx) / f, (border[i].y() - pinhole.cy) / f, 1.0});
+      constexpr double kRounding = 1e-6;
+      if (!xy || !camera.Contains(*xy, -kRounding) || (*xy - middle).norm() < reached[i]) {
+        pinhole.fx = pinhole.fy = best;
+        return pinhole;
+      }
+      reached[i] = (*xy - middle).norm();
+    }
+    best = f;
+  }
+  pinhole.fx = pinhole.fy = best;
+  return pinhole;
+}
+
+Rigid3 SceneFromModel(const Reconstruction& model) {
+  Eigen::Vector3d up = Eigen::Vector3d::Zero();
+  Eigen::Vector3d center = Eigen::Vector3d::Zero();
+  for (const auto& [frame, cam_from_world] : model.cam_from_world) {
+    up += cam_from_world.rotation.conjugate() * Eigen::Vector3d(0.0, -1.0, 0.0);
+    center += cam_from_world.Inverse().translation;
+  }
+  const auto count = static_cast<double>(std::max<std::size_t>(model.cam_from_world.size(), 1));
+  center /= count;
+  constexpr double kAgreed = 0.1;  // else the camera rolls all around, and none is up
+  Rigid3 scene_from_model;
+  if (up.norm() > kAgreed * count) {
+    scene_from_model.rotation =
+        Eigen::Quaterniond::FromTwoVectors(up.normalized(), Eigen::Vector3d::UnitZ());
+  }
+  scene_from_model.translation = -(scene_from_model.rotation * center);
+  return scene_from_model;
+}
+
+double ToneCurve::operator()(double value) const {
+  return std::pow(std::clamp((value - black) / (white - black), 0.0, 1.0), gamma);
+}
+
+SceneFigures WriteScene(const TrackFile& file,
+                        const Reconstruction& model,
+                        Sequence& sequence,
+                        const SceneOptions& options,
+                        const fs::path& folder,
+                        const StageProgress& progress) {
+  if (model.cam_from_world.empty()) ThrowError("there is no model to make a scene of");
+  const Survey survey = SurveyClip(file, model, sequence, progress);
+  SceneFigures figures;
+  figures.images = ChooseImages(survey.candidates, options);
+  figures.camera = UndistortedCamera(model.camera);
+  figures.scene_from_model = SceneFromModel(model);
+  figures.brightness = survey.brightness;
+  if (options.brighten) figures.tone = Brighter(survey.histogram);
+
+  const Reconstruction scene = SceneModel(model, figures);
+  figures.points = scene.points.size();
+  ColmapModel written = ToColmapModel(scene);
+  for (const auto& [feature, point] : scene.points) {
+    written.points.at(std::uint64_t{ToInt(feature)} + 1).rgb = RgbOf(survey, feature, figures.tone);
+  }
+  WriteImages(file, model, sequence, options, figures, folder / "images", progress);
+  OutputFolder sparse(folder / "sparse", {"0"});
+  fs::create_directory(sparse.partial() / "0");
+  WriteColmapModel(sparse.partial() / "0", written, ColmapModelFormat::kBinary);
+  WriteColmapModel(sparse.partial() / "0", written, ColmapModelFormat::kText);
+  sparse.Commit();
+  OutputFile ply(folder / "sparse_pc.ply");
+  WriteBytes(ply.partial(), PointsPly(written));
+  ply.Commit();
+  WriteJsonFile(folder / "transforms.json", TransformsJson(scene, figures));
+  return figures;
+}
+
+}  // namespace cohort

@@ -1,0 +1,98 @@
+#pragma once
+
+#include <cstddef>
+#include <filesystem>
+#include <optional>
+#include <vector>
+
+#include "backend/scene/reconstruction.h"
+#include "datasets/readers/sequence.h"
+#include "frontend/core/options.h"
+#include "frontend/tracks/track_store.h"
+#include "pipelines/sfm/progress.h"
+
+namespace cohort {
+
+// What becomes of a model as a scene: a folder that programs of radiance fields open.
+struct SceneOptions {
+  int max_images = 300;
+  double min_motion = 0.01;
+  bool brighten = false;
+  int jpeg_quality = 95;
+
+  template <typename Self, typename Visitor>
+  static void Visit(Self& o, Visitor& v) {
+    v.Number("max_images",
+             o.max_images,
+             2,
+             1000000,
+             "The most pictures of the scene; all frames keep their poses in model/. More make a "
+             "scene that is finer, and slower to train.",
+             Tier::kCommon);
+    v.Number("min_motion",
+             o.min_motion,
+             0.0,
+             1.0,
+             "How far the picture must have moved from one picture of the scene to the next, as a "
+             "share of its diagonal; of the frames between, the sharpest is taken. 0: all frames.",
+             Tier::kCommon);
+    v.Flag(
+        "brighten",
+        o.brighten,
+        "Brighten the pictures of the scene and its colours, all alike: a dark clip can be seen, "
+        "and trains better. Tracks and model come from the pictures as they are.",
+        Tier::kCommon);
+    v.Number("jpeg_quality", o.jpeg_quality, 1, 100, "of the scene's pictures");
+  }
+};
+
+// A frame that may become a picture of the scene.
+struct SceneCandidate {
+  FrameIndex frame{};
+  double motion = 0.0;     // since the candidate before, as a share of the picture's diagonal
+  double sharpness = 0.0;  // mean square gradient; comparable among neighbours alone
+};
+
+// The path of the camera in equal pieces of at least `min_motion` (or 50 shorter ones), at most
+// `max_images` of them, and of each the sharpest frame. Ascending.
+std::vector<FrameIndex> ChooseImages(const std::vector<SceneCandidate>& candidates,
+                                     const SceneOptions& options);
+
+// The pinhole camera of the same size, fx = fy and its principal point in the middle, that sees as
+// much as it can of what `camera` sees, and nothing else: its pictures have no blank border.
+Camera UndistortedCamera(const Camera& camera);
+
+// The rigid motion that puts the mean of the cameras at the origin and their mean upward direction
+// along +z, as viewers expect.
+Rigid3 SceneFromModel(const Reconstruction& model);
+
+// v -> ((v - black) / (white - black))^gamma, of intensities 0..1, clipped.
+struct ToneCurve {
+  double black = 0.0;
+  double white = 1.0;
+  double gamma = 1.0;
+
+  double operator()(double value) const;
+};
+
+struct SceneFigures {
+  std::vector<FrameIndex> images;
+  std::size_t points = 0;
+  Camera camera;
+  Rigid3 scene_from_model;
+  std::optional<ToneCurve> tone;
+  // Of every frame of the tracks, ascending: mean intensity 0..1.
+  std::vector<double> brightness;
+};
+
+// Writes images/, sparse/0/, transforms.json and sparse_pc.ply (docs/files.md) into an existing
+// folder, each whole or not at all. `sequence`: the clip, rewound here and read twice, frame by
+// frame. Throws Error where clip and model do not belong together.
+SceneFigures WriteScene(const TrackFile& file,
+                        const Reconstruction& model,
+                        Sequence& sequence,
+                        const SceneOptions& options,
+                        const std::filesystem::path& folder,
+                        const StageProgress& progress = {});
+
+}  // namespace cohort

@@ -1,0 +1,177 @@
+// `cohort sfm`, as users run it, and what they open afterwards.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+#include <string>
+
+#include "frontend/core/output.h"
+#include "tests/support/program.h"
+#include "tests/support/source_dir.h"
+#include "tests/support/temp_dir.h"
+
+namespace cohort {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::HasSubstr;
+
+class Sfm : public testing::Test {
+ protected:
+  // A coloured clip of 24 small frames.
+  static void SetUpTestSuite() {
+    dir_ = new test::TempDir;
+    const std::string clip = *dir_ / "rendered";
+    ASSERT_EQ(test::RunCohort("synth " + clip +
+                              " --scene facade --frames 24 --width-px 320 --height-px 240 "
+                              "--focal-px 260 --quiet")
+                  .exit_code,
+              0);
+    fs::create_directory(*dir_ / "clip");
+    for (const auto& entry : fs::directory_iterator(fs::path(clip) / "rgb")) {
+      const cv::Mat gray = cv::imread(entry.path().string(), cv::IMREAD_GRAYSCALE);
+      cv::Mat colored;
+      cv::applyColorMap(gray, colored, cv::COLORMAP_PINK);
+      cv::imwrite((*dir_ / "clip" / entry.path().filename()).string(), colored);
+    }
+  }
+  static void TearDownTestSuite() {
+    delete dir_;
+    dir_ = nullptr;
+  }
+
+  static test::ProgramEnd RunSfm(const std::string& scene, const std::string& more = "") {
+    return test::RunCohort("sfm " + (*dir_ / "clip").string() +
+                           " --camera 260,260,159.5,119.5,-0.1,0.02 " +
+                           "--features 200 --quiet --out " + scene + " " + more);
+  }
+  static test::ProgramEnd Validate(const std::string& scene) {
+    return test::RunShell("/usr/bin/python3 " + test::SourceDir().string() +
+                          "/tests/pipelines/sfm/scene_validator.py " + scene);
+  }
+  static nlohmann::json Json(const fs::path& path) {
+    return nlohmann::json::parse(ReadBytes(path));
+  }
+
+  static test::TempDir* dir_;
+};
+test::TempDir* Sfm::dir_ = nullptr;
+
+TEST_F(Sfm, MakesASceneThatOpens) {
+  const fs::path scene = *dir_ / "scene";
+  const test::ProgramEnd end = RunSfm(scene);
+  ASSERT_EQ(end.exit_code, 0) << end.err;
+  EXPECT_THAT(end.out, HasSubstr("24 of 24"));
+  EXPECT_THAT(end.out, HasSubstr("% of the distance to the scene"));
+  const test::ProgramEnd valid = Validate(scene);
+  EXPECT_EQ(valid.exit_code, 0) << valid.out << valid.err;
+  EXPECT_EQ(Json(scene / "summary.json").at("quality"), "good");
+
+  // What the stages are, by themselves.
+  const std::string tracks = *dir_ / "alone.tracks";
+  ASSERT_EQ(test::RunCohort(
+                "track " + (*dir_ / "clip").string() +
+                " --camera 260,260,159.5,119.5,-0.1,0.02 --features 200 --quiet --out " + tracks)
+                .exit_code,
+            0);
+  EXPECT_EQ(ReadBytes(tracks), ReadBytes(scene / "clip.tracks"));
+  ASSERT_EQ(test::RunCohort("reconstruct " + tracks +
+                            " --backend ceres --ceres.covariances --quiet --out " +
+                            (*dir_ / "alone").string())
+                .exit_code,
+            0);
+  EXPECT_EQ(ReadBytes(*dir_ / "alone" / "images.bin"), ReadBytes(scene / "model" / "images.bin"));
+
+  // Every kind of damage is seen.
+  const auto damage = [&](const std::string& command) {
+    fs::remove_all(*dir_ / "damaged");
+    fs::copy(scene, *dir_ / "damaged", fs::copy_options::recursive);
+    test::RunShell("cd " + (*dir_ / "damaged").string() + " && " + command);
+    return Validate(*dir_ / "damaged").exit_code;
+  };
+  EXPECT_EQ(damage("true"), 0);
+  EXPECT_EQ(damage("rm images/000003.jpg; rm images/$(ls images | head -1)"), 1);
+  EXPECT_EQ(damage("truncate -s -5 sparse/0/images.bin"), 1);
+  EXPECT_EQ(damage("sed -i 's/\"fl_x\": [0-9.]*/\"fl_x\": 7/' transforms.json"), 1);
+  EXPECT_EQ(damage("sed -i 's/images.0000/images\\/1000/' transforms.json"), 1);
+  EXPECT_EQ(damage("truncate -s -15 sparse_pc.ply"), 1);
+  EXPECT_EQ(damage("cp images/$(ls images | head -1) images/extra.jpg"), 1);
+}
+
+TEST_F(Sfm, BrightensPicturesAndColoursAlike) {
+  const fs::path plain = *dir_ / "plain";
+  const fs::path bright = *dir_ / "bright";
+  ASSERT_EQ(RunSfm(plain, "--max-images 6").exit_code, 0);
+  ASSERT_EQ(RunSfm(bright, "--max-images 6 --brighten").exit_code, 0);
+  EXPECT_EQ(Validate(bright).exit_code, 0);
+  const auto count = std::distance(fs::directory_iterator(bright / "images"), {});
+  EXPECT_EQ(count, 6);
+  const auto mean = [](const fs::path& scene) {
+    double sum = 0.0;
+    for (const auto& entry : fs::directory_iterator(scene / "images")) {
+      const cv::Scalar m = cv::mean(cv::imread(entry.path().string()));
+      sum += m[0] + m[1] + m[2];
+    }
+    return sum;
+  };
+  EXPECT_NE(mean(plain), mean(bright));
+  EXPECT_EQ(ReadBytes(plain / "clip.tracks"), ReadBytes(bright / "clip.tracks"));
+}
+
+TEST_F(Sfm, GoesOnWhereItWasKilled) {
+  const fs::path whole = *dir_ / "whole";
+  ASSERT_EQ(RunSfm(whole).exit_code, 0);
+  const fs::path killed = *dir_ / "killed";
+  // Each time a little later, until it is done.
+  int kills = 0;
+  for (double seconds = 0.2; !fs::exists(killed / "summary.json") && kills < 40; seconds *= 1.3) {
+    test::RunShell(
+        "timeout -s KILL " + std::to_string(seconds) + " " + COHORT_PROGRAM + " sfm " +
+        (*dir_ / "clip").string() +
+        " --camera 260,260,159.5,119.5,-0.1,0.02 --features 200 --quiet --resume --out " +
+        killed.string());
+    ++kills;
+  }
+  EXPECT_GT(kills, 1);
+  for (const char* file :
+       {"clip.tracks", "model/images.bin", "sparse/0/points3D.bin", "transforms.json"}) {
+    EXPECT_EQ(ReadBytes(killed / file), ReadBytes(whole / file)) << file;
+  }
+  const auto written = fs::last_write_time(killed / "transforms.json");
+  ASSERT_EQ(RunSfm(killed, "--resume").exit_code, 0);
+  EXPECT_EQ(fs::last_write_time(killed / "transforms.json"), written) << "it was done";
+  ASSERT_EQ(RunSfm(killed, "--resume --max-images 5").exit_code, 0);
+  EXPECT_NE(fs::last_write_time(killed / "transforms.json"), written) << "it is another scene";
+}
+
+TEST_F(Sfm, ThatHasNoModelSaysWhatToDo) {
+  fs::create_directory(*dir_ / "black");
+  for (int i = 0; i < 5; ++i) {
+    cv::imwrite((*dir_ / "black" / (std::to_string(i) + ".png")).string(),
+                cv::Mat::zeros(120, 160, CV_8UC1));
+  }
+  const fs::path scene = *dir_ / "no_scene";
+  const test::ProgramEnd end =
+      test::RunCohort("sfm " + (*dir_ / "black").string() + " --quiet --out " + scene.string());
+  EXPECT_EQ(end.exit_code, 1);
+  EXPECT_THAT(end.err, HasSubstr("cohort: error: the reconstruction failed: 0 of 5"));
+  EXPECT_TRUE(Json(scene / "summary.json").at("failed"));
+  EXPECT_THAT(end.out, HasSubstr("To film better: "));
+}
+
+TEST_F(Sfm, ReplacesNothingThatIsNotItsOwn) {
+  const fs::path scene = *dir_ / "others";
+  fs::create_directories(scene / "images");
+  WriteBytes(scene / "images" / "holiday.jpg", "not ours");
+  const test::ProgramEnd end = RunSfm(scene);
+  EXPECT_EQ(end.exit_code, 1);
+  EXPECT_THAT(end.err, HasSubstr("holiday.jpg"));
+  EXPECT_EQ(ReadBytes(scene / "images" / "holiday.jpg"), "not ours");
+}
+
+}  // namespace
+}  // namespace cohort

@@ -1,0 +1,177 @@
+#include "pipelines/sfm/scene.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <vector>
+
+#include "pipelines/sfm/film_advice.h"
+
+namespace cohort {
+namespace {
+
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::IsEmpty;
+using testing::SizeIs;
+
+std::vector<SceneCandidate> Path(int frames, double motion) {
+  std::vector<SceneCandidate> path;
+  for (int i = 0; i < frames; ++i) {
+    path.push_back({FrameIndex(i), i == 0 ? 0.0 : motion, i % 5 == 3 ? 2.0 : 1.0});
+  }
+  return path;
+}
+
+TEST(ChooseImages, TakesTheSharpestFrameOfEveryPieceOfThePath) {
+  const auto chosen = ChooseImages(Path(500, 0.002), {.max_images = 300, .min_motion = 0.01});
+  ASSERT_THAT(chosen, SizeIs(99)) << "500 frames of 0.2 % of the diagonal, a picture every 1 %";
+  int sharp = 0;
+  for (const FrameIndex frame : chosen) sharp += ToInt(frame) % 5 == 3 ? 1 : 0;
+  EXPECT_GT(sharp, 95);
+}
+
+TEST(ChooseImages, TakesNoMoreThanAsked) {
+  EXPECT_THAT(ChooseImages(Path(500, 0.1), {.max_images = 40}), SizeIs(40));
+  EXPECT_THAT(ChooseImages(Path(500, 0.1), {.max_images = 1000}), SizeIs(500));
+}
+
+TEST(ChooseImages, OfACameraThatStandsStillTakesFramesByTime) {
+  const auto chosen = ChooseImages(Path(100, 0.0), {.max_images = 10});
+  ASSERT_THAT(chosen, SizeIs(10));
+  EXPECT_LT(ToInt(chosen.front()), 10u);
+  EXPECT_GE(ToInt(chosen.back()), 90u);
+}
+
+TEST(ChooseImages, TakesMoreWhereTheCameraMovesFaster) {
+  std::vector<SceneCandidate> path = Path(200, 0.001);
+  for (int i = 100; i < 200; ++i) path[i].motion = 0.01;
+  const auto chosen = ChooseImages(path, {.max_images = 60});
+  int fast = 0;
+  for (const FrameIndex frame : chosen) fast += ToInt(frame) >= 100 ? 1 : 0;
+  EXPECT_GT(fast, 45);
+}
+
+TEST(ChooseImages, OfOneFrameOrNoneTakesWhatThereIs) {
+  EXPECT_THAT(ChooseImages({}, {}), IsEmpty());
+  EXPECT_THAT(ChooseImages(Path(1, 0.0), {}), ElementsAre(FrameIndex{0}));
+}
+
+Camera Lens(double k1, CameraModel model = CameraModel::kPinhole) {
+  Camera camera;
+  camera.width_px = 640;
+  camera.height_px = 480;
+  camera.fx = camera.fy = 500.0;
+  camera.cx = 322.0;
+  camera.cy = 236.0;
+  camera.k1 = k1;
+  camera.model = model;
+  return camera;
+}
+
+class Undistorted : public testing::TestWithParam<Camera> {};
+
+TEST_P(Undistorted, HasNoBlankBorderAndWastesLittle) {
+  const Camera& lens = GetParam();
+  const Camera pinhole = UndistortedCamera(lens);
+  EXPECT_EQ(pinhole.fx, pinhole.fy);
+  EXPECT_FALSE(pinhole.HasDistortion());
+  EXPECT_EQ(pinhole.cx, (lens.width_px - 1) / 2.0);
+  double nearest_px = 1e9;
+  for (int y = 0; y < lens.height_px; ++y) {
+    const bool whole_row = y == 0 || y == lens.height_px - 1;
+    for (int x = 0; x < lens.width_px; x += whole_row ? 1 : lens.width_px - 1) {
+      const auto xy =
+          lens.Project({(x - pinhole.cx) / pinhole.fx, (y - pinhole.cy) / pinhole.fy, 1.0});
+      ASSERT_TRUE(xy && lens.Contains(*xy, -0.1)) << x << " " << y;
+      nearest_px = std::min({nearest_px,
+                             xy->x(),
+                             lens.width_px - 1 - xy->x(),
+                             xy->y(),
+                             lens.height_px - 1 - xy->y()});
+    }
+  }
+  EXPECT_LT(nearest_px, 2.0) << "it could see more";
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    OfEveryLens,
+    Undistorted,
+    testing::Values(Lens(0.0), Lens(-0.25), Lens(0.15), Lens(-0.01, CameraModel::kFisheye)));
+
+TEST(UndistortedCamera, OfAPinholeInTheMiddleIsTheSame) {
+  Camera camera = Camera::Guess(640, 480);
+  EXPECT_EQ(UndistortedCamera(camera).fx, camera.fx);
+}
+
+TEST(SceneFromModel, StandsUprightAroundTheCameras) {
+  Reconstruction model;
+  const Eigen::Quaterniond tilt(Eigen::AngleAxisd(0.7, Eigen::Vector3d(1, 2, 3).normalized()));
+  for (std::uint32_t i = 0; i < 5; ++i) {
+    const Eigen::Quaterniond turn(Eigen::AngleAxisd(0.3 * i, Eigen::Vector3d::UnitY()));
+    model.cam_from_world[FrameIndex{i}] = {turn * tilt, Eigen::Vector3d(1.0 * i, 2.0, 3.0)};
+  }
+  const Rigid3 scene_from_model = SceneFromModel(model);
+  Eigen::Vector3d center = Eigen::Vector3d::Zero();
+  for (const auto& [frame, cam_from_world] : model.cam_from_world) {
+    const Rigid3 scene_from_cam = scene_from_model * cam_from_world.Inverse();
+    EXPECT_NEAR((scene_from_cam.rotation * -Eigen::Vector3d::UnitY()).z(), 1.0, 1e-9);
+    center += scene_from_cam.translation;
+  }
+  EXPECT_LT(center.norm(), 1e-9);
+}
+
+TEST(ToneCurve, SpreadsWhatIsThereOverTheWholeRange) {
+  const ToneCurve tone{0.02, 0.22, 0.5};
+  EXPECT_EQ(tone(0.0), 0.0);
+  EXPECT_NEAR(tone(0.07), 0.5, 1e-9);
+  EXPECT_EQ(tone(0.5), 1.0);
+}
+
+// 20 features on a line of frames; `lost`: nearly all end between frames 9 and 10.
+TrackFile Clip(bool lost) {
+  std::vector<Observation> observations;
+  TrackFile file;
+  for (std::uint32_t f = 0; f < 20; ++f) {
+    file.frames.push_back({FrameIndex{f}, "", 0});
+    for (std::uint32_t i = 0; i < 150; ++i) {
+      Observation o;
+      o.feature = FeatureId{lost && f >= 10 && i > 20 ? 1000 + i : i};
+      o.frame = FrameIndex{f};
+      o.xy = {1.0 * i + f, 2.0 * i};
+      observations.push_back(o);
+    }
+  }
+  file.tracks = TrackSet::Build(std::move(observations));
+  return file;
+}
+
+Reconstruction Posed(std::uint32_t frames) {
+  Reconstruction model;
+  for (std::uint32_t f = 0; f < frames; ++f) model.cam_from_world[FrameIndex{f}] = {};
+  return model;
+}
+
+TEST(FilmAdvice, SaysNothingOfAGoodClip) {
+  EXPECT_THAT(FilmAdvice(Clip(false), Posed(20), std::vector<double>(20, 0.4)), IsEmpty());
+}
+
+TEST(FilmAdvice, NamesTheFramesWithoutAPoseAndThoseThatLostMost) {
+  const auto advice = FilmAdvice(Clip(true), Posed(18), std::vector<double>(20, 0.4));
+  ASSERT_THAT(advice, SizeIs(2));
+  EXPECT_THAT(advice[0], HasSubstr("frames 18 to 19"));
+  EXPECT_THAT(advice[1], HasSubstr("frames 9 to 10"));
+}
+
+TEST(FilmAdvice, SaysThatItIsDarkAndThatTheLightJumps) {
+  std::vector<double> brightness(20, 0.03);
+  brightness[7] = 0.1;
+  const auto advice = FilmAdvice(Clip(false), Posed(20), brightness);
+  ASSERT_THAT(advice, SizeIs(2));
+  EXPECT_THAT(advice[0], HasSubstr("8 of 255"));
+  EXPECT_THAT(advice[1], HasSubstr("frames 7 to 8"));
+}
+
+}  // namespace
+}  // namespace cohort
