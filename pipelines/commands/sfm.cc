@@ -47,9 +47,10 @@ Command SfmCommand() {
        .summary = "From a video to a scene: tracks, cameras, points, undistorted pictures",
        .positionals = {"input"},
        .required = {"input", "out"},
-       .short_flags = {{"features", {"detector.max_features"}},
+       .short_flags = {{"features", {"track.detector.max_features"}},
                        {"second-pass", {"second_pass.mode"}},
-                       {"colmap-program", {"colmap.program"}}}},
+                       {"backend", {"model.backend"}},
+                       {"colmap-program", {"model.colmap.program"}}}},
       RunSfm);
 }
 

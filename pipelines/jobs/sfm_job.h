@@ -49,9 +49,9 @@ struct SfmJobOptions {
              "How many threads may work; 0: one a core. More are faster, and the scene stays"
              " the same.",
              Tier::kCommon);
-    TrackerOptions::Visit(o.tracker, v);
+    v.Group("track", o.tracker, "tracking, as `cohort track` has them", Tier::kExpert);
     v.Group("second_pass", o.second_pass, "the second pass", Tier::kExpert);
-    ReconstructOptions::Visit(o.reconstruct, v);
+    v.Group("model", o.reconstruct, "as `cohort reconstruct` has them", Tier::kExpert);
   }
 };
 
