@@ -14,6 +14,7 @@
 #include <sstream>
 #include <string>
 #include <thread>
+#include <vector>
 
 #include "frontend/core/output.h"
 #include "tests/support/shell.h"
@@ -167,6 +168,61 @@ TEST_F(Workflow, AKilledRunGoesOnAndGivesTheResultsOfOne) {
   EXPECT_EQ(FinishedCells(), all);
 }
 
+// The rows of scenes.csv by name; no cell of these has a comma.
+using Rows = std::map<std::string, std::map<std::string, std::string>>;
+
+Rows ReadScenes(const fs::path& path) {
+  std::istringstream in(ReadBytes(path));
+  const auto words = [](const std::string& line) {
+    std::vector<std::string> cells;
+    std::istringstream cell(line);
+    for (std::string word; std::getline(cell, word, ',');) cells.push_back(word);
+    return cells;
+  };
+  std::string line;
+  std::getline(in, line);
+  const auto columns = words(line);
+  Rows rows;
+  while (std::getline(in, line)) {
+    const auto cells = words(line);
+    auto& row = rows[cells.at(0)];
+    for (std::size_t i = 0; i < columns.size(); ++i)
+      row[columns[i]] = i < cells.size() ? cells[i] : "";
+  }
+  return rows;
+}
+
+TEST_F(Workflow, AClipThatFailsIsARowAndStopsNoOther) {
+  WriteBytes(dir_ / "empty.mp4", "");
+  WriteBytes(dir_ / "config.yaml", R"(
+out: out
+scenes:
+  clips: {none: none.mp4, empty: empty.mp4, good: clip}
+  options: {features: 150}
+)");
+  const ProgramEnd end = Run(Snakemake("--cores 2"));
+  ASSERT_EQ(end.exit_code, 0) << end.err;
+  const Rows rows = ReadScenes(dir_ / "out/scenes.csv");
+  ASSERT_EQ(rows.size(), 3u);
+  const json summary = json::parse(ReadBytes(dir_ / "out/scenes/good/summary.json"));
+  const auto& good = rows.at("good");
+  EXPECT_EQ(good.at("registered"), "12");
+  EXPECT_EQ(good.at("frames"), "12");
+  EXPECT_EQ(good.at("quality"), summary["quality"]);
+  EXPECT_EQ(good.at("points"), std::to_string(summary["points"].get<int>()));
+  EXPECT_NEAR(std::stod(good.at("expected_error_percent")),
+              100.0 * summary["camera_uncertainty"].get<double>(),
+              5.0 * summary["camera_uncertainty"].get<double>());
+  for (const char* failed : {"none", "empty"}) {
+    EXPECT_EQ(rows.at(failed).at("quality"), "failed");
+    EXPECT_EQ(rows.at(failed).at("exit_code"), "1");
+    EXPECT_EQ(rows.at(failed).at("expected_error_percent"), "");
+    EXPECT_THAT(rows.at(failed).at("note"), HasSubstr(failed));
+  }
+  EXPECT_THAT(end.out, HasSubstr("expected_error_percent"));  // it is printed, too
+  EXPECT_THAT(Run(Snakemake("--cores 2")).err, HasSubstr("Nothing to be done"));
+}
+
 TEST_F(Workflow, AConfigThatIsWrongSaysHow) {
   const auto error_of = [this](const std::string& config) {
     WriteBytes(dir_ / "config.yaml", config);
@@ -174,12 +230,13 @@ TEST_F(Workflow, AConfigThatIsWrongSaysHow) {
     EXPECT_NE(end.exit_code, 0);
     return end.err;
   };
-  EXPECT_THAT(error_of("out: out\n"), HasSubstr("no 'grid'"));
+  EXPECT_THAT(error_of("out: out\n"), HasSubstr("neither 'grid' nor 'scenes'"));
   EXPECT_THAT(error_of("grid: {clips: [clip], sharts: 3}\n"), HasSubstr("unknown sharts"));
   EXPECT_THAT(error_of("grid: {clips: []}\n"), HasSubstr("no 'clips'"));
   EXPECT_THAT(error_of("grid: {clips: [clip], shards: two}\n"), HasSubstr("'shards'"));
   EXPECT_THAT(error_of("cohort: none/such\ngrid: {clips: [clip]}\n"),
               HasSubstr("no program 'none/such'"));
+  EXPECT_THAT(error_of("scenes: {clips: [a/hall.mp4, b/hall.mp4]}\n"), HasSubstr("called hall"));
 }
 
 // Slurm lives as long as the pipe to its script is open.
@@ -238,6 +295,40 @@ TEST_F(WorkflowOnSlurm, ACancelledShardKeepsItsFinishedCells) {
   EXPECT_EQ(WithoutTimes(ReadBytes(dir_ / "out/grid/results.csv")), ResultsOfOneRun());
   // Every job was one of Slurm.
   EXPECT_THAT(Run("ls slurm_logs").out, testing::AllOf(HasSubstr("shard-"), HasSubstr("collect-")));
+}
+
+TEST_F(WorkflowOnSlurm, ACancelledSceneGoesOnAndStopsNoOther) {
+  WriteBytes(dir_ / "config.yaml", R"(
+out: out
+scenes:
+  clips: {short: clip, long: long}
+  options: {features: 150}
+)");
+  ASSERT_EQ(
+      Run("cohort synth long --width-px 320 --height-px 240 --focal-px 260 --frames 40 --quiet")
+          .exit_code,
+      0);
+  ProgramEnd first;
+  std::thread run([&] { first = Run(OnSlurm()); });
+  // The long one is cancelled by the name of its job when it has begun and the short one is done.
+  const fs::path tracks = dir_ / "out/scenes/long/clip.tracks";
+  const bool began = Await([&] { return fs::exists(tracks); }, std::chrono::seconds(60));
+  const ProgramEnd cancel = Run("scancel --name=cohort-scene-long");
+  run.join();
+  ASSERT_TRUE(began) << first.err;
+  ASSERT_EQ(cancel.exit_code, 0) << cancel.err;
+  EXPECT_NE(first.exit_code, 0) << first.err;
+  // The table is there all the same.
+  const Rows rows = ReadScenes(dir_ / "out/scenes.csv");
+  EXPECT_EQ(rows.at("short").at("registered"), "12") << first.out;
+  EXPECT_THAT(rows.at("long").at("note"), HasSubstr("not finished"));
+
+  const std::string kept = ReadBytes(dir_ / "out/scenes/short.json");
+  const ProgramEnd second = Run(OnSlurm());
+  ASSERT_EQ(second.exit_code, 0) << second.err;
+  EXPECT_EQ(ReadBytes(dir_ / "out/scenes/short.json"), kept);
+  EXPECT_EQ(ReadScenes(dir_ / "out/scenes.csv").at("long").at("registered"), "40");
+  EXPECT_FALSE(fs::exists(dir_ / "out/scenes/long.json.begun"));
 }
 
 }  // namespace
