@@ -136,8 +136,10 @@ std::vector<Stretch> WeakStretches(const TrackSet& tracks, double share, std::si
   const double usual = Median(links);
   std::vector<Stretch> stretches;
   std::size_t behind_last = 0;  // of the last stretch
+  double most = 0.0;            // so far: where features are still being found, none are lost
   for (std::size_t i = 0; i < links.size(); ++i) {
-    if (links[i] >= share * std::max(usual, observed[i])) continue;
+    most = std::max(most, links[i]);
+    if (links[i] >= share * std::max(std::min(usual, most), observed[i])) continue;
     const std::size_t first = i < reach ? 0 : i - reach;
     const std::size_t last = std::min(i + 1 + reach, frames.size() - 1);
     if (stretches.empty() || first > behind_last) stretches.push_back({frames[first], {}});

@@ -16,8 +16,9 @@ struct Stretch {
   FrameIndex last{};
 };
 // Where a tracker loses its features: pairs of consecutive frames that fewer than `share` of the
-// features of the first, or of the number usual between frames (the median), tie to each other; and
-// `reach` frames before and behind, in which a companion may take up features. Ascending, apart.
+// features of the first, or of the number usual between frames (the median; until that is reached,
+// the most so far), tie to each other; and `reach` frames before and behind, in which a companion
+// may take up features. Ascending, apart.
 std::vector<Stretch> WeakStretches(const TrackSet& tracks, double share, std::size_t reach);
 
 // Tracks of two trackers of one clip; the features from `first_companion` on are of the second.

@@ -310,6 +310,8 @@ std::optional<FeatureId> JoinTracks(const Pictures& pictures,
   CompanionTracks both = KeepWhereNeeded(
       JoinCompanions({std::move(file.tracks), kFirstCompanion}, kTwinsWithinPx), kNeededShare);
   file.tracks = std::move(both.tracks);
+  const auto& features = file.tracks.features();
+  if (features.empty() || features.back() < both.first_companion) return std::nullopt;
   return both.first_companion;
 }
 

@@ -88,6 +88,23 @@ TEST(Companions, ATrackerIsWeakWhereItLosesItsFeatures) {
   EXPECT_TRUE(WeakStretches(tracks, 0.0, 5).empty());
 }
 
+// In the dark corners are found one after another.
+TEST(Companions, ATrackerThatIsStillFindingFeaturesLosesNone) {
+  std::vector<Observation> observations;
+  for (std::uint32_t i = 0; i < 20; ++i) AddTrack(i, i, 60, {20.0 + 15.0 * i, 40}, observations);
+  const TrackSet growing = TrackSet::Build(observations);
+  EXPECT_TRUE(WeakStretches(growing, 0.7, 5).empty());
+
+  std::erase_if(observations, [](const Observation& o) {
+    return o.feature >= FeatureId{6} && (o.frame == FrameIndex{40} || o.frame == FrameIndex{41});
+  });
+  const std::vector<Stretch> stretches =
+      WeakStretches(TrackSet::Build(std::move(observations)), 0.7, 5);
+  ASSERT_EQ(stretches.size(), 1u);
+  EXPECT_EQ(stretches[0].first, FrameIndex{34});
+  EXPECT_EQ(stretches[0].last, FrameIndex{47});
+}
+
 // Between frames 9 and 10 the first tracker loses nearly all.
 TEST(Companions, OnlyThoseAreKeptThatBridgeWhatTheTrackerLoses) {
   std::vector<Observation> observations;
