@@ -8,6 +8,7 @@
 #include "pipelines/commands/reconstruct.h"
 #include "pipelines/commands/refine.h"
 #include "pipelines/commands/sfm.h"
+#include "pipelines/commands/show.h"
 #include "pipelines/commands/synth.h"
 #include "pipelines/commands/track.h"
 
@@ -20,6 +21,7 @@ std::vector<Command> AllCommands() {
           ExportCommand(),
           ReconstructCommand(),
           RefineCommand(),
+          ShowCommand(),
           EvaluateCommand(),
           SynthCommand(),
           DegradeCommand(),

@@ -1,10 +1,16 @@
 #include "pipelines/commands/sfm.h"
 
+#include <filesystem>
+
+#include "pipelines/console/progress_bar.h"
 #include "pipelines/console/table.h"
 #include "pipelines/jobs/sfm_job.h"
+#include "pipelines/report/clip_report.h"
 
 namespace cohort {
 namespace {
+
+namespace fs = std::filesystem;
 
 void PrintFigures(const SfmFigures& figures, const std::string& out) {
   std::vector<std::vector<std::string>> rows{
@@ -24,8 +30,25 @@ void PrintFigures(const SfmFigures& figures, const std::string& out) {
   for (const std::string& advice : figures.film_better) fmt::print("To film better: {}\n", advice);
 }
 
+// SCENE/report.html, unless it is of this scene already.
+void WriteSceneReport(const SfmJobOptions& options, const SfmFigures& figures) {
+  const fs::path folder = options.out;
+  const fs::path page = folder / "report.html";
+  if (fs::exists(page) &&
+      fs::last_write_time(page) >= fs::last_write_time(folder / "summary.json")) {
+    return;
+  }
+  ClipReport report = ReadClipReport(folder / "model");
+  report.title = fs::path(options.input.input).filename().string();
+  report.sentences.insert(
+      report.sentences.end(), figures.film_better.begin(), figures.film_better.end());
+  const auto sequence = OpenInput(options.input);
+  WriteClipReport(page, report, ReadTrackFile(folder / "clip.tracks"), *sequence, ProgressBars());
+}
+
 void RunSfm(const SfmJobOptions& options) {
   const SfmFigures figures = RunSfmJob(options);
+  WriteSceneReport(options, figures);
   PrintFigures(figures, options.out);
   if (figures.model.Failed()) {
     ThrowError(

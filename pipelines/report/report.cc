@@ -122,16 +122,7 @@ Json DataOf(const ExperimentResults& results, const ExperimentOptions& options) 
 void WriteReport(const fs::path& path,
                  const ExperimentResults& results,
                  const ExperimentOptions& options) {
-  std::string data = DataOf(results, options).dump(-1, ' ', false, Json::error_handler_t::replace);
-  // Nothing in the data may end the script element that it stands in.
-  for (std::size_t at = data.find('<'); at != std::string::npos; at = data.find('<', at + 1)) {
-    data.replace(at, 1, "\\u003c");
-  }
-  std::string page(kReportPage);
-  page.replace(page.find(kReportDataMark), kReportDataMark.size(), data);
-  OutputFile out(path);
-  WriteBytes(out.partial(), page);
-  out.Commit();
+  WritePage(path, kReportPage, DataOf(results, options));
 }
 
 }  // namespace cohort

@@ -1,12 +1,20 @@
 #pragma once
 
+#include <filesystem>
+#include <nlohmann/json_fwd.hpp>
 #include <string_view>
 
 namespace cohort {
 
-// The page without its data, which goes where kReportDataMark stands: page/, bundled when the
-// program is built.
+// Pages without their data, which goes where kReportDataMark stands: page/, bundled when the program
+// is built. Of `compare`, and of one clip.
 extern const std::string_view kReportPage;
+extern const std::string_view kClipPage;
 inline constexpr std::string_view kReportDataMark = "@@COHORT_DATA@@";
+
+// A page with its data; nothing in the data can become active content. Whole or not at all.
+void WritePage(const std::filesystem::path& path,
+               std::string_view page,
+               const nlohmann::ordered_json& data);
 
 }  // namespace cohort

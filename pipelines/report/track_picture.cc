@@ -17,6 +17,7 @@ constexpr double kNearPx = 1.0;
 constexpr double kFarPx = 3.0;
 // Blue, green, red; told apart by the colour-blind too.
 const cv::Scalar kUnknownColor(230, 200, 80);
+const cv::Scalar kPredictedColor(60, 160, 255);
 const cv::Scalar kNearColor(150, 200, 20);
 const cv::Scalar kMiddleColor(40, 190, 240);
 const cv::Scalar kFarColor(60, 60, 235);
@@ -27,21 +28,6 @@ cv::Point FixedPoint(const Eigen::Vector2d& xy) {
   constexpr double kOne = 1 << kShift;
   return {static_cast<int>(std::lround(kOne * xy.x())),
           static_cast<int>(std::lround(kOne * xy.y()))};
-}
-
-// To colour; the darkest and brightest 0.5 % are cut.
-cv::Mat Stretched(const cv::Mat& gray) {
-  cv::Mat values;
-  gray.reshape(1, 1).convertTo(values, CV_64F);
-  const std::vector<double> list(values.begin<double>(), values.end<double>());
-  const double low = Quantile(list, 0.005);
-  const double high = std::max(Quantile(list, 0.995), low + 1.0);
-  cv::Mat eight_bit;
-  // Not to white: the marks must show.
-  gray.convertTo(eight_bit, CV_8U, 190.0 / (high - low), -low * 190.0 / (high - low));
-  cv::Mat color;
-  cv::cvtColor(eight_bit, color, cv::COLOR_GRAY2BGR);
-  return color;
 }
 
 std::optional<Eigen::Vector2d> TruePositionOf(std::span<const Observation> track,
@@ -57,15 +43,29 @@ std::optional<Eigen::Vector2d> TruePositionOf(std::span<const Observation> track
 
 }  // namespace
 
+cv::Mat Brightened(const cv::Mat& gray) {
+  cv::Mat values;
+  gray.reshape(1, 1).convertTo(values, CV_64F);
+  const std::vector<double> list(values.begin<double>(), values.end<double>());
+  const double low = Quantile(list, 0.005);
+  const double high = std::max(Quantile(list, 0.995), low + 1.0);
+  cv::Mat eight_bit;
+  // Not to white: the marks must show.
+  gray.convertTo(eight_bit, CV_8U, 190.0 / (high - low), -low * 190.0 / (high - low));
+  cv::Mat color;
+  cv::cvtColor(eight_bit, color, cv::COLOR_GRAY2BGR);
+  return color;
+}
+
 TrackPicture DrawTracks(const Frame& frame, const TrackSet& tracks, TrackTruth* truth) {
   TrackPicture result;
-  result.picture = Stretched(frame.gray);
+  result.picture = Brightened(frame.gray);
   for (const Observation* o : tracks.InFrame(frame.index)) {
     const auto track = tracks.Track(o->feature);
     const auto true_xy = TruePositionOf(track, frame.index, truth);
     const bool is_observed = o->state == ObservationState::kObserved;
     ++(is_observed ? result.observed : result.predicted);
-    cv::Scalar color = kUnknownColor;
+    cv::Scalar color = is_observed ? kUnknownColor : kPredictedColor;
     if (true_xy) {
       const double error_px = (o->xy - *true_xy).norm();
       color = error_px <= kNearPx ? kNearColor : error_px <= kFarPx ? kMiddleColor : kFarColor;
@@ -110,9 +110,9 @@ TrackPicture DrawTracks(const Frame& frame, const TrackSet& tracks, TrackTruth* 
   return result;
 }
 
-std::string JpegDataUri(const cv::Mat& picture) {
+std::string JpegDataUri(const cv::Mat& picture, int quality) {
   std::vector<std::uint8_t> jpeg;
-  if (!cv::imencode(".jpg", picture, jpeg, {cv::IMWRITE_JPEG_QUALITY, 80})) {
+  if (!cv::imencode(".jpg", picture, jpeg, {cv::IMWRITE_JPEG_QUALITY, quality})) {
     ThrowError("OpenCV cannot write JPEG");
   }
   constexpr const char* kDigits =

@@ -18,12 +18,15 @@ struct TrackPicture {
   std::size_t far = 0;         // observed, more than 3 px from it
 };
 
-// The frame with its contrast stretched, and of every track its last positions as a line and the
-// present one as a dot: observed ones filled, predicted ones as a ring. With truth the colour tells
+// To colour, with the contrast stretched; the darkest and brightest 0.5 % are cut.
+cv::Mat Brightened(const cv::Mat& gray);
+
+// The frame brightened, and of every track its last positions as a line and the
+// present one as a dot: observed ones filled, predicted ones as a ring of another colour. With truth the colour tells
 // the error (up to 1 px, up to 3 px, beyond) and a white cross marks the true position.
 TrackPicture DrawTracks(const Frame& frame, const TrackSet& tracks, TrackTruth* truth);
 
 // As the value of an HTML image's src.
-std::string JpegDataUri(const cv::Mat& picture);
+std::string JpegDataUri(const cv::Mat& picture, int quality = 80);
 
 }  // namespace cohort

@@ -1,9 +1,10 @@
-// node build.js OUT.cc: bundles the page with its libraries, styles and script into one piece of
-// HTML without data, and that into a C++ source.
+// node build.js NAME CONSTANT OUT.cc: bundles NAME.html with its libraries, NAME.css and NAME.js into
+// one piece of HTML without data, and that into a C++ source that defines CONSTANT.
 import {readFileSync, writeFileSync} from 'node:fs';
 import {fileURLToPath} from 'node:url';
 import * as esbuild from 'esbuild';
 
+const [name, constant, out] = process.argv.slice(2);
 const here = (name) => fileURLToPath(new URL(name, import.meta.url));
 
 const bundled = async (name) => {
@@ -20,21 +21,21 @@ const bundled = async (name) => {
 };
 
 const parts = {
-  '@@STYLE@@': await bundled('report.css'),
+  '@@STYLE@@': await bundled(`${name}.css`),
   // A script element ends at the first </script, wherever it stands.
-  '@@SCRIPT@@': (await bundled('report.js')).replaceAll('</script', '<\\/script'),
+  '@@SCRIPT@@': (await bundled(`${name}.js`)).replaceAll('</script', '<\\/script'),
 };
-let page = readFileSync(here('report.html'), 'utf8');
+let page = readFileSync(here(`${name}.html`), 'utf8');
 for (const [mark, text] of Object.entries(parts)) page = page.replace(mark, () => text);
 
 const bytes = Array.from(Buffer.from(page, 'utf8'));
-writeFileSync(process.argv[2], `// Made by build.js.
+writeFileSync(out, `// Made by build.js.
 #include "pipelines/report/report_page.h"
 
 namespace cohort {
 namespace {
 constexpr char kBytes[] = {${bytes.map((b) => (b > 127 ? b - 256 : b)).join(',')}};
 }  // namespace
-const std::string_view kReportPage(kBytes, sizeof(kBytes));
+const std::string_view ${constant}(kBytes, sizeof(kBytes));
 }  // namespace cohort
 `);

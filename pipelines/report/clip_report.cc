@@ -1,0 +1,276 @@
+#include "pipelines/report/clip_report.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <nlohmann/json.hpp>
+#include <opencv2/imgproc.hpp>
+#include <set>
+
+#include "datasets/readers/text_table.h"
+#include "frontend/core/output.h"
+#include "pipelines/console/version.h"
+#include "pipelines/json/json_file.h"
+#include "pipelines/report/report_page.h"
+#include "pipelines/report/track_picture.h"
+#include "pipelines/sfm/reconstruct.h"
+
+namespace cohort {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::ordered_json;
+
+constexpr std::size_t kMostFrames = 150;
+constexpr std::size_t kMostTracks = 300;
+constexpr std::size_t kMostPoints = 20000;
+constexpr int kPictureWidthPx = 320;
+constexpr int kPictureQuality = 60;
+constexpr double kUnitsPerPx = 4.0;  // of positions in the page, in its pictures' pixels
+
+// The three by three block from (first, first) on of upper triangles of `size` rows, by id.
+std::map<std::uint32_t, Eigen::Matrix3d> ReadBlocks(const fs::path& path, int size, int first) {
+  std::map<std::uint32_t, Eigen::Matrix3d> blocks;
+  if (!fs::exists(path)) return blocks;
+  const TextTable table(path);
+  for (std::size_t row = 1; row < table.rows(); ++row) {
+    Eigen::Matrix3d block;
+    std::size_t column = 1;
+    for (int i = 0; i < size; ++i) {
+      for (int j = i; j < size; ++j, ++column) {
+        if (i < first || j >= first + 3) continue;
+        block(i - first, j - first) = block(j - first, i - first) = table.Number(row, column);
+      }
+    }
+    blocks[static_cast<std::uint32_t>(table.Integer(row, 0))] = block;
+  }
+  return blocks;
+}
+
+template <typename Id>
+std::map<Id, Eigen::Matrix3d> ById(const std::map<std::uint32_t, Eigen::Matrix3d>& blocks) {
+  std::map<Id, Eigen::Matrix3d> by_id;
+  for (const auto& [id, block] : blocks) by_id.emplace(Id{id}, block);
+  return by_id;
+}
+
+double Rounded(double value) { return std::stod(fmt::format("{:.5g}", value)); }
+
+void Append(const Eigen::Vector3d& xyz, Json& flat) {
+  for (const double value : xyz) flat.push_back(Rounded(value));
+}
+
+// Upper triangle; null where there is none.
+template <typename Id>
+Json TriangleOf(const std::map<Id, Eigen::Matrix3d>& covariances, Id id) {
+  const auto found = covariances.find(id);
+  if (found == covariances.end()) return nullptr;
+  const Eigen::Matrix3d& c = found->second;
+  return {Rounded(c(0, 0)),
+          Rounded(c(0, 1)),
+          Rounded(c(0, 2)),
+          Rounded(c(1, 1)),
+          Rounded(c(1, 2)),
+          Rounded(c(2, 2))};
+}
+
+// Every n-th frame, so that few enough are left.
+std::vector<FrameInfo> ShownFrames(const TrackFile& file) {
+  const std::size_t every =
+      std::max<std::size_t>(1, (file.frames.size() + kMostFrames - 1) / kMostFrames);
+  std::vector<FrameInfo> shown;
+  for (std::size_t i = 0; i < file.frames.size(); i += every) shown.push_back(file.frames[i]);
+  return shown;
+}
+
+// The longest tracks: those that there is most to see of.
+std::set<FeatureId> ShownTracks(const TrackSet& tracks) {
+  std::vector<FeatureId> features(tracks.features().begin(), tracks.features().end());
+  std::stable_sort(features.begin(), features.end(), [&](FeatureId a, FeatureId b) {
+    return tracks.Track(a).size() > tracks.Track(b).size();
+  });
+  features.resize(std::min(features.size(), kMostTracks));
+  return {features.begin(), features.end()};
+}
+
+// x, y, observed of every shown track in a frame: flat, with the track's id in front.
+Json PositionsIn(const TrackSet& tracks,
+                 FrameIndex frame,
+                 const std::set<FeatureId>& shown,
+                 double scale) {
+  Json flat = Json::array();
+  for (const Observation* o : tracks.InFrame(frame)) {
+    if (!shown.contains(o->feature)) continue;
+    flat.push_back(ToInt(o->feature));
+    flat.push_back(std::lround(kUnitsPerPx * scale * o->xy.x()));
+    flat.push_back(std::lround(kUnitsPerPx * scale * o->xy.y()));
+    flat.push_back(IsObserved(*o) ? 1 : 0);
+  }
+  return flat;
+}
+
+// Mean colours of points, from the frames shown.
+class PointColours {
+ public:
+  explicit PointColours(const Reconstruction& model) {
+    for (const auto& [feature, point] : model.points) {
+      for (const PointView& view : point.views) views_[view.frame].emplace_back(feature, view.xy);
+    }
+  }
+
+  void See(const Frame& frame) {
+    const auto seen = views_.find(frame.index);
+    if (seen == views_.end()) return;
+    cv::Mat picture = frame.color.empty() ? frame.gray : frame.color;
+    if (picture.depth() == CV_16U) picture.convertTo(picture, CV_8U, 1.0 / 257.0);
+    const int channels = picture.channels();
+    for (const auto& [feature, xy] : seen->second) {
+      const int x = std::clamp(static_cast<int>(std::lround(xy.x())), 0, picture.cols - 1);
+      const int y = std::clamp(static_cast<int>(std::lround(xy.y())), 0, picture.rows - 1);
+      const std::uint8_t* pixel = picture.ptr<std::uint8_t>(y) + channels * x;
+      Sum& sum = sums_[feature];
+      for (int c = 0; c < 3; ++c) sum.rgb[c] += pixel[channels >= 3 ? 2 - c : 0];
+      ++sum.count;
+    }
+  }
+
+  Eigen::Vector3d Of(FeatureId feature) const {
+    const auto sum = sums_.find(feature);
+    if (sum == sums_.end()) return Eigen::Vector3d::Constant(128.0);
+    return sum->second.rgb / sum->second.count;
+  }
+
+ private:
+  struct Sum {
+    Eigen::Vector3d rgb = Eigen::Vector3d::Zero();
+    double count = 0.0;
+  };
+  std::map<FrameIndex, std::vector<std::pair<FeatureId, Eigen::Vector2d>>> views_;
+  std::map<FeatureId, Sum> sums_;
+};
+
+Json CamerasOf(const ClipReport& report) {
+  Json cameras = Json::array();
+  const Camera& c = report.model.camera;
+  for (const auto& [frame, cam_from_world] : report.model.cam_from_world) {
+    const Rigid3 world_from_cam = cam_from_world.Inverse();
+    Json camera{{"frame", ToInt(frame)}, {"center", Json::array()}, {"corners", Json::array()}};
+    Append(world_from_cam.translation, camera["center"]);
+    for (const auto& [x, y] : {std::pair{0.0, 0.0},
+                               {c.width_px - 1.0, 0.0},
+                               {c.width_px - 1.0, c.height_px - 1.0},
+                               {0.0, c.height_px - 1.0}}) {
+      const Eigen::Vector3d ray = c.Unproject({x, y}).homogeneous();
+      Append(world_from_cam.rotation * ray, camera["corners"]);  // from the centre, at depth 1
+    }
+    camera["covariance"] = TriangleOf(report.camera_covariances, frame);
+    cameras.push_back(std::move(camera));
+  }
+  return cameras;
+}
+
+Json PointsOf(const ClipReport& report, const PointColours& colours) {
+  Json points{{"xyz", Json::array()}, {"rgb", Json::array()}, {"covariances", Json::array()}};
+  const std::size_t every =
+      std::max<std::size_t>(1, (report.model.points.size() + kMostPoints - 1) / kMostPoints);
+  std::size_t i = 0;
+  for (const auto& [feature, point] : report.model.points) {
+    if (i++ % every != 0) continue;
+    Append(point.in_world, points["xyz"]);
+    for (const double value : colours.Of(feature)) points["rgb"].push_back(std::lround(value));
+    points["covariances"].push_back(TriangleOf(report.point_covariances, feature));
+  }
+  return points;
+}
+
+Json CountsOf(const TrackFile& file) {
+  Json counts{{"frame", Json::array()}, {"observed", Json::array()}, {"predicted", Json::array()}};
+  for (const FrameInfo& frame : file.frames) {
+    const auto in_frame = file.tracks.InFrame(frame.index);
+    const auto observed = std::count_if(
+        in_frame.begin(), in_frame.end(), [](const auto* o) { return IsObserved(*o); });
+    counts["frame"].push_back(ToInt(frame.index));
+    counts["observed"].push_back(observed);
+    counts["predicted"].push_back(static_cast<std::ptrdiff_t>(in_frame.size()) - observed);
+  }
+  return counts;
+}
+
+}  // namespace
+
+ClipReport ReadClipReport(const fs::path& model_folder) {
+  ClipReport report;
+  report.title = model_folder.filename().string();
+  const Json summary = ReadJsonFile(model_folder / "summary.json");
+  report.facts = {
+      {"frames with a pose",
+       fmt::format("{} of {}", summary.at("registered").dump(), summary.at("frames").dump())},
+      {"points", summary.at("points").dump()}};
+  if (summary.contains("quality") && summary["quality"].is_string()) {
+    report.facts.emplace_back("quality", summary["quality"].get<std::string>());
+  }
+  if (summary.contains("camera_uncertainty")) {
+    report.facts.emplace_back(
+        "error of the cameras, of the distance to the scene",
+        fmt::format("{:.2g} %", 100.0 * summary["camera_uncertainty"].get<double>()));
+  }
+  if (summary.contains("reasons")) {
+    report.sentences = summary["reasons"].get<std::vector<std::string>>();
+  }
+  if (fs::exists(model_folder / "images.bin")) report.model = ReadModelFolder(model_folder);
+  report.camera_covariances =
+      ById<FrameIndex>(ReadBlocks(model_folder / "camera_covariances.csv", 6, 3));
+  report.point_covariances =
+      ById<FeatureId>(ReadBlocks(model_folder / "point_covariances.csv", 3, 0));
+  return report;
+}
+
+void WriteClipReport(const fs::path& path,
+                     const ClipReport& report,
+                     const TrackFile& file,
+                     Sequence& sequence,
+                     const StageProgress& progress) {
+  const std::vector<FrameInfo> shown = ShownFrames(file);
+  const std::set<FeatureId> features = ShownTracks(file.tracks);
+  PointColours colours(report.model);
+  Json frames = Json::array();
+  double scale = 1.0;
+  sequence.Rewind();
+  for (std::size_t i = 0; i < shown.size(); ++i) {
+    std::optional<Frame> frame = sequence.Next();
+    while (frame && frame->index < shown[i].index) frame = sequence.Next();
+    if (!frame || frame->index != shown[i].index) {
+      ThrowError("{} has no frame {} any more, of which there are tracks: track it again",
+                 file.source,
+                 ToInt(shown[i].index));
+    }
+    colours.See(*frame);
+    cv::Mat small;
+    scale = std::min(1.0, static_cast<double>(kPictureWidthPx) / frame->gray.cols);
+    cv::resize(Brightened(frame->gray), small, {}, scale, scale, cv::INTER_AREA);
+    frames.push_back({{"frame", ToInt(shown[i].index)},
+                      {"name", shown[i].name},
+                      {"picture", JpegDataUri(small, kPictureQuality)},
+                      {"positions", PositionsIn(file.tracks, shown[i].index, features, scale)}});
+    if (progress) progress("report", i + 1, shown.size());
+  }
+  Json facts = Json::array();
+  for (const auto& [name, value] : report.facts) facts.push_back({name, value});
+  WritePage(path,
+            kClipPage,
+            {{"program", fmt::format("cohort {}", kVersion)},
+             {"title", report.title},
+             {"facts", facts},
+             {"sentences", report.sentences},
+             {"units_per_px", kUnitsPerPx},
+             {"frames", frames},
+             {"tracks", {{"all", file.tracks.features().size()}, {"shown", features.size()}}},
+             {"counts", CountsOf(file)},
+             {"cameras", CamerasOf(report)},
+             {"points", PointsOf(report, colours)},
+             {"points_in_all", report.model.points.size()}});
+}
+
+}  // namespace cohort

@@ -1,0 +1,178 @@
+#include "pipelines/report/track_video.h"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <chrono>
+#include <opencv2/imgproc.hpp>
+#include <opencv2/videoio.hpp>
+#include <set>
+#include <string>
+
+#include "frontend/core/child_process.h"
+#include "frontend/core/error.h"
+#include "frontend/core/output.h"
+#include "pipelines/report/track_picture.h"
+
+namespace cohort {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr int kCaptionPx = 44;
+
+std::string TrackerOf(const TrackFile& file) {
+  const auto tracker = file.meta.find("tracker");
+  if (tracker == file.meta.end()) return "tracks";
+  const auto second = file.meta.find("second_pass");
+  const bool refined = second != file.meta.end() && second->second == "done";
+  return tracker->second + (refined ? ", both passes" : "");
+}
+
+cv::Mat Panel(const TrackFile& file, Frame frame, int width_px) {
+  // Noise hides from people what they look for, and takes most of a video's bytes.
+  constexpr double kSigmaPx = 1.0;
+  cv::GaussianBlur(frame.gray, frame.gray, {}, kSigmaPx);
+  TrackPicture drawn = DrawTracks(frame, file.tracks, nullptr);
+  if (width_px > 0 && width_px != drawn.picture.cols) {
+    const double scale = static_cast<double>(width_px) / drawn.picture.cols;
+    cv::resize(drawn.picture, drawn.picture, {}, scale, scale, cv::INTER_AREA);
+  }
+  // H.264 takes even sizes only.
+  const int width = drawn.picture.cols / 2 * 2;
+  const int height = drawn.picture.rows / 2 * 2;
+  cv::Mat panel(height + kCaptionPx, width, CV_8UC3, cv::Scalar::all(255));
+  drawn.picture(cv::Rect(0, 0, width, height))
+      .copyTo(panel(cv::Rect(0, kCaptionPx, width, height)));
+  cv::putText(panel,
+              TrackerOf(file),
+              {4, 17},
+              cv::FONT_HERSHEY_DUPLEX,
+              0.55,
+              cv::Scalar::all(20),
+              1,
+              cv::LINE_AA);
+  cv::putText(panel,
+              fmt::format("frame {}: {} observed, {} predicted",
+                          ToInt(frame.index),
+                          drawn.observed,
+                          drawn.predicted),
+              {4, 37},
+              cv::FONT_HERSHEY_DUPLEX,
+              0.45,
+              cv::Scalar::all(90),
+              1,
+              cv::LINE_AA);
+  return panel;
+}
+
+std::set<FrameIndex> FramesOfAll(const std::vector<TrackFile>& files) {
+  std::set<FrameIndex> common;
+  for (const FrameInfo& frame : files.front().frames) common.insert(frame.index);
+  for (const TrackFile& file : files) {
+    if (file.width_px != files.front().width_px || file.height_px != files.front().height_px) {
+      ThrowError("the tracks are of clips of {}x{} and {}x{}: give tracks of one clip",
+                 files.front().width_px,
+                 files.front().height_px,
+                 file.width_px,
+                 file.height_px);
+    }
+    std::set<FrameIndex> own;
+    for (const FrameInfo& frame : file.frames) own.insert(frame.index);
+    std::erase_if(common, [&](FrameIndex frame) { return !own.contains(frame); });
+  }
+  if (common.empty()) ThrowError("the tracks have no frame in common: give tracks of one clip");
+  return common;
+}
+
+void WriteMp4(const fs::path& path,
+              const std::vector<TrackFile>& files,
+              Sequence& sequence,
+              double frames_per_second,
+              int width_px,
+              const StageProgress& progress) {
+  const std::set<FrameIndex> wanted = FramesOfAll(files);
+  cv::VideoWriter writer;
+  std::size_t done = 0;
+  sequence.Rewind();
+  while (const auto frame = sequence.Next()) {
+    if (!wanted.contains(frame->index)) continue;
+    std::vector<cv::Mat> panels;
+    for (const TrackFile& file : files) panels.push_back(Panel(file, *frame, width_px));
+    cv::Mat picture;
+    cv::hconcat(panels, picture);
+    if (!writer.isOpened() && !writer.open(path.string(),
+                                           cv::CAP_FFMPEG,
+                                           cv::VideoWriter::fourcc('a', 'v', 'c', '1'),
+                                           frames_per_second,
+                                           picture.size())) {
+      ThrowError("cannot write {}: OpenCV's FFmpeg has no H.264 here", path.string());
+    }
+    writer.write(picture);
+    if (progress) progress("show", ++done, wanted.size());
+  }
+  writer.release();
+  if (done < wanted.size()) {
+    ThrowError(
+        "the clip has {} of the {} frames of the tracks: give --images", done, wanted.size());
+  }
+  if (!fs::exists(path) || fs::file_size(path) == 0) {
+    ThrowError("cannot write {}: is the disk full?", path.string());
+  }
+}
+
+void ToGif(const fs::path& video, const fs::path& gif) {
+  const auto ffmpeg = FindProgram("ffmpeg");
+  if (!ffmpeg)
+    ThrowError("a GIF needs the program ffmpeg: install it, or give a name that ends in .mp4");
+  const Descriptor null(open("/dev/null", O_WRONLY | O_CLOEXEC));
+  const ProgramEnd end =
+      RunProgram(*ffmpeg,
+                 {"-loglevel",
+                  "error",
+                  "-y",
+                  "-i",
+                  video.string(),
+                  "-filter_complex",
+                  "split[a][b];[a]palettegen=max_colors=64[p];[b][p]paletteuse=dither=none",
+                  "-f",
+                  "gif",
+                  gif.string()},
+                 null.get());
+  if (end.exit_code != 0 || end.signal != 0) {
+    ThrowError("cannot write {}: ffmpeg ended with {}", gif.string(), end.Brief());
+  }
+}
+
+}  // namespace
+
+void WriteTrackVideo(const fs::path& path,
+                     const std::vector<TrackFile>& files,
+                     Sequence& sequence,
+                     double frames_per_second,
+                     int width_px,
+                     const StageProgress& progress) {
+  if (path.extension() != ".mp4" && path.extension() != ".gif") {
+    ThrowUsageError("{}: give a name that ends in .mp4 or .gif", path.string());
+  }
+  OutputFile out(path);
+  // FFmpeg goes by the ending.
+  const fs::path video = out.partial().string() + ".mp4";
+  struct Remove {
+    const fs::path& path;
+    ~Remove() {
+      std::error_code ignored;
+      fs::remove(path, ignored);
+    }
+  } const remove{video};
+  WriteMp4(video, files, sequence, frames_per_second, width_px, progress);
+  if (path.extension() == ".gif") {
+    ToGif(video, out.partial());
+  } else {
+    fs::rename(video, out.partial());
+  }
+  out.Commit();
+}
+
+}  // namespace cohort

@@ -1,0 +1,204 @@
+// `cohort show`: the video is decoded again, the page is opened and used in a real browser.
+
+#include <fmt/format.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <opencv2/imgproc.hpp>
+#include <opencv2/videoio.hpp>
+#include <string>
+
+#include "frontend/core/output.h"
+#include "frontend/tracks/track_store.h"
+#include "tests/support/browser.h"
+#include "tests/support/program.h"
+#include "tests/support/temp_dir.h"
+
+namespace cohort {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::HasSubstr;
+using testing::IsEmpty;
+
+class Show : public testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    dir_ = new test::TempDir;
+    // A name that would be active content, if it were let.
+    clip_ = (*dir_ / "<img src=x onerror=alert(1)>").string();
+    Run("synth '" + clip_ + "' --frames 20 --width-px 320 --height-px 240 --focal-px 260 --quiet");
+    Run("track '" + clip_ + "' --features 150 --quiet --out " + Path("a.tracks"));
+    Run("track '" + clip_ + "' --features 80 --tracker klt --quiet --out " + Path("b.tracks"));
+    Run("reconstruct " + Path("a.tracks") + " --backend ceres --ceres.covariances --quiet --out " +
+        Path("model"));
+  }
+  static void TearDownTestSuite() {
+    delete dir_;
+    dir_ = nullptr;
+  }
+
+  static void Run(const std::string& arguments) {
+    const test::ProgramEnd end = test::RunCohort(arguments);
+    ASSERT_EQ(end.exit_code, 0) << arguments << "\n" << end.err;
+  }
+  static std::string Path(const std::string& name) { return (*dir_ / name).string(); }
+
+  static test::TempDir* dir_;
+  static std::string clip_;
+};
+test::TempDir* Show::dir_ = nullptr;
+std::string Show::clip_;
+
+TEST_F(Show, WritesAVideoInWhichEveryTrackIsWhereItIs) {
+  Run("show " + Path("a.tracks") + " " + Path("b.tracks") + " --quiet --out " + Path("v.mp4"));
+  const TrackFile file = ReadTrackFile(Path("a.tracks"));
+  cv::VideoCapture video(Path("v.mp4"));
+  ASSERT_TRUE(video.isOpened());
+  constexpr int kCaption = 44;
+  cv::Mat picture;
+  int frames = 0;
+  int observed = 0;
+  int coloured = 0;
+  for (; video.read(picture); ++frames) {
+    ASSERT_EQ(picture.size(), cv::Size(640, 240 + kCaption));
+    for (const Observation* o : file.tracks.InFrame(FrameIndex(frames))) {
+      if (!IsObserved(*o)) continue;
+      const cv::Point at(static_cast<int>(std::lround(o->xy.x())),
+                         kCaption + static_cast<int>(std::lround(o->xy.y())));
+      if (!cv::Rect(2, 0, 316, picture.rows).contains(at)) continue;
+      const auto& pixel = picture.at<cv::Vec3b>(at);  // blue, green, red
+      ++observed;
+      if (pixel[0] > pixel[2] + 60) ++coloured;
+    }
+  }
+  EXPECT_EQ(frames, 20);
+  ASSERT_GT(observed, 1000);
+  EXPECT_GT(coloured, 0.95 * observed);
+}
+
+TEST_F(Show, WritesAGif) {
+  Run("show " + Path("a.tracks") + " --width-px 160 --quiet --out " + Path("v.gif"));
+  EXPECT_EQ(ReadBytes(Path("v.gif")).substr(0, 6), "GIF89a");
+  cv::VideoCapture video(Path("v.gif"));
+  EXPECT_EQ(video.get(cv::CAP_PROP_FRAME_WIDTH), 160);
+}
+
+TEST_F(Show, OfClipsThatAreNotOneSaysSoAndLeavesNothing) {
+  Run("synth " + Path("other") +
+      " --frames 6 --width-px 160 --height-px 120 --focal-px 130 --quiet");
+  Run("track " + Path("other") + " --features 30 --second-pass off --quiet --out " +
+      Path("c.tracks"));
+  const test::ProgramEnd end = test::RunCohort("show " + Path("a.tracks") + " " + Path("c.tracks") +
+                                               " --quiet --out " + Path("never.mp4"));
+  EXPECT_EQ(end.exit_code, 1);
+  EXPECT_THAT(end.err, HasSubstr("320x240 and 160x120"));
+  EXPECT_FALSE(fs::exists(Path("never.mp4")));
+  EXPECT_EQ(
+      test::RunCohort("show " + Path("a.tracks") + " --quiet --out " + Path("v.xyz")).exit_code, 2);
+}
+
+// Uses every control and says what it did.
+constexpr const char* kUse = R"(<script>
+window.complaints = [];
+addEventListener('error', (event) => complaints.push(String(event.message)));
+for (const kind of ['error', 'warn']) console[kind] = (...what) => complaints.push(what.join(' '));
+addEventListener('load', () => setTimeout(async () => {
+  const wait = (ms) => new Promise((resolve) => setTimeout(resolve, ms));
+  const get = (id) => document.getElementById(id);
+  const look = (canvas) => canvas.toDataURL();
+  const view = () => look(document.querySelector('#view canvas'));
+  const player = () => look(get('player'));
+  const changes = {};
+  const change = async (name, see, act) => {
+    const before = see();
+    act();
+    await wait(150);
+    changes[name] = before !== see();
+  };
+  const toggle = (id) => () => get(id).click();
+  await wait(300);
+  await change('slider', player, () => { get('slider').value = 12; get('slider').dispatchEvent(new Event('input')); });
+  await change('slider marks the camera', view, () => { get('slider').value = 3; get('slider').dispatchEvent(new Event('input')); });
+  const frame = get('frame').textContent;
+  for (const id of ['observed', 'tails']) await change(id, player, toggle(id));
+  get('observed').click();
+  get('tails').click();
+  await change('play', () => get('frame').textContent, toggle('play'));
+  await change('pause', () => get('play').textContent, toggle('play'));
+  for (const id of ['points', 'cameras', 'uncertainty']) await change(id, view, toggle(id));
+  for (const id of ['points', 'cameras', 'uncertainty']) get(id).click();
+  const start = view();
+  await change('wheel', view, () => document.querySelector('#view canvas').dispatchEvent(
+    new WheelEvent('wheel', {deltaY: 400, bubbles: true, cancelable: true})));
+  get('reset').click();
+  await wait(150);
+  const reset = view() === start;
+  await change('theme', () => getComputedStyle(document.body).backgroundColor, toggle('theme'));
+  const out = document.createElement('pre');
+  out.id = 'probe';
+  out.textContent = JSON.stringify({
+    complaints, changes, reset, frame,
+    ready: document.body.dataset.ready || null,
+    title: document.querySelector('h1').textContent,
+    pictures: document.images.length,
+    fetched: performance.getEntriesByType('resource').map((r) => r.name.slice(0, 80)).filter((name) => !name.startsWith('data:')),
+    wider: document.documentElement.scrollWidth - innerWidth,
+  });
+  document.body.append(out);
+}, 300));
+</script>)";
+
+nlohmann::json Use(const std::string& page, const std::string& window) {
+  std::string html = ReadBytes(page);
+  html.insert(html.find("<style>"), kUse);
+  const std::string copy = page + ".used.html";
+  WriteBytes(copy, html);
+  const test::ProgramEnd end =
+      test::Browse(copy, "--window-size=" + window + " --dump-dom", fs::path(page).parent_path());
+  const auto probe = test::Probe(end.out);
+  if (!probe)
+    throw std::runtime_error("the page did not come to its end: " + end.err.substr(0, 500));
+  return nlohmann::json::parse(*probe);
+}
+
+TEST_F(Show, MakesAPageOfWhichEveryControlDoesSomething) {
+  if (test::Browser().empty()) GTEST_SKIP() << "no chromium";
+  Run("show " + Path("a.tracks") + " --model " + Path("model") + " --quiet --out " +
+      Path("page.html"));
+  const nlohmann::json used = Use(Path("page.html"), "1200,900");
+  EXPECT_EQ(used.at("ready"), "yes");
+  EXPECT_THAT(used.at("complaints"), IsEmpty()) << used.dump();
+  EXPECT_THAT(used.at("fetched"), IsEmpty()) << "the page opens offline";
+  EXPECT_EQ(used.at("title"), "<img src=x onerror=alert(1)>") << "names are text";
+  EXPECT_TRUE(used.at("reset")) << "the view is where it was at first";
+  EXPECT_THAT(used.at("frame").get<std::string>(), HasSubstr("frame 3: "));
+  for (const auto& [control, changed] : used.at("changes").items()) EXPECT_TRUE(changed) << control;
+  EXPECT_EQ(used.at("changes").size(), 11u);
+  EXPECT_LE(used.at("wider"), 0);
+  EXPECT_LE(Use(Path("page.html"), "500,900").at("wider"), 0) << "on a phone";
+}
+
+TEST_F(Show, MakesAPageWithoutAModelToo) {
+  if (test::Browser().empty()) GTEST_SKIP() << "no chromium";
+  Run("show " + Path("b.tracks") + " --quiet --out " + Path("tracks.html"));
+  const test::ProgramEnd end = test::Browse(Path("tracks.html"), "--dump-dom", dir_->path());
+  EXPECT_THAT(end.out, HasSubstr("There is no model of this clip."));
+  EXPECT_THAT(end.out, HasSubstr("data-ready=\"yes\""));
+}
+
+// Noise is what takes most bytes.
+TEST_F(Show, KeepsThePageOfALongClipSmall) {
+  Run("synth " + Path("long") +
+      " --frames 300 --width-px 320 --height-px 240 --focal-px 260 --quiet");
+  Run("degrade " + Path("long") + " " + Path("dark") + " --level hard --quiet");
+  Run("track " + Path("dark") + " --tracker klt --features 400 --quiet --out " +
+      Path("long.tracks"));
+  Run("show " + Path("long.tracks") + " --quiet --out " + Path("long.html"));
+  EXPECT_LT(fs::file_size(Path("long.html")), 8'000'000u);
+}
+
+}  // namespace
+}  // namespace cohort
