@@ -101,6 +101,7 @@ const std::map<std::string, std::set<std::string>> kMayInclude{
       "pipelines/json",
       "pipelines/console",
       "pipelines/evaluation",
+      "pipelines/sfm",
       "pipelines/experiment"}},
     {"pipelines/commands",
      {"frontend",

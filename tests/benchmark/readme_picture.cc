@@ -5,6 +5,8 @@
 //   cohort track dark --features 400 --tracker klt --klt.window-px 31 --out klt.tracks
 //   cohort track dark --features 400 --out cohort.tracks
 //   readme_picture dark 50 klt.tracks cohort.tracks docs/tracks_in_the_dark.jpg
+// And the animation under it, of frames 20 to 49 tracked by themselves (--frames 20:50):
+//   cohort show klt.tracks cohort.tracks --width-px 300 --frames-per-second 10 --out docs/tracks_in_the_dark.gif
 
 #include <fmt/format.h>
 
