@@ -115,5 +115,23 @@ INSTANTIATE_TEST_SUITE_P(In,
                            return std::string(info.param) == "model_text" ? "Text" : "Binary";
                          });
 
+// What its global mapper made of the database: its points see keypoints of ours.
+TEST(GlobalModel, OfColmap42SeesOurPositions) {
+  const ColmapModel model = ReadColmapModel(Golden("model_global"));
+  const ImportedTracks imported = TracksOfColmapModel(model, Frames(), "model_global");
+  EXPECT_NEAR(imported.camera.value().fx, 131.0, 6.0);  // it refines the camera
+  EXPECT_EQ(imported.tracks.frames().size(), 12u);
+  EXPECT_EQ(imported.tracks.features().size(), 39u);
+  EXPECT_EQ(imported.tracks.observations().size(), 447u);
+  const TrackSet ours = TracksOfTheFile();
+  for (const Observation& o : imported.tracks.observations()) {
+    double nearest_px = 1e9;
+    for (const Observation* before : ours.InFrame(o.frame)) {
+      nearest_px = std::min(nearest_px, (before->xy - o.xy).norm());
+    }
+    EXPECT_LT(nearest_px, 1e-4);
+  }
+}
+
 }  // namespace
 }  // namespace cohort
