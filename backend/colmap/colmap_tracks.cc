@@ -145,6 +145,18 @@ ImportedTracks TracksOfColmapDatabase(const ColmapDatabase& database,
   return result;
 }
 
+std::map<std::uint64_t, FeatureId> FeaturesOfColmapPoints(const ColmapModel& model) {
+  std::map<std::uint64_t, FeatureId> features;
+  if (model.points.empty()) return features;
+  constexpr std::uint64_t kIds = std::uint64_t{1} << 32;
+  const bool keeps_ids = model.points.begin()->first > 0 && model.points.rbegin()->first <= kIds;
+  for (const auto& [id, point] : model.points) {
+    const std::uint64_t number = keeps_ids ? id - 1 : features.size();
+    features.emplace_hint(features.end(), id, FeatureId{static_cast<std::uint32_t>(number)});
+  }
+  return features;
+}
+
 ImportedTracks TracksOfColmapModel(const ColmapModel& model,
                                    std::span<const FrameInfo> frames,
                                    const std::filesystem::path& path) {
@@ -182,13 +194,10 @@ ImportedTracks TracksOfColmapModel(const ColmapModel& model,
     if (frame_of_image[id]) continue;
     if (result.unknown_images++ == 0) result.an_unknown_image = image.name;
   }
-  constexpr std::uint64_t kIds = std::uint64_t{1} << 32;
-  const bool keeps_ids = model.points.begin()->first > 0 && model.points.rbegin()->first <= kIds;
-  std::uint64_t count = 0;
+  const std::map<std::uint64_t, FeatureId> features = FeaturesOfColmapPoints(model);
   std::vector<Observation> observations;
   for (const auto& [id, point] : model.points) {
-    const std::uint64_t number = keeps_ids ? id - 1 : count;
-    ++count;
+    const FeatureId feature = features.at(id);
     std::set<FrameIndex> seen_in;
     for (const auto& [image_id, index] : point.track) {
       const auto image = model.images.find(image_id);
@@ -212,7 +221,7 @@ ImportedTracks TracksOfColmapModel(const ColmapModel& model,
         ++result.left_out;
         continue;
       }
-      observations.push_back({.feature = FeatureId{static_cast<std::uint32_t>(number)},
+      observations.push_back({.feature = feature,
                               .frame = *frame,
                               .xy = xy - Eigen::Vector2d::Constant(kColmapPixelShift)});
     }

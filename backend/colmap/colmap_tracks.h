@@ -1,5 +1,7 @@
 #pragma once
 
+#include <cstdint>
+#include <map>
 #include <span>
 
 #include "backend/colmap/database.h"
@@ -22,9 +24,12 @@ ImportedTracks TracksOfColmapDatabase(const ColmapDatabase& database,
                                       std::span<const FrameInfo> frames,
                                       const std::filesystem::path& path);
 
-// The tracks of a model's points, as far as its images are frames by name: feature id = point id
-// less 1, as in models of ours, or counted through where that needs more than 32 bits. Of two
-// positions that a point has in one image the first counts; others go to left_out. The camera is
+// The feature of every point: its id less 1, as in models of ours, or counted through where that
+// needs more than 32 bits.
+std::map<std::uint64_t, FeatureId> FeaturesOfColmapPoints(const ColmapModel& model);
+
+// The tracks of a model's points (FeaturesOfColmapPoints), as far as its images are frames by name.
+// Of two positions that a point has in one image the first counts; others go to left_out. The camera is
 // the model's, taken for known: its poses fit no other. Throws Error naming `path` where cameras
 // differ, a track points to what is not there, or a position is not finite.
 ImportedTracks TracksOfColmapModel(const ColmapModel& model,
