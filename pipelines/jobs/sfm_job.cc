@@ -143,6 +143,7 @@ SfmFigures RunSfmJob(const SfmJobOptions& options) {
   std::error_code error;
   fs::create_directories(folder, error);
   if (error) ThrowError("cannot make folder {}: {}", options.out, error.message());
+  CheckSceneFolder(folder);
   fs::remove(summary, error);
 
   RunTrackJob(TrackOptionsOf(options));
@@ -158,6 +159,8 @@ SfmFigures RunSfmJob(const SfmJobOptions& options) {
     figures.images = scene.images.size();
     figures.points = scene.points;
     brightness = scene.brightness;
+  } else {
+    RemoveScene(folder);  // that of an earlier run would not be of these tracks
   }
   figures.film_better = FilmAdvice(file, model, brightness);
   WriteJsonFile(summary, SummaryOf(figures, made_of));

@@ -212,22 +212,52 @@ cv::Mat UndistortionMap(const Camera& from, const Camera& to) {
   return map;
 }
 
+// Of the pictures in a folder, those with a name of ours.
+std::vector<std::string> OwnImages(const fs::path& folder) {
+  std::vector<std::string> names;
+  if (!fs::is_directory(folder)) return names;
+  for (const auto& entry : fs::directory_iterator(folder)) {
+    const std::string name = entry.path().filename().string();
+    if (name.ends_with(".jpg") && name.size() > 4 &&
+        std::all_of(name.begin(), name.end() - 4, [](char c) { return c >= '0' && c <= '9'; })) {
+      names.push_back(name);
+    }
+  }
+  return names;
+}
+
+// Viewers cut off what is nearer than a fixed distance: the median of the distances from which
+// points are seen becomes ten.
+double ScaleOf(const Reconstruction& model) {
+  constexpr double kDistance = 10.0;
+  std::vector<double> distances;
+  for (const auto& [feature, point] : model.points) {
+    for (const PointView& view : point.views) {
+      distances.push_back((model.cam_from_world.at(view.frame) * point.in_world).norm());
+    }
+  }
+  const double median = distances.empty() ? 0.0 : Median(std::move(distances));
+  return median > 0.0 ? kDistance / median : 1.0;
+}
+
 std::string ImageName(FrameIndex frame) { return fmt::format("{:06}.jpg", ToInt(frame)); }
 
 // The model in the scene's world, seen by the undistorted camera in the chosen frames: points that
-// two of them see.
+// one of them sees.
 Reconstruction SceneModel(const Reconstruction& model, const SceneFigures& figures) {
   const RowPoses rows(model.cam_from_world, model.readout, model.camera.height_px);
   const Rigid3 model_from_scene = figures.scene_from_model.Inverse();
   Reconstruction scene;
   scene.camera = figures.camera;
   for (const FrameIndex frame : figures.images) {
-    scene.cam_from_world[frame] = model.cam_from_world.at(frame) * model_from_scene;
+    Rigid3& cam_from_scene = scene.cam_from_world[frame];
+    cam_from_scene = model.cam_from_world.at(frame) * model_from_scene;
+    cam_from_scene.translation *= figures.scale;
     scene.frame_names[frame] = ImageName(frame);
   }
   for (const auto& [feature, point] : model.points) {
     Point3D in_scene;
-    in_scene.in_world = figures.scene_from_model * point.in_world;
+    in_scene.in_world = figures.scale * (figures.scene_from_model * point.in_world);
     for (const PointView& view : point.views) {
       const auto pose = scene.cam_from_world.find(view.frame);
       if (pose == scene.cam_from_world.end()) continue;
@@ -245,7 +275,7 @@ Reconstruction SceneModel(const Reconstruction& model, const SceneFigures& figur
         in_scene.views.push_back({view.frame, *undistorted});
       }
     }
-    if (in_scene.views.size() >= 2) scene.points[feature] = std::move(in_scene);
+    if (!in_scene.views.empty()) scene.points[feature] = std::move(in_scene);
   }
   UpdateReprojectionErrors(scene);
   return scene;
@@ -305,7 +335,8 @@ Json TransformsJson(const Reconstruction& scene, const SceneFigures& figures) {
           {"p1", 0.0},
           {"p2", 0.0},
           {"ply_file_path", "sparse_pc.ply"},
-          {"applied_transform", MatrixToJson(MatrixOf(figures.scene_from_model).topRows<3>())},
+          {"applied_transform",
+           MatrixToJson(figures.scale * MatrixOf(figures.scene_from_model).topRows<3>())},
           {"frames", frames}};
 }
 
@@ -316,9 +347,7 @@ void WriteImages(const TrackFile& file,
                  const SceneFigures& figures,
                  const fs::path& folder,
                  const StageProgress& progress) {
-  std::vector<std::string> names;  // of any earlier run, too
-  for (const FrameInfo& frame : file.frames) names.push_back(ImageName(frame.index));
-  OutputFolder out(folder, names);
+  OutputFolder out(folder, OwnImages(folder));
   const Camera& from = model.camera;
   const bool is_pinhole = !from.HasDistortion() && from.fx == figures.camera.fx &&
                           from.fy == figures.camera.fy && from.cx == figures.camera.cx &&
@@ -448,6 +477,20 @@ Rigid3 SceneFromModel(const Reconstruction& model) {
   return scene_from_model;
 }
 
+void CheckSceneFolder(const fs::path& folder) {
+  if (!fs::is_directory(folder)) return;
+  const OutputFolder images(folder / "images", OwnImages(folder / "images"));
+  const OutputFolder sparse(folder / "sparse", {"0"});
+}
+
+void RemoveScene(const fs::path& folder) {
+  CheckSceneFolder(folder);
+  std::error_code ignored;
+  for (const char* name : {"images", "sparse", "sparse_pc.ply", "transforms.json"}) {
+    fs::remove_all(folder / name, ignored);
+  }
+}
+
 double ToneCurve::operator()(double value) const {
   return std::pow(std::clamp((value - black) / (white - black), 0.0, 1.0), gamma);
 }
@@ -464,6 +507,7 @@ SceneFigures WriteScene(const TrackFile& file,
   figures.images = ChooseImages(survey.candidates, options);
   figures.camera = UndistortedCamera(model.camera);
   figures.scene_from_model = SceneFromModel(model);
+  figures.scale = ScaleOf(model);
   figures.brightness = survey.brightness;
   if (options.brighten) figures.tone = Brighter(survey.histogram);
 

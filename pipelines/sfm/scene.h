@@ -66,6 +66,12 @@ Camera UndistortedCamera(const Camera& camera);
 // along +z, as viewers expect.
 Rigid3 SceneFromModel(const Reconstruction& model);
 
+// Throws Error where a folder of a scene holds what WriteScene could not replace, as it is none of
+// its own.
+void CheckSceneFolder(const std::filesystem::path& folder);
+// Removes what WriteScene wrote there, and nothing else.
+void RemoveScene(const std::filesystem::path& folder);
+
 // v -> ((v - black) / (white - black))^gamma, of intensities 0..1, clipped.
 struct ToneCurve {
   double black = 0.0;
@@ -79,7 +85,8 @@ struct SceneFigures {
   std::vector<FrameIndex> images;
   std::size_t points = 0;
   Camera camera;
-  Rigid3 scene_from_model;
+  Rigid3 scene_from_model;  // times `scale`
+  double scale = 1.0;
   std::optional<ToneCurve> tone;
   // Of every frame of the tracks, ascending: mean intensity 0..1.
   std::vector<double> brightness;

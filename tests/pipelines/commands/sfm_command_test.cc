@@ -163,6 +163,21 @@ TEST_F(Sfm, ThatHasNoModelSaysWhatToDo) {
   EXPECT_THAT(end.out, HasSubstr("To film better: "));
 }
 
+TEST_F(Sfm, ReplacesASceneOfOtherFramesWhole) {
+  const fs::path scene = *dir_ / "again";
+  ASSERT_EQ(RunSfm(scene).exit_code, 0);
+  ASSERT_EQ(RunSfm(scene, "--frames :16").exit_code, 0);
+  const test::ProgramEnd valid = Validate(scene);
+  EXPECT_EQ(valid.exit_code, 0) << valid.out << valid.err;
+  EXPECT_EQ(Json(scene / "summary.json").at("frames"), 16);
+
+  // Without a model nothing of the old scene stays.
+  EXPECT_EQ(RunSfm(scene, "--frames :1").exit_code, 1);
+  for (const char* name : {"images", "sparse", "transforms.json", "sparse_pc.ply"}) {
+    EXPECT_FALSE(fs::exists(scene / name)) << name;
+  }
+}
+
 TEST_F(Sfm, ReplacesNothingThatIsNotItsOwn) {
   const fs::path scene = *dir_ / "others";
   fs::create_directories(scene / "images");
@@ -171,6 +186,7 @@ TEST_F(Sfm, ReplacesNothingThatIsNotItsOwn) {
   EXPECT_EQ(end.exit_code, 1);
   EXPECT_THAT(end.err, HasSubstr("holiday.jpg"));
   EXPECT_EQ(ReadBytes(scene / "images" / "holiday.jpg"), "not ours");
+  EXPECT_FALSE(fs::exists(scene / "clip.tracks")) << "it says so before the work";
 }
 
 }  // namespace

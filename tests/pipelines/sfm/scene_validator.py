@@ -121,7 +121,7 @@ def check_sparse(scene, faults):
     if not errors or np.median(errors) > 2.0:
         faults.append('points are not where the pictures have them')
     for number, (_, _, _, track) in points.items():
-        if len(track) < 2 or any(images[i][5][k] != number for i, k in track if i in images) or \
+        if len(track) < 1 or any(images[i][5][k] != number for i, k in track if i in images) or \
                 any(i not in images for i, _ in track):
             faults.append(f'the track of point {number} does not agree with the images')
             break
