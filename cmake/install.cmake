@@ -13,6 +13,16 @@ foreach(wing frontend backend datasets pipelines/sfm)
 endforeach()
 if(COHORT_BUILD_PROGRAM)
   install(TARGETS cohort RUNTIME)
+  set(written ${PROJECT_BINARY_DIR}/manual/share)
+  install(DIRECTORY ${written}/man/ DESTINATION ${CMAKE_INSTALL_MANDIR})
+  install(DIRECTORY ${written}/bash-completion ${written}/fish DESTINATION ${CMAKE_INSTALL_DATADIR})
+  # Debian's zsh looks for what packages bring in a folder of its own.
+  install(CODE "set(folder site-functions)
+if(CMAKE_INSTALL_PREFIX STREQUAL /usr)
+  set(folder vendor-completions)
+endif()
+file(INSTALL \"${written}/zsh/_cohort\"
+     DESTINATION \"\${CMAKE_INSTALL_PREFIX}/${CMAKE_INSTALL_DATADIR}/zsh/\${folder}\")")
 endif()
 
 set(package ${CMAKE_INSTALL_LIBDIR}/cmake/cohort)

@@ -113,7 +113,7 @@ const std::map<std::string, std::set<std::string>> kMayInclude{
       "pipelines/jobs",
       "pipelines/experiment",
       "pipelines/report"}},
-    {"pipelines", {"pipelines/console", "pipelines/commands"}},
+    {"pipelines", {"frontend/core", "pipelines/console", "pipelines/commands"}},
 };
 
 // Libraries that only one part may show or use: by the start of the include.

@@ -13,18 +13,22 @@ namespace cohort {
 // One of the program's commands; run() parses its arguments, does it and returns the exit code.
 struct Command {
   std::string name;
+  std::string usage;
   std::string summary;
+  std::vector<OptionHelp> options;
   std::function<int(std::span<const std::string> arguments)> run;
 };
 
 // `run` is a function of the options alone, so that tests can call it too.
 template <typename Options>
 Command MakeCommand(CommandLine line, void (*run)(const Options&)) {
-  std::string name = line.name;
-  std::string summary = line.summary;
-  return {std::move(name),
-          std::move(summary),
-          [line = std::move(line), run](std::span<const std::string> arguments) {
+  Options defaults;
+  std::vector<OptionHelp> help = HelpOfOptions(line, ListOptions(defaults));
+  return {line.name,
+          line.usage,
+          line.summary,
+          std::move(help),
+          [line, run](std::span<const std::string> arguments) {
             Options options;
             if (ParseCommandLine(line, ListOptions(options), arguments) == ParseOutcome::kRun) {
               run(options);

@@ -14,14 +14,10 @@ namespace cohort {
 namespace {
 
 // An option as the command line knows it: one flag for one or several entries.
-struct BoundOption {
-  CLI::Option* option;
+struct DeclaredOption {
   std::vector<const OptionEntry*> entries;
-  std::string given_as;     // in messages
-  std::string group;        // heading in --help-all
-  std::string left;         // of its line in --help
-  std::string description;  // of its line in --help
-  Tier tier = Tier::kCommon;
+  std::string given_as;  // in messages
+  OptionHelp help;
 };
 
 std::string FlagName(std::string path) {
@@ -50,59 +46,111 @@ std::string Description(const OptionEntry& entry) {
   return notes.empty() ? entry.help : fmt::format("{} ({})", entry.help, notes);
 }
 
-// `names` without dashes.
-CLI::Option* AddFlag(CLI::App& app, bool takes_value, const std::vector<std::string>& names) {
-  const std::string joined = fmt::format("--{}", fmt::join(names, ",--"));
-  if (!takes_value) return app.add_flag(joined + ",!--no-" + names.front());
-  return app.add_option(joined, [](const CLI::results_t&) { return true; })
-      ->type_name("value")
-      ->multi_option_policy(CLI::MultiOptionPolicy::TakeLast);
+OptionHelp::Value ValueOf(const OptionEntry& entry) {
+  if (!entry.choices.empty()) return OptionHelp::Value::kChoice;
+  constexpr OptionHelp::Value kValues[] = {OptionHelp::Value::kNone,
+                                           OptionHelp::Value::kNumber,
+                                           OptionHelp::Value::kNumber,
+                                           OptionHelp::Value::kText,
+                                           OptionHelp::Value::kList};
+  return kValues[entry.get().index()];
 }
 
-BoundOption BindPositional(CLI::App& app, const OptionEntry& entry) {
-  CLI::Option* option = app.add_option(entry.path, [](const CLI::results_t&) { return true; });
-  if (std::holds_alternative<std::vector<std::string>>(entry.get())) {
-    option->expected(1, CLI::detail::expected_max_vector_size)->allow_extra_args();
-  }
-  return {option, {&entry}, entry.path, "", entry.path, Description(entry)};
+DeclaredOption DeclarePositional(const OptionEntry& entry) {
+  return {{&entry},
+          entry.path,
+          {{entry.path}, entry.path, Description(entry), ValueOf(entry), entry.choices}};
 }
 
-BoundOption BindEntry(CLI::App& app, const CommandLine& line, const OptionEntry& entry) {
-  const OptionValue value = entry.get();
-  const bool takes_value = !std::holds_alternative<bool>(value);
-  const std::string full_name = FlagName(entry.path);
-  std::vector<std::string> names{full_name};
+DeclaredOption DeclareEntry(const CommandLine& line, const OptionEntry& entry) {
+  std::vector<std::string> names{"--" + FlagName(entry.path)};
   for (const ShortFlag& flag : line.short_flags) {
-    if (flag.paths == std::vector{entry.path}) names.insert(names.begin(), flag.name);
+    if (flag.paths == std::vector{entry.path}) names.insert(names.begin(), "--" + flag.name);
   }
   const bool has_short_flag = names.size() > 1;
-  return {AddFlag(app, takes_value, names),
-          {&entry},
-          "--" + names.front(),
-          has_short_flag ? "" : entry.group,
-          fmt::format("{}{}",
-                      !takes_value && std::get<bool>(value) ? "--[no-]" : "--",
-                      fmt::join(names, ", --")),
-          Description(entry),
-          has_short_flag ? Tier::kCommon : entry.tier};
+  std::string left = fmt::format("{}", fmt::join(names, ", "));
+  const OptionValue value = entry.get();
+  if (const bool* flag = std::get_if<bool>(&value); flag != nullptr && *flag) {
+    left.insert(2, "[no-]");
+  }
+  return {{&entry},
+          names.front(),
+          {names,
+           left,
+           Description(entry),
+           ValueOf(entry),
+           entry.choices,
+           has_short_flag ? "" : entry.group,
+           has_short_flag ? Tier::kCommon : entry.tier}};
 }
 
 // A short flag of several entries.
-BoundOption BindShortFlag(CLI::App& app,
-                          const std::vector<OptionEntry>& entries,
-                          const ShortFlag& flag) {
+DeclaredOption DeclareShortFlag(const std::vector<OptionEntry>& entries, const ShortFlag& flag) {
   std::vector<const OptionEntry*> targets;
   std::vector<std::string> names;
   for (const std::string& path : flag.paths) {
     targets.push_back(&EntryAt(entries, path));
     names.push_back("--" + FlagName(path));
   }
-  return {AddFlag(app, true, {flag.name}),
-          targets,
-          "--" + flag.name,
-          "",
-          "--" + flag.name,
-          fmt::format("{} (sets {})", flag.help, fmt::join(names, " and "))};
+  const std::string name = "--" + flag.name;
+  return {targets,
+          name,
+          {{name},
+           name,
+           fmt::format("{} (sets {})", flag.help, fmt::join(names, " and ")),
+           ValueOf(*targets.front())}};
+}
+
+// Later ones overwrite earlier ones: the full name of an option goes before a flag of several.
+std::vector<DeclaredOption> DeclareOptions(const CommandLine& line,
+                                           const std::vector<OptionEntry>& entries) {
+  std::vector<DeclaredOption> options;
+  for (const std::string& path : line.positionals) {
+    options.push_back(DeclarePositional(EntryAt(entries, path)));
+  }
+  for (const ShortFlag& flag : line.short_flags) {
+    if (flag.paths.size() > 1) options.push_back(DeclareShortFlag(entries, flag));
+  }
+  for (const OptionEntry& entry : entries) {
+    if (!IsPositional(line, entry.path)) options.push_back(DeclareEntry(line, entry));
+  }
+  return options;
+}
+
+// The options that every command has.
+const std::vector<OptionHelp>& SharedOptions() {
+  using Value = OptionHelp::Value;
+  static const std::vector<OptionHelp> kOptions{
+      {{"--config"},
+       "--config",
+       "Read options from this JSON file, as --dump-config prints them; flags override it.",
+       Value::kText},
+      {{"--dump-config"}, "--dump-config", "Print all options as JSON, and end.", Value::kNone},
+      {{"--quiet"},
+       "--quiet",
+       "Show no log and no progress bar, only warnings and errors.",
+       Value::kNone},
+      {{"--help", "--help-all"},
+       "--help",
+       "Print the options that people use, and end; --help-all: all.",
+       Value::kNone}};
+  return kOptions;
+}
+
+CLI::Option* Bind(CLI::App& app, const DeclaredOption& option) {
+  const OptionHelp& help = option.help;
+  const std::string names = fmt::format("{}", fmt::join(help.names, ","));
+  if (help.value == OptionHelp::Value::kNone) {
+    return app.add_flag(names + ",!--no-" + help.names.front().substr(2));
+  }
+  CLI::Option* bound = app.add_option(names, [](const CLI::results_t&) { return true; });
+  if (!help.IsPositional()) {
+    return bound->type_name("value")->multi_option_policy(CLI::MultiOptionPolicy::TakeLast);
+  }
+  if (help.value == OptionHelp::Value::kList) {
+    bound->expected(1, CLI::detail::expected_max_vector_size)->allow_extra_args();
+  }
+  return bound;
 }
 
 std::string HelpLine(const std::string& left, const std::string& description) {
@@ -130,45 +178,33 @@ std::string HelpHead(const CommandLine& line) {
   return fmt::format("{}.\n\nUsage: cohort {} {}\n\n", line.summary, line.name, line.usage);
 }
 
-// The options that every command has.
-std::string SharedHelpLines() {
-  return HelpLine("--config",
-                  "Read options from this JSON file, as --dump-config prints them; flags override "
-                  "it.") +
-         HelpLine("--dump-config", "Print all options as JSON, and end.") +
-         HelpLine("--quiet", "Show no log and no progress bar, only warnings and errors.") +
-         HelpLine("--help", "Print the options that people use, and end; --help-all: all.");
-}
-
-std::string CommonHelp(const CommandLine& line, const std::vector<BoundOption>& options) {
+std::string CommonHelp(const CommandLine& line, const std::vector<OptionHelp>& options) {
   std::string text = HelpHead(line);
   std::size_t others = 0;
-  for (const BoundOption& option : options) {
+  for (const OptionHelp& option : options) {
     if (option.tier == Tier::kCommon) {
-      text += HelpLine(option.left, option.description);
+      text += HelpLine(option.left, option.text);
     } else {
       ++others;
     }
   }
-  text += SharedHelpLines();
   if (others > 0) {
     text += fmt::format("\n'cohort {} --help-all' lists the other {} too.\n", line.name, others);
   }
   return text;
 }
 
-std::string FullHelp(const CommandLine& line, const std::vector<BoundOption>& options) {
+std::string FullHelp(const CommandLine& line, const std::vector<OptionHelp>& options) {
   std::string text = HelpHead(line);
-  for (const BoundOption& option : options) {
-    if (option.group.empty()) text += HelpLine(option.left, option.description);
+  for (const OptionHelp& option : options) {
+    if (option.group.empty()) text += HelpLine(option.left, option.text);
   }
-  text += SharedHelpLines();
   std::string group;
-  for (const BoundOption& option : options) {
+  for (const OptionHelp& option : options) {
     if (option.group.empty()) continue;
     if (option.group != group) text += fmt::format("\n{}:\n", option.group);
     group = option.group;
-    text += HelpLine(option.left, option.description);
+    text += HelpLine(option.left, option.text);
   }
   return text;
 }
@@ -213,20 +249,28 @@ std::size_t EditDistance(std::string_view a, std::string_view b) {
                   line.name);
 }
 
-void Apply(const BoundOption& bound) {
-  const auto& results = bound.option->results();
+void Apply(const DeclaredOption& option, const CLI::results_t& results) {
   if (results.empty()) return;
-  for (const OptionEntry* entry : bound.entries) {
-    if (std::holds_alternative<std::vector<std::string>>(entry->get()) &&
-        bound.option->get_positional()) {
-      entry->set(results, bound.given_as);
+  for (const OptionEntry* entry : option.entries) {
+    if (option.help.IsPositional() && option.help.value == OptionHelp::Value::kList) {
+      entry->set(results, option.given_as);
     } else {
-      SetFromText(*entry, results.back(), bound.given_as);
+      SetFromText(*entry, results.back(), option.given_as);
     }
   }
 }
 
 }  // namespace
+
+std::vector<OptionHelp> HelpOfOptions(const CommandLine& line,
+                                      const std::vector<OptionEntry>& entries) {
+  std::vector<OptionHelp> help;
+  for (DeclaredOption& option : DeclareOptions(line, entries)) {
+    help.push_back(std::move(option.help));
+  }
+  help.insert(help.end(), SharedOptions().begin(), SharedOptions().end());
+  return help;
+}
 
 ParseOutcome ParseCommandLine(const CommandLine& line,
                               const std::vector<OptionEntry>& entries,
@@ -235,17 +279,9 @@ ParseOutcome ParseCommandLine(const CommandLine& line,
   app.allow_extras();
   app.set_help_flag();
 
-  // Later ones overwrite earlier ones: the full name of an option goes before a flag of several.
-  std::vector<BoundOption> options;
-  for (const std::string& path : line.positionals) {
-    options.push_back(BindPositional(app, EntryAt(entries, path)));
-  }
-  for (const ShortFlag& flag : line.short_flags) {
-    if (flag.paths.size() > 1) options.push_back(BindShortFlag(app, entries, flag));
-  }
-  for (const OptionEntry& entry : entries) {
-    if (!IsPositional(line, entry.path)) options.push_back(BindEntry(app, line, entry));
-  }
+  const std::vector<DeclaredOption> options = DeclareOptions(line, entries);
+  std::vector<CLI::Option*> bound;
+  for (const DeclaredOption& option : options) bound.push_back(Bind(app, option));
   std::string config;
   bool dump_config = false;
   bool quiet = false;
@@ -263,13 +299,14 @@ ParseOutcome ParseCommandLine(const CommandLine& line,
     ThrowUsageError("{}: 'cohort {} --help-all' lists all options", e.what(), line.name);
   }
   if (help || help_all) {
-    fmt::print("{}", help_all ? FullHelp(line, options) : CommonHelp(line, options));
+    const std::vector<OptionHelp> listed = HelpOfOptions(line, entries);
+    fmt::print("{}", help_all ? FullHelp(line, listed) : CommonHelp(line, listed));
     return ParseOutcome::kDone;
   }
   if (!app.remaining().empty()) ThrowUnexpected(app, line, app.remaining().front());
 
   if (!config.empty()) SetFromJson(entries, ReadJsonFile(config), config);
-  for (const BoundOption& option : options) Apply(option);
+  for (std::size_t i = 0; i < options.size(); ++i) Apply(options[i], bound[i]->results());
   if (quiet) spdlog::set_level(spdlog::level::warn);
   if (dump_config) {
     fmt::print("{}\n", OptionsToJson(entries).dump(2));

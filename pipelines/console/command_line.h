@@ -29,6 +29,25 @@ struct CommandLine {
   std::vector<ShortFlag> short_flags = {};
 };
 
+// An option as --help-all shows it.
+struct OptionHelp {
+  enum class Value { kNone, kNumber, kChoice, kList, kText };
+
+  std::vector<std::string> names;  // {"--window", "--klt.window-px"}; {"input"}: a positional
+  std::string left;                // the same as --help shows it, "--[no-]robust"
+  std::string text;                // "What it does. (1 to 9; default 5)"
+  Value value = Value::kText;
+  std::vector<std::string> choices = {};
+  std::string group = {};  // its heading; empty: above all headings
+  Tier tier = Tier::kCommon;
+
+  bool IsPositional() const { return !names.front().starts_with('-'); }
+};
+
+// All options of a command in their order, with those that every command has.
+std::vector<OptionHelp> HelpOfOptions(const CommandLine& line,
+                                      const std::vector<OptionEntry>& entries);
+
 enum class ParseOutcome {
   kRun,
   kDone,  // --help, --help-all or --dump-config has been printed

@@ -26,6 +26,7 @@ struct OptionEntry {
   std::function<OptionValue()> get;
   // Throws UsageError that begins with `given_as` (what the user wrote, e.g. --features).
   std::function<void(const OptionValue& value, std::string_view given_as)> set;
+  std::vector<std::string> choices = {};  // of an enum
 };
 
 // Visitor of frontend/core/options.h that lists the fields of `options` in order. The entries refer
@@ -99,11 +100,9 @@ class OptionLister {
               const ChoiceNames<Enum, N>& names,
               std::string_view help,
               Tier tier = Tier::kExpert) {
-    std::string allowed;
-    for (const auto& [text, value] : names) {
-      if (!allowed.empty()) allowed += ", ";
-      allowed += text;
-    }
+    std::vector<std::string> choices;
+    for (const auto& [text, value] : names) choices.emplace_back(text);
+    const std::string allowed = fmt::format("{}", fmt::join(choices, ", "));
     entries_.push_back(
         {prefix_ + std::string(name),
          group_,
@@ -122,7 +121,8 @@ class OptionLister {
                            given_as,
                            std::get<std::string>(value),
                            allowed);
-         }});
+         },
+         choices});
   }
 
   template <typename Options>

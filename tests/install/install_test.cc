@@ -75,6 +75,18 @@ TEST_F(Install, AProjectThatFindsThePackageBuildsAndReconstructsAVideo) {
   EXPECT_EQ(ReadTrackFile(Path("model.tracks")).frames.size(), 20u);
 }
 
+TEST_F(Install, BringsTheManualAndTheCompletions) {
+  if (!fs::exists(fs::path(COHORT_BUILD_DIR) / "manual")) GTEST_SKIP() << "no program was built";
+  ASSERT_NO_FATAL_FAILURE(InstallIntoPrefix());
+  for (const char* file : {"man/man1/cohort.1",
+                           "man/man1/cohort-track.1",
+                           "bash-completion/completions/cohort",
+                           "zsh/site-functions/_cohort",
+                           "fish/vendor_completions.d/cohort.fish"}) {
+    EXPECT_TRUE(fs::exists(Path(std::string("prefix/share/") + file))) << file;
+  }
+}
+
 // Nothing of this machine or of the build stands in what is installed.
 TEST_F(Install, ThePackageCanBeMoved) {
   ASSERT_NO_FATAL_FAILURE(InstallIntoPrefix());
