@@ -2,6 +2,7 @@
 
 #include <fmt/ranges.h>
 
+#include <algorithm>
 #include <array>
 
 #include "frontend/core/error.h"
@@ -66,6 +67,31 @@ ColmapCameraModel SmallestModel(const Camera& camera) {
   return camera.HasDistortion() ? ColmapCameraModel::kOpencv : ColmapCameraModel::kPinhole;
 }
 
+ColmapCamera Written(const Camera& camera, const ModelRow& row) {
+  ColmapCamera result;
+  result.model = row.colmap;
+  result.width_px = camera.width_px;
+  result.height_px = camera.height_px;
+  result.prior_focal_length = camera.known;
+  if (row.two_focals) {
+    result.params = {camera.fx, camera.fy};
+  } else {
+    result.params = {0.5 * (camera.fx + camera.fy)};
+  }
+  result.params.push_back(camera.cx + kColmapPixelShift);
+  result.params.push_back(camera.cy + kColmapPixelShift);
+  for (const auto coefficient : row.coefficients) result.params.push_back(camera.*coefficient);
+  return result;
+}
+
+// Has the model a parameter for all that the camera has?
+bool Holds(const ModelRow& row, const Camera& camera) {
+  if (row.model != camera.model || (!row.two_focals && camera.fx != camera.fy)) return false;
+  Camera rest = camera;
+  for (const auto coefficient : row.coefficients) rest.*coefficient = 0.0;
+  return !rest.HasDistortion();
+}
+
 }  // namespace
 
 std::string ColmapModelName(ColmapCameraModel model) { return Row(model).name; }
@@ -80,21 +106,17 @@ ColmapCameraModel ColmapModelFromName(const std::string& name) {
 }
 
 ColmapCamera ToColmapCamera(const Camera& camera) {
-  ColmapCamera result;
-  result.model = SmallestModel(camera);
-  result.width_px = camera.width_px;
-  result.height_px = camera.height_px;
-  result.prior_focal_length = camera.known;
-  const ModelRow& row = Row(result.model);
-  if (row.two_focals) {
-    result.params = {camera.fx, camera.fy};
-  } else {
-    result.params = {0.5 * (camera.fx + camera.fy)};
-  }
-  result.params.push_back(camera.cx + kColmapPixelShift);
-  result.params.push_back(camera.cy + kColmapPixelShift);
-  for (const auto coefficient : row.coefficients) result.params.push_back(camera.*coefficient);
-  return result;
+  return Written(camera, Row(SmallestModel(camera)));
+}
+
+ColmapCamera ToColmapCamera(const Camera& camera, const ColmapCamera& before) {
+  if (Holds(Row(before.model), camera)) return Written(camera, Row(before.model));
+  const auto& rows = Rows();
+  const auto row = std::find_if(rows.begin(), rows.end(), [&](const ModelRow& candidate) {
+    return Holds(candidate, camera);
+  });
+  Check(row != rows.end(), "some model of COLMAP's has all parameters of a camera");
+  return Written(camera, *row);
 }
 
 Camera FromColmapCamera(const ColmapCamera& colmap) {

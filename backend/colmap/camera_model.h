@@ -37,6 +37,9 @@ struct ColmapCamera {
 // PINHOLE, with distortion OPENCV, with k3 to k6 FULL_OPENCV, a fisheye OPENCV_FISHEYE. A guessed
 // camera has no prior focal length and is SIMPLE_RADIAL instead of PINHOLE and OPENCV.
 ColmapCamera ToColmapCamera(const Camera& camera);
+// `camera` as the same model as `before` or, where that has too few parameters for it, as the first of
+// the above that has not.
+ColmapCamera ToColmapCamera(const Camera& camera, const ColmapCamera& before);
 // As `known`. Throws Error on a model or a number of parameters that is not one of the above.
 Camera FromColmapCamera(const ColmapCamera& camera);
 

@@ -618,7 +618,12 @@ std::string PointsPly(const ColmapModel& model) {
 }
 
 void WriteReconstructionFiles(const fs::path& folder, const Reconstruction& reconstruction) {
-  const ColmapModel model = ToColmapModel(reconstruction);
+  WriteReconstructionFiles(folder, reconstruction, ToColmapModel(reconstruction));
+}
+
+void WriteReconstructionFiles(const fs::path& folder,
+                              const Reconstruction& reconstruction,
+                              const ColmapModel& model) {
   WriteColmapModel(folder, model, ColmapModelFormat::kText);
   WriteColmapModel(folder, model, ColmapModelFormat::kBinary);
   WriteBytes(folder / "trajectory.tum", TrajectoryText(reconstruction));

@@ -75,6 +75,10 @@ std::string PointsPly(const ColmapModel& model);
 // t in seconds, the frame's index where there is no time stamp), points.ply.
 void WriteReconstructionFiles(const std::filesystem::path& existing_folder,
                               const Reconstruction& reconstruction);
+// The same of `model`, which is the reconstruction under other ids and with colours.
+void WriteReconstructionFiles(const std::filesystem::path& existing_folder,
+                              const Reconstruction& reconstruction,
+                              const ColmapModel& model);
 // All names that a model folder may hold: for OutputFolder.
 const std::vector<std::string>& ModelFolderNames();
 // Whole or not at all: OutputFolder and WriteReconstructionFiles.

@@ -68,7 +68,8 @@ ColmapModel ReplaceInModel(const ColmapModel& model,
     const ColmapModelImage& before = model.images.at(id);
     replaced.images[id] = {cam_from_world, before.camera_id, before.name, {}};
     replaced.cameras[before.camera_id] =
-        with_camera ? ToColmapCamera(reconstruction.camera) : model.cameras.at(before.camera_id);
+        with_camera ? ToColmapCamera(reconstruction.camera, model.cameras.at(before.camera_id))
+                    : model.cameras.at(before.camera_id);
   }
   for (const auto& [feature, point] : reconstruction.points) {
     const std::uint64_t id = clip.point_ids.at(feature);

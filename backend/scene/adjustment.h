@@ -13,6 +13,8 @@ struct CameraRefinement {
   bool focal = false;
   bool radial = false;
   bool principal_point = false;
+
+  bool Any() const { return focal || radial || principal_point; }
 };
 
 // Robust by Cauchy's loss, which turns where the distribution of the model's residuals has it.

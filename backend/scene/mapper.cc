@@ -225,14 +225,20 @@ struct JudgedParts {
   std::vector<WhitenedTracks> corrected = {};  // the parts' tracks where the shutter rolls
 };
 
+// With all else. The focal length first: distortion would take its part while it is wrong.
+void RefineCamera(const CameraRefinement& refinement, WorkingModel& model) {
+  constexpr int kRounds = 5;  // of points that a wrong focal length made outliers
+  const int rounds = refinement.focal ? kRounds : 0;
+  for (int round = 0; round < rounds; ++round) AdjustAll(model, {.focal = true});
+  AdjustUntilSettled(model, refinement, 6, 10);
+}
+
 // Adjusts the parts, all of one camera and so of one readout: the largest tells it. A guessed camera
 // is held until then: what bends a model (a rolling shutter, tracks that drift) bends the focal
 // length first, while it is small.
 void AdjustParts(const MapperOptions& options,
                  const CameraRefinement& refinement,
                  JudgedParts& judged) {
-  constexpr int kRefiningRounds = 5;  // of points that a wrong focal length made outliers
-  const bool refines = refinement.focal || refinement.radial || refinement.principal_point;
   WorkingModel& largest = judged.parts.front().model;
   const WhitenedTracks& observed = largest.whitened();
   judged.corrected.assign(judged.parts.size(), observed);
@@ -252,11 +258,8 @@ void AdjustParts(const MapperOptions& options,
       AdjustToReadout(observed, judged.readout, {}, model, judged.corrected[i]);
       AdjustUntilSettled(model, {}, 3, 4);
     }
-    if (refines) {
-      // The focal length first: distortion would take its part while it is wrong.
-      const int rounds = refinement.focal ? kRefiningRounds : 0;
-      for (int round = 0; round < rounds; ++round) AdjustAll(model, {.focal = true});
-      AdjustUntilSettled(model, refinement, 6, 10);
+    if (refinement.Any()) {
+      RefineCamera(refinement, model);
       if (i == 0 && rolling) {
         judged.readout = RefineReadout(observed, *rolling, model, judged.corrected[i]);
       }
@@ -310,6 +313,38 @@ std::vector<std::string> DoubtModel(const MapperResult& result,
   return doubts;
 }
 
+// What there is to say of the chosen part, the model itself included, whose tracks the pictures
+// show as `observed`. Covariances need it at its
+// optimum, so it may move a little.
+void Describe(JudgedParts& judged,
+              const WhitenedTracks& observed,
+              const Camera& camera,
+              const CameraRefinement& refinement,
+              const MapperOptions& options,
+              const std::vector<int>& keyframes,
+              MapperResult& result) {
+  WorkingModel& model = judged.parts[judged.chosen].model;
+  result.noise = model.noise();
+  if (camera.known) result.better_camera = FindBetterCamera(model, keyframes);
+  result.summary.reasons = DoubtModel(result, judged, camera);
+  if (options.covariances) {
+    if (auto covariances = AdjustWithCovariances(model, refinement)) {
+      result.camera_covariances = std::move(covariances->cameras);
+      result.point_covariances = std::move(covariances->points);
+    } else {
+      result.warnings.emplace_back(
+          "covariances could not be estimated: the problem is rank deficient");
+    }
+  }
+  result.reconstruction = ToReconstruction(model, observed, judged.readout);
+}
+
+MapperEnd EndOfModel(const MapperResult& described, std::size_t frames) {
+  const bool partial = TooFewRegistered(described.reconstruction.cam_from_world.size(), frames);
+  return {partial ? MapperTermination::kPartial : MapperTermination::kSuccess,
+          fmt::format("{}", fmt::join(described.summary.reasons, "; "))};
+}
+
 // All but the summary's figures.
 MapperResult MapTracks(const TrackFile& file, const MapperOptions& options) {
   MapperResult result;
@@ -348,24 +383,8 @@ MapperResult MapTracks(const TrackFile& file, const MapperOptions& options) {
     if (judged.judgements[i].worthless) continue;
     result.other_parts.push_back(ToReconstruction(judged.parts[i].model, whitened, judged.readout));
   }
-  WorkingModel& model = judged.parts[judged.chosen].model;
-  result.noise = model.noise();
-  if (camera.known) result.better_camera = FindBetterCamera(model, keyframes);
-  result.summary.reasons = DoubtModel(result, judged, camera);
-  if (options.covariances) {
-    if (auto covariances = AdjustWithCovariances(model, refinement)) {
-      result.camera_covariances = std::move(covariances->cameras);
-      result.point_covariances = std::move(covariances->points);
-    } else {
-      result.warnings.emplace_back(
-          "covariances could not be estimated: the problem is rank deficient");
-    }
-  }
-  result.reconstruction = ToReconstruction(model, whitened, judged.readout);
-  const bool partial =
-      TooFewRegistered(static_cast<std::size_t>(model.registered()), file.frames.size());
-  const MapperEnd end{partial ? MapperTermination::kPartial : MapperTermination::kSuccess,
-                      fmt::format("{}", fmt::join(result.summary.reasons, "; "))};
+  Describe(judged, whitened, camera, refinement, options, keyframes, result);
+  const MapperEnd end = EndOfModel(result, file.frames.size());
   return WithEnd(std::move(result), end);
 }
 
@@ -375,6 +394,15 @@ void SetPoses(const std::map<FrameIndex, Rigid3>& cam_from_world, WorkingModel& 
     const auto pose = cam_from_world.find(frames[frame].index);
     if (pose != cam_from_world.end()) model.SetPose(static_cast<int>(frame), pose->second);
   }
+}
+
+// Poses of `start`, points anew, then all together but the camera.
+WorkingModel AdjustedModel(const WhitenedTracks& whitened, const Reconstruction& start) {
+  WorkingModel model(whitened, start.camera);
+  SetPoses(start.cam_from_world, model);
+  model.TriangulateAllTracks();
+  AdjustUntilSettled(model, {}, 4, 5);
+  return model;
 }
 
 }  // namespace
@@ -389,11 +417,34 @@ MapperResult ReconstructWithCeres(const TrackFile& file, const MapperOptions& op
 Reconstruction AdjustWithCeres(const TrackFile& file, const Reconstruction& start) {
   const TimedPart part("reconstruction");
   const WhitenedTracks whitened(file, WhiteningOptionsFrom({}));
-  WorkingModel model(whitened, start.camera);
-  SetPoses(start.cam_from_world, model);
-  model.TriangulateAllTracks();
-  AdjustUntilSettled(model, {}, 4, 5);
-  return ToReconstruction(model, whitened, 0.0);
+  return ToReconstruction(AdjustedModel(whitened, start), whitened, 0.0);
+}
+
+MapperResult AdjustAndJudgeWithCeres(const TrackFile& file,
+                                     const Reconstruction& start,
+                                     const MapperOptions& options) {
+  ValidateOptions(options);
+  const TimedPart part("reconstruction");
+  const Stopwatch stopwatch;
+  const WhitenedTracks whitened(file, WhiteningOptionsFrom(options));
+  JudgedParts judged{.parts = {{AdjustedModel(whitened, start), {}}}};
+  WorkingModel& model = judged.parts.front().model;
+  const CameraRefinement refinement = RefinementOf(start.camera, options);
+  if (refinement.Any()) RefineCamera(refinement, model);
+  const std::vector<int> keyframes =
+      SelectKeyframes(whitened, model.camera(), kKeyframeParallaxPx, kMinKeyframes);
+  judged.judgements = {JudgeModel(model, start.camera, keyframes)};
+
+  MapperResult result;
+  if (const auto& worthless = judged.judgements.front().worthless) {
+    judged.judgements.front().doubts.push_back(fmt::format(
+        "{}: {}", NameOf(kMapperTerminationNames, worthless->termination), worthless->detail));
+  }
+  result.depth_uncertainty = judged.judgements.front().depth_uncertainty;
+  result.unexplained_parallax = judged.judgements.front().unexplained_parallax;
+  Describe(judged, whitened, start.camera, refinement, options, keyframes, result);
+  const MapperEnd end = EndOfModel(result, file.frames.size());
+  return WithSummary(WithEnd(std::move(result), end), file, stopwatch);
 }
 
 MapperResult TriangulateWithCeres(const TrackFile& file,

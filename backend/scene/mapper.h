@@ -115,6 +115,11 @@ MapperResult ReconstructWithCeres(const TrackFile& file, const MapperOptions& op
 // Keeps the camera, which takes every frame for one moment, and registers no frame that `start` has
 // not.
 Reconstruction AdjustWithCeres(const TrackFile& file, const Reconstruction& start);
+// The same, with all that is said of a model, though it may be worth nothing (summary.reasons); the
+// camera of `start` is refined too if it is a guess.
+MapperResult AdjustAndJudgeWithCeres(const TrackFile& file,
+                                     const Reconstruction& start,
+                                     const MapperOptions& options = {});
 
 // Points alone, from poses that are given and kept (true ones: isolates the tracks from the
 // solver): triangulation, then bundle adjustment that moves nothing but points, under the bounds of

@@ -15,8 +15,9 @@
 #include "pipelines/sfm/reconstruct.h"
 
 namespace cohort {
+namespace {
 
-void RunRefine(const RefineCommandOptions& options) {
+void RefineTracks(const RefineCommandOptions& options) {
   const TrackFile file = ReadTrackFile(options.tracks);
   const Reconstruction model = ReadModelFolder(options.model);
   if (model.points.empty()) {
@@ -31,13 +32,11 @@ void RunRefine(const RefineCommandOptions& options) {
     }
   }
   const auto sequence = OpenSequence(options.images.empty() ? file.source : options.images);
-  const auto mask = file.meta.find("mask");  // that the tracks were made with
-  SecondPass second = MeasureAgain(file,
-                                   model,
-                                   *sequence,
-                                   ReadMask(mask == file.meta.end() ? "" : mask->second),
-                                   options.second_pass,
-                                   ProgressBars());
+  const auto of_tracks = file.meta.find("mask");  // that they were made with
+  const std::string mask =
+      options.mask.empty() && of_tracks != file.meta.end() ? of_tracks->second : options.mask;
+  SecondPass second = MeasureAgain(
+      file, model, *sequence, ReadMask(mask), options.of_model.second_pass, ProgressBars());
   second.file.meta["refined_from"] = AbsolutePath(options.tracks);
   WriteTrackFile(options.out, second.file);
 
@@ -61,13 +60,61 @@ void RunRefine(const RefineCommandOptions& options) {
                            {"regained", fmt::format("{}", figures.regained)}}));
 }
 
+void RefineColmapModel(const RefineCommandOptions& options) {
+  if (options.images.empty()) {
+    ThrowUsageError(
+        "refine of a COLMAP model needs its pictures: give --images INPUT, or the .tracks file "
+        "that "
+        "the model was made of");
+  }
+  const auto sequence = OpenSequence(options.images);
+  const RefinedModel refined = RefineModelIntoFolder(options.model,
+                                                     *sequence,
+                                                     options.images,
+                                                     ReadMask(options.mask),
+                                                     options.of_model,
+                                                     options.out,
+                                                     ProgressBars());
+  for (const std::string& note : refined.notes) spdlog::warn("{}", note);
+  for (const std::string& warning : refined.adjusted.warnings) spdlog::warn("{}", warning);
+  const ReconstructionSummary& summary = refined.adjusted.summary;
+  for (const std::string& reason : summary.reasons) spdlog::warn("{}", reason);
+  if (!options.json.empty()) {
+    WriteJsonFile(options.json, ReadJsonFile(std::filesystem::path(options.out) / "summary.json"));
+  }
+  fmt::print("{}",
+             AlignedTable({{"model", options.out},
+                           {"frames", fmt::format("{}", summary.registered)},
+                           {"points before", fmt::format("{}", refined.before.points)},
+                           {"points", fmt::format("{}", summary.points)},
+                           {"measured again", fmt::format("{}", refined.found.replaced)},
+                           {"observations before", fmt::format("{}", refined.before.observations)},
+                           {"observations", fmt::format("{}", summary.observations)},
+                           {"mean reprojection error before [px]",
+                            fmt::format("{:.3f}", refined.before.mean_reprojection_px)},
+                           {"mean reprojection error [px]",
+                            fmt::format("{:.3f}", summary.mean_reprojection_px)}}));
+}
+
+}  // namespace
+
+void RunRefine(const RefineCommandOptions& options) {
+  if (options.tracks.empty()) {
+    RefineColmapModel(options);
+  } else {
+    RefineTracks(options);
+  }
+}
+
 Command RefineCommand() {
-  return MakeCommand({.name = "refine",
-                      .usage = "F.tracks --model DIR --out G.tracks [options]",
-                      .summary = "Measure tracks again where their reconstruction says they are",
-                      .positionals = {"tracks"},
-                      .required = {"tracks", "model", "out"}},
-                     RunRefine);
+  return MakeCommand(
+      {.name = "refine",
+       .usage = "F.tracks --model DIR --out G.tracks [options], or cohort refine --model "
+                "COLMAP_MODEL --images INPUT --out DIR [options]",
+       .summary = "Measure tracks, or a COLMAP model, again where the model says",
+       .positionals = {"tracks"},
+       .required = {"model", "out"}},
+      RunRefine);
 }
 
 }  // namespace cohort

@@ -3,33 +3,55 @@
 #include <string>
 
 #include "pipelines/console/command.h"
-#include "pipelines/sfm/second_pass.h"
+#include "pipelines/sfm/refine_model.h"
 
 namespace cohort {
 
+// Of two forms: tracks and the model that was made of them, or a model alone with its pictures.
 struct RefineCommandOptions {
   std::string tracks;
   std::string model;
   std::string images;
   std::string out;
+  std::string mask;
   std::string json;
-  SecondPassOptions second_pass;
+  RefineModelOptions of_model;  // its second pass: of both forms
 
   template <typename Self, typename Visitor>
   static void Visit(Self& o, Visitor& v) {
-    v.Text("tracks", o.tracks, "The .tracks file that the model was made of.", Tier::kCommon);
-    v.Text("model", o.model, "The model folder of `cohort reconstruct`.", Tier::kCommon);
+    v.Text("tracks",
+           o.tracks,
+           "The .tracks file that the model was made of; of another program's model there is none.",
+           Tier::kCommon);
+    v.Text(
+        "model",
+        o.model,
+        "The model folder of `cohort reconstruct`, or a COLMAP model of a video or of pictures in "
+        "order.",
+        Tier::kCommon);
     v.Text("images",
            o.images,
-           "The clip, if it is no longer where the tracks were made of it.",
+           "The pictures: of a COLMAP model, by the names that it has for them; of tracks, if they "
+           "are no longer where the tracks were made of them.",
            Tier::kCommon);
-    v.Text("out", o.out, "The .tracks file to write.", Tier::kCommon);
+    v.Text("out",
+           o.out,
+           "The .tracks file to write, or of a COLMAP model the folder of the refined one.",
+           Tier::kCommon);
+    v.Text(
+        "mask",
+        o.mask,
+        "A picture of the frames' size, black where nothing is measured. Without it, the tracks' "
+        "own.",
+        Tier::kCommon);
     v.Text("json", o.json, "Write the figures of the run to this file, too.", Tier::kCommon);
-    SecondPassOptions::VisitMeasurement(o.second_pass, v);
+    RefineModelOptions::Visit(o.of_model, v);
+    SecondPassOptions::VisitMeasurement(o.of_model.second_pass, v);
   }
 };
 
-// Tracks and a model that was made of them -> tracks measured anew (MeasureAgain).
+// Tracks and a model that was made of them -> tracks measured anew (MeasureAgain); or a COLMAP model
+// -> the same, measured anew (RefineModel).
 void RunRefine(const RefineCommandOptions& options);
 
 Command RefineCommand();

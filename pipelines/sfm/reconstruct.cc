@@ -43,21 +43,6 @@ class TemporaryFolder {
   fs::path path_;
 };
 
-ReconstructResult ReconstructByCeres(const TrackFile& file, const MapperOptions& options) {
-  MapperResult model = ReconstructWithCeres(file, options);
-  return {std::move(model.reconstruction),
-          std::move(model.summary),
-          std::move(model.warnings),
-          CeresFindings{std::move(model.without_point),
-                        std::move(model.other_parts),
-                        model.noise,
-                        model.depth_uncertainty,
-                        model.unexplained_parallax,
-                        model.better_camera,
-                        std::move(model.camera_covariances),
-                        std::move(model.point_covariances)}};
-}
-
 // The views of a model of corrected tracks, as the pictures have them.
 void ShowAsSeen(const TrackSet& tracks, double readout, Reconstruction& model) {
   model.readout = readout;
@@ -191,7 +176,25 @@ void WriteCovariances(const CeresFindings& findings, const fs::path& folder) {
   WriteBytes(folder / "point_covariances.csv", points);
 }
 
-void WriteFindings(const CeresFindings& findings, const TrackFile& file, const fs::path& folder) {
+}  // namespace
+
+ReconstructResult ToReconstructResult(MapperResult model) {
+  return {std::move(model.reconstruction),
+          std::move(model.summary),
+          std::move(model.warnings),
+          CeresFindings{std::move(model.without_point),
+                        std::move(model.other_parts),
+                        model.noise,
+                        model.depth_uncertainty,
+                        model.unexplained_parallax,
+                        model.better_camera,
+                        std::move(model.camera_covariances),
+                        std::move(model.point_covariances)}};
+}
+
+void WriteCeresFindings(const CeresFindings& findings,
+                        const TrackFile& file,
+                        const fs::path& folder) {
   std::string without_point = "track_id,observations\n";
   for (const FeatureId feature : findings.without_point) {
     without_point += fmt::format("{},{}\n", ToInt(feature), file.tracks.Track(feature).size());
@@ -205,15 +208,13 @@ void WriteFindings(const CeresFindings& findings, const TrackFile& file, const f
   }
 }
 
-}  // namespace
-
 ReconstructResult Reconstruct(const TrackFile& file,
                               const ReconstructOptions& options,
                               const fs::path& colmap_folder,
                               const StageProgress& progress) {
   switch (options.backend) {
     case BackendKind::kCeres:
-      return ReconstructByCeres(file, options.ceres);
+      return ToReconstructResult(ReconstructWithCeres(file, options.ceres));
     case BackendKind::kColmap:
       if (!colmap_folder.empty()) {
         return ReconstructByColmap(file, options, colmap_folder, progress);
@@ -245,7 +246,7 @@ ReconstructResult ReconstructIntoFolder(const TrackFile& file,
   if (!result.reconstruction.cam_from_world.empty()) {
     WriteReconstructionFiles(out.partial(), result.reconstruction);
   }
-  if (result.ceres) WriteFindings(*result.ceres, file, out.partial());
+  if (result.ceres) WriteCeresFindings(*result.ceres, file, out.partial());
   Json summary = SummaryToJson(result, file.frames, options);
   if (!summary_options.empty()) summary["options"] = Json::parse(summary_options);
   WriteJsonFile(out.partial() / "summary.json", summary);

@@ -72,6 +72,12 @@ struct ReconstructResult {
   std::optional<CeresFindings> ceres;
 };
 
+ReconstructResult ToReconstructResult(MapperResult model);
+// tracks_without_point.csv, the covariances and other_parts/ of a model folder.
+void WriteCeresFindings(const CeresFindings& findings,
+                        const TrackFile& file,
+                        const std::filesystem::path& existing_folder);
+
 // Tracks -> cameras and points, by either backend. A clip that does not reconstruct is a result.
 //
 //   const ReconstructResult result = Reconstruct(TrackSequence(*clip), {});

@@ -183,28 +183,6 @@ std::vector<double> DistancesBetween(const Reconstruction& before, const Reconst
   return distances_px;
 }
 
-// Does the new model have many points elsewhere in the pictures than the models before, so far that
-// features were looked for in wrong places? Or frames that none of them had, or nothing in common?
-bool HaveMoved(std::span<const Reconstruction> models,
-               const Reconstruction& now,
-               const SecondPassOptions& options) {
-  constexpr double kQuantile = 0.9;
-  constexpr double kFar = 0.5;  // of how far a feature is looked for
-  constexpr double kManyNew = 0.05;
-  const auto is_new = [&](const auto& pose) {
-    return std::none_of(models.begin(), models.end(), [&](const Reconstruction& model) {
-      return model.cam_from_world.contains(pose.first);
-    });
-  };
-  const auto count = std::count_if(now.cam_from_world.begin(), now.cam_from_world.end(), is_new);
-  if (static_cast<double>(count) > kManyNew * static_cast<double>(now.cam_from_world.size())) {
-    return true;
-  }
-  std::vector<double> distances_px = DistancesBetween(models.front(), now);
-  return distances_px.empty() || Quantile(std::move(distances_px), kQuantile) >
-                                     kFar * options.measurement.patch.max_distance_px;
-}
-
 // May an adjustment tell where the model of new tracks would be, in place of a reconstruction, which
 // takes several times as long? Where the model is whole and nothing but poses and points moves. (Not
 // where the tracker lost its features somewhere: across such a seam a model may have two scales,
@@ -464,6 +442,26 @@ std::string SecondPassOptionsText(const SecondPassOptions& options) {
   OptionLister lister;
   SecondPassOptions::VisitMeasurement(copy, lister);
   return OptionsToJson(lister.Take()).dump();
+}
+
+bool HaveMoved(std::span<const Reconstruction> models,
+               const Reconstruction& now,
+               const SecondPassOptions& options) {
+  constexpr double kQuantile = 0.9;
+  constexpr double kFar = 0.5;  // of how far a feature is looked for
+  constexpr double kManyNew = 0.05;
+  const auto is_new = [&](const auto& pose) {
+    return std::none_of(models.begin(), models.end(), [&](const Reconstruction& model) {
+      return model.cam_from_world.contains(pose.first);
+    });
+  };
+  const auto count = std::count_if(now.cam_from_world.begin(), now.cam_from_world.end(), is_new);
+  if (static_cast<double>(count) > kManyNew * static_cast<double>(now.cam_from_world.size())) {
+    return true;
+  }
+  std::vector<double> distances_px = DistancesBetween(models.front(), now);
+  return distances_px.empty() || Quantile(std::move(distances_px), kQuantile) >
+                                     kFar * options.measurement.patch.max_distance_px;
 }
 
 TrackFile JoinCompanion(TrackFile first_pass, Sequence& sequence, const cv::Mat& mask) {

@@ -109,6 +109,13 @@ SecondPass MeasureAgain(const TrackFile& file,
                         const SecondPassOptions& options,
                         const StageProgress& progress = {});
 
+// Does a model made since have many points elsewhere in the pictures than the first of `models`, so
+// far that features were looked for in wrong places? Or frames that none of them had, or nothing in
+// common?
+bool HaveMoved(std::span<const Reconstruction> models,
+               const Reconstruction& now,
+               const SecondPassOptions& options);
+
 // One set of the tracks of a first pass and of KLT's where that one loses its features, as the second
 // pass takes them: without those that are twins of others or not needed. As it is, where no
 // companion is wanted.

@@ -2,8 +2,10 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
+#include <numeric>
 #include <optional>
 #include <string>
 
@@ -19,7 +21,9 @@ using Json = nlohmann::ordered_json;
 std::string RangeOf(const std::vector<FrameInfo>& frames) {
   if (frames.empty()) return "0:0";
   const std::uint32_t first = ToInt(frames.front().index);
-  const std::uint32_t stride = frames.size() > 1 ? ToInt(frames[1].index) - first : 1;
+  std::uint32_t stride = 0;  // the largest that meets all frames
+  for (const FrameInfo& frame : frames) stride = std::gcd(stride, ToInt(frame.index) - first);
+  stride = std::max(stride, 1U);
   return fmt::format("{}:{}:{}", first, ToInt(frames.back().index) + 1, stride);
 }
 

@@ -1,0 +1,231 @@
+#include "pipelines/sfm/refine_model.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <nlohmann/json.hpp>
+#include <utility>
+
+#include "backend/colmap/camera_model.h"
+#include "frontend/core/output.h"
+#include "frontend/geometry/sim3.h"
+#include "pipelines/json/json_file.h"
+#include "pipelines/json/option_list.h"
+#include "pipelines/sfm/input.h"
+#include "pipelines/sfm/reconstruct.h"
+#include "pipelines/sfm/summary_json.h"
+
+namespace cohort {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr const char* kTracksName = "clip.tracks";
+
+std::vector<FrameInfo> ReadFrames(Sequence& sequence, const StageProgress& progress) {
+  std::vector<FrameInfo> frames;
+  sequence.Rewind();
+  while (const auto frame = sequence.Next()) {
+    frames.push_back({frame->index, frame->name, frame->timestamp_ns});
+    if (progress) progress("read", frames.size(), sequence.FrameCount());
+  }
+  return frames;
+}
+
+bool IsFoundByColmap(ColmapCameraModel model) {
+  switch (model) {
+    case ColmapCameraModel::kSimplePinhole:
+    case ColmapCameraModel::kSimpleRadial:
+    case ColmapCameraModel::kRadial:
+    case ColmapCameraModel::kSimpleRadialFisheye:
+    case ColmapCameraModel::kRadialFisheye:
+      return true;
+    default:
+      return false;
+  }
+}
+
+// Of the images' one camera.
+const ColmapCamera& CameraOf(const ColmapModel& model) {
+  return model.cameras.at(model.images.begin()->second.camera_id);
+}
+
+// Do so few of the model's points look the same in the frames that see them that these are not the
+// pictures it was made of, or it is far off?
+void CheckFound(const SecondPassFigures& figures, const fs::path& path, const Sequence& sequence) {
+  constexpr double kLeastFound = 0.1;
+  const std::size_t points = figures.replaced + figures.left;
+  if (static_cast<double>(figures.replaced) >= kLeastFound * static_cast<double>(points) &&
+      figures.replaced > 0) {
+    return;
+  }
+  ThrowError(
+      "{}: only {} of its {} points look alike in the frames of {} that see them: give the "
+      "pictures "
+      "that the model was made of",
+      path.string(),
+      figures.replaced,
+      points,
+      sequence.Name());
+}
+
+void NoteWhatIsLeftOut(const ModelOfClip& clip,
+                       const fs::path& path,
+                       const Sequence& sequence,
+                       std::vector<std::string>& notes) {
+  if (clip.unknown_images > 0) {
+    notes.push_back(
+        fmt::format("{}: {} of its images are no frame of {} and are left out, {} for one",
+                    path.string(),
+                    clip.unknown_images,
+                    sequence.Name(),
+                    clip.an_unknown_image));
+  }
+}
+
+nlohmann::ordered_json SummaryToJson(const RefinedModel& refined,
+                                     const fs::path& path,
+                                     const RefineModelOptions& options) {
+  ReconstructOptions adjustment;
+  adjustment.ceres = options.ceres;
+  nlohmann::ordered_json json = SummaryToJson(refined.adjusted, refined.file.frames, adjustment);
+  RefineModelOptions copy = options;
+  OptionLister lister;
+  RefineModelOptions::Visit(copy, lister);
+  SecondPassOptions::VisitMeasurement(copy.second_pass, lister);
+  json["options"] = OptionsToJson(lister.Take());
+  json["points_before"] = refined.before.points;
+  json["observations_before"] = refined.before.observations;
+  json["mean_reprojection_before_px"] = refined.before.mean_reprojection_px;
+  json["refined_from"] = AbsolutePath(path);
+  json["camera_refined"] = refined.camera_refined;
+  json["tracks_measured_again"] = refined.found.replaced;
+  json["tracks_not_found_again"] = refined.found.left;
+  return json;
+}
+
+}  // namespace
+
+Reconstruction InWorldOf(const Reconstruction& world, Reconstruction model) {
+  // Each camera as its centre and three points on its axes: also cameras on a line, or in one place,
+  // have a turn.
+  const auto centre = [](const Rigid3& cam_from_world) {
+    return cam_from_world.Inverse().translation;
+  };
+  const auto count = static_cast<Eigen::Index>(model.cam_from_world.size());
+  Check(count > 0, "a model has cameras");
+  const auto extent = [&](const Reconstruction& of) {
+    Eigen::Vector3d mean = Eigen::Vector3d::Zero();
+    for (const auto& [frame, pose] : model.cam_from_world) {
+      mean += centre(of.cam_from_world.at(frame)) / static_cast<double>(count);
+    }
+    double sum = 0.0;
+    for (const auto& [frame, pose] : model.cam_from_world) {
+      sum += (centre(of.cam_from_world.at(frame)) - mean).squaredNorm();
+    }
+    return std::sqrt(sum / static_cast<double>(count));
+  };
+  const double model_extent = extent(model);
+  const double world_extent = extent(world);
+  if (!(model_extent > 0.0 && world_extent > 0.0)) return model;
+  const auto cloud = [&](const Reconstruction& of, double reach) {
+    Eigen::Matrix3Xd points(3, 4 * count);
+    Eigen::Index next = 0;
+    for (const auto& [frame, pose] : model.cam_from_world) {
+      const Rigid3 world_from_cam = of.cam_from_world.at(frame).Inverse();
+      points.col(next++) = world_from_cam.translation;
+      for (int axis = 0; axis < 3; ++axis) {
+        points.col(next++) = world_from_cam * Eigen::Vector3d(reach * Eigen::Vector3d::Unit(axis));
+      }
+    }
+    return points;
+  };
+  const Eigen::Matrix4d transform =
+      Eigen::umeyama(cloud(model, model_extent), cloud(world, world_extent));
+  Sim3 world_from_model;
+  world_from_model.scale = transform.topLeftCorner<3, 1>().norm();
+  world_from_model.rotation =
+      Eigen::Quaterniond(Eigen::Matrix3d(transform.topLeftCorner<3, 3>() / world_from_model.scale));
+  world_from_model.translation = transform.topRightCorner<3, 1>();
+  for (auto& [frame, pose] : model.cam_from_world) pose = TransformPose(world_from_model, pose);
+  for (auto& [feature, point] : model.points) point.in_world = world_from_model * point.in_world;
+  return model;
+}
+
+RefinedModel RefineModel(const ColmapModel& model,
+                         const fs::path& path,
+                         Sequence& sequence,
+                         const cv::Mat& mask,
+                         const RefineModelOptions& options,
+                         const StageProgress& progress) {
+  constexpr int kMostRounds = 3;
+  ModelOfClip clip = ReadModelOfClip(model, ReadFrames(sequence, progress), path);
+  RefinedModel refined;
+  NoteWhatIsLeftOut(clip, path, sequence, refined.notes);
+  if (clip.reconstruction.points.empty()) {
+    ThrowError("{}: none of its points is seen in {}", path.string(), sequence.Name());
+  }
+  refined.before = Summarize(clip.reconstruction, clip.file.frames.size());
+  Reconstruction now = clip.reconstruction;
+  now.camera.known =
+      options.intrinsics == IntrinsicsMode::kKeep ||
+      (options.intrinsics == IntrinsicsMode::kAuto && !IsFoundByColmap(CameraOf(model).model));
+  MapperOptions ceres = options.ceres;
+  ceres.covariances = false;
+  refined.file = clip.file;
+  for (int round = 0; round < kMostRounds; ++round) {
+    SecondPass second =
+        MeasureAgain(refined.file, now, sequence, mask, options.second_pass, progress);
+    if (round == 0) {
+      CheckFound(second.figures, path, sequence);
+      refined.found = second.figures;
+    }
+    refined.file = std::move(second.file);
+    MapperResult adjusted = AdjustAndJudgeWithCeres(refined.file, now, ceres);
+    if (adjusted.better_camera && options.intrinsics == IntrinsicsMode::kAuto) {
+      refined.notes.push_back(fmt::format(
+          "{}: the tracks contradict its camera, which is refined: --intrinsics keep keeps it",
+          path.string()));
+      adjusted.reconstruction.camera.known = false;
+      adjusted = AdjustAndJudgeWithCeres(refined.file, adjusted.reconstruction, ceres);
+    }
+    adjusted.reconstruction = InWorldOf(clip.reconstruction, std::move(adjusted.reconstruction));
+    const bool moved = HaveMoved(std::span(&now, 1), adjusted.reconstruction, options.second_pass);
+    now = std::move(adjusted.reconstruction);
+    if (!moved) break;
+  }
+  refined.adjusted = ToReconstructResult(AdjustAndJudgeWithCeres(refined.file, now, options.ceres));
+  refined.camera_refined = !now.camera.known;
+  refined.model =
+      ReplaceInModel(model, clip, refined.adjusted.reconstruction, refined.camera_refined);
+  refined.file.camera = refined.adjusted.reconstruction.camera;
+  refined.file.camera->known = true;  // its poses fit no other
+  return refined;
+}
+
+RefinedModel RefineModelIntoFolder(const fs::path& model,
+                                   Sequence& sequence,
+                                   const std::string& source,
+                                   const cv::Mat& mask,
+                                   const RefineModelOptions& options,
+                                   const fs::path& folder,
+                                   const StageProgress& progress) {
+  std::vector<std::string> names = ModelFolderNames();
+  names.emplace_back(kTracksName);
+  OutputFolder out(folder, names);
+  RefinedModel refined =
+      RefineModel(ReadColmapModel(model), model, sequence, mask, options, progress);
+  refined.file.source = AbsolutePath(source);
+  refined.file.image_root = AbsolutePath(sequence.ImageRoot());
+  refined.file.meta["imported_from"] = AbsolutePath(model);
+  refined.file.meta["tracker"] = "import";
+  WriteReconstructionFiles(out.partial(), refined.adjusted.reconstruction, refined.model);
+  WriteCeresFindings(*refined.adjusted.ceres, refined.file, out.partial());
+  WriteTrackFile(out.partial() / kTracksName, refined.file);
+  WriteJsonFile(out.partial() / "summary.json", SummaryToJson(refined, model, options));
+  out.Commit();
+  return refined;
+}
+
+}  // namespace cohort

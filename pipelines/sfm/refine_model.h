@@ -1,0 +1,77 @@
+#pragma once
+
+#include <filesystem>
+#include <opencv2/core/mat.hpp>
+#include <string>
+#include <vector>
+
+#include "backend/colmap/model_tracks.h"
+#include "backend/scene/mapper.h"
+#include "datasets/readers/sequence.h"
+#include "frontend/core/options.h"
+#include "pipelines/sfm/progress.h"
+#include "pipelines/sfm/reconstruct.h"
+#include "pipelines/sfm/second_pass.h"
+
+namespace cohort {
+
+enum class IntrinsicsMode { kAuto, kKeep, kRefine };
+inline constexpr ChoiceNames<IntrinsicsMode, 3> kIntrinsicsModeNames{
+    {{"auto", IntrinsicsMode::kAuto},
+     {"keep", IntrinsicsMode::kKeep},
+     {"refine", IntrinsicsMode::kRefine}}};
+
+struct RefineModelOptions {
+  IntrinsicsMode intrinsics = IntrinsicsMode::kAuto;
+  SecondPassOptions second_pass;
+  MapperOptions ceres = {.covariances = true};
+
+  // All but the second pass.
+  template <typename Self, typename Visitor>
+  static void Visit(Self& o, Visitor& v) {
+    v.Choice("intrinsics",
+             o.intrinsics,
+             kIntrinsicsModeNames,
+             "What becomes of the camera of a COLMAP model. auto refines one with a single focal "
+             "length (SIMPLE_PINHOLE, SIMPLE_RADIAL, RADIAL), as COLMAP finds by itself, and keeps "
+             "any other, as calibrations give, unless the tracks contradict it.",
+             Tier::kCommon);
+    v.Group("ceres", o.ceres, "the adjustment of a COLMAP model");
+  }
+};
+
+struct RefinedModel {
+  ColmapModel model;             // with the ids, names, colours and world of the one that came in
+  TrackFile file;                // its tracks, measured anew; feature = point id - 1 (ModelOfClip)
+  ReconstructResult adjusted;    // the same model, by frames and features; its findings are there
+  ReconstructionSummary before;  // figures of the input, of the frames of the clip
+  SecondPassFigures found;       // of the input's tracks
+  bool camera_refined = false;
+  std::vector<std::string> notes;  // lines for whoever runs it
+};
+
+// A COLMAP model of a clip, by whatever program, measured again where it says that its points are
+// (MeasureAgain) and adjusted to what was found, until it no longer moves. Images are found among
+// the frames by name; those that are none are left out. Throws Error naming `path` (the model) or
+// the clip where they do not belong together: too few points look as the model has them.
+RefinedModel RefineModel(const ColmapModel& model,
+                         const std::filesystem::path& path,
+                         Sequence& sequence,
+                         const cv::Mat& mask,
+                         const RefineModelOptions& options = {},
+                         const StageProgress& progress = {});
+
+// `model` moved by the similarity that puts its cameras, with their axes, where those of `world`
+// are. Both have the same frames.
+Reconstruction InWorldOf(const Reconstruction& world, Reconstruction model);
+
+// RefineModel into a folder: a model folder with clip.tracks. Whole or not at all.
+RefinedModel RefineModelIntoFolder(const std::filesystem::path& model,
+                                   Sequence& sequence,
+                                   const std::string& source,
+                                   const cv::Mat& mask,
+                                   const RefineModelOptions& options,
+                                   const std::filesystem::path& folder,
+                                   const StageProgress& progress = {});
+
+}  // namespace cohort
