@@ -428,9 +428,9 @@ MapperResult AdjustAndJudgeWithCeres(const TrackFile& file,
   const Stopwatch stopwatch;
   const WhitenedTracks whitened(file, WhiteningOptionsFrom(options));
   JudgedParts judged{.parts = {{AdjustedModel(whitened, start), {}}}};
-  WorkingModel& model = judged.parts.front().model;
   const CameraRefinement refinement = RefinementOf(start.camera, options);
-  if (refinement.Any()) RefineCamera(refinement, model);
+  AdjustParts(options, refinement, judged);
+  const WorkingModel& model = judged.parts.front().model;
   const std::vector<int> keyframes =
       SelectKeyframes(whitened, model.camera(), kKeyframeParallaxPx, kMinKeyframes);
   judged.judgements = {JudgeModel(model, start.camera, keyframes)};

@@ -115,8 +115,9 @@ MapperResult ReconstructWithCeres(const TrackFile& file, const MapperOptions& op
 // Keeps the camera, which takes every frame for one moment, and registers no frame that `start` has
 // not.
 Reconstruction AdjustWithCeres(const TrackFile& file, const Reconstruction& start);
-// The same, with all that is said of a model, though it may be worth nothing (summary.reasons); the
-// camera of `start` is refined too if it is a guess.
+// The same to the end, as a reconstruction is: with the readout of a rolling shutter, the camera of
+// `start` refined if it is a guess, and all that is said of a model, though it may be worth nothing
+// (summary.reasons). In a world of its own.
 MapperResult AdjustAndJudgeWithCeres(const TrackFile& file,
                                      const Reconstruction& start,
                                      const MapperOptions& options = {});

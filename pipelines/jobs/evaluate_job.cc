@@ -1,10 +1,13 @@
 #include "pipelines/jobs/evaluate_job.h"
 
+#include <algorithm>
 #include <nlohmann/json.hpp>
 
 #include "backend/colmap/model_io.h"
+#include "backend/colmap/model_tracks.h"
 #include "datasets/open_sequence.h"
 #include "datasets/truth/track_truth.h"
+#include "frontend/tracks/imported_tracks.h"
 #include "frontend/tracks/track_store.h"
 #include "pipelines/evaluation/model_evaluation.h"
 #include "pipelines/evaluation/track_error.h"
@@ -99,23 +102,33 @@ Json EvaluateTrackFile(const std::string& path,
            figures.trajectory_l1 ? Json(figures.trajectory_l1->mean_px) : Json(nullptr)}};
 }
 
+// Those that have a true pose.
+std::vector<FrameIndex> FramesOf(const ModelTruth& truth) {
+  std::vector<FrameIndex> frames;
+  for (const auto& [frame, pose] : truth.cam_from_world) frames.push_back(frame);
+  return frames;
+}
+
 // The frames that a model was to have: summary.json says so; of another program's model all that
 // have a true pose.
 std::vector<FrameIndex> FramesOfModel(const fs::path& folder, const ModelTruth& truth) {
-  std::vector<FrameIndex> frames;
   const fs::path summary = folder / "summary.json";
-  if (fs::exists(summary)) {
-    const Json json = ReadJsonFile(summary);
-    if (json.contains("frame_range")) {
-      const FrameRange range = FrameRange::Parse(json["frame_range"].get<std::string>());
-      for (std::uint32_t i = range.first; i < range.end.value_or(range.first); i += range.stride) {
-        frames.push_back(FrameIndex{i});
-      }
-      return frames;
-    }
+  if (!fs::exists(summary)) return FramesOf(truth);
+  const Json json = ReadJsonFile(summary);
+  if (!json.contains("frame_range")) return FramesOf(truth);
+  std::vector<FrameIndex> frames;
+  const FrameRange range = FrameRange::Parse(json["frame_range"].get<std::string>());
+  for (std::uint32_t i = range.first; i < range.end.value_or(range.first); i += range.stride) {
+    frames.push_back(FrameIndex{i});
   }
-  for (const auto& [frame, pose] : truth.cam_from_world) frames.push_back(frame);
   return frames;
+}
+
+// Does a model number its images as we do, by frame? Another program's does not, nor what was made of
+// one.
+bool IsNumberedByFrame(const fs::path& folder) {
+  const fs::path summary = folder / "summary.json";
+  return fs::exists(summary) && !ReadJsonFile(summary).contains("refined_from");
 }
 
 // The poses of another model, under the frames of the first: by their names where the two share
@@ -159,9 +172,26 @@ ModelTruth TruthOfPoses(const Sequence& sequence, TrackTruth* truth) {
   return model_truth;
 }
 
-Json EvaluateModelFolder(const fs::path& folder, const ModelTruth& truth) {
-  const ModelEvaluation figures =
-      EvaluateModel(ReadReconstruction(folder), FramesOfModel(folder, truth), truth);
+// A model under the frames of a clip: by the names of its images where they are its frames', else by
+// number.
+Reconstruction ReadModelOf(const fs::path& folder, Sequence& sequence) {
+  if (IsNumberedByFrame(folder)) return ReadReconstruction(folder);
+  std::vector<FrameInfo> frames;
+  while (const auto frame = sequence.Next()) {
+    frames.push_back({frame->index, frame->name, frame->timestamp_ns});
+  }
+  const ColmapModel model = ReadColmapModel(folder);
+  FrameNames names(frames);
+  const bool named = std::any_of(model.images.begin(), model.images.end(), [&](const auto& image) {
+    return names.Find(image.second.name).has_value();
+  });
+  return named ? ReadModelOfClip(model, frames, folder).reconstruction : ReadReconstruction(folder);
+}
+
+Json EvaluateModelFolder(const Reconstruction& model,
+                         const std::vector<FrameIndex>& frames,
+                         const ModelTruth& truth) {
+  const ModelEvaluation figures = EvaluateModel(model, frames, truth);
   Json json{{"registered", figures.registered},
             {"frames", figures.frames},
             {"failed", TooFewRegistered(figures.registered, figures.frames)},
@@ -192,10 +222,13 @@ Json RunEvaluateJob(const EvaluateJobOptions& options) {
   }
   Json figures;
   if (is_model && IsModelFolder(options.truth)) {
+    const Reconstruction model = ReadReconstruction(options.subject);
     ModelTruth other;
-    other.cam_from_world =
-        PosesOfSameFrames(ReadReconstruction(options.subject), ReadReconstruction(options.truth));
-    figures = EvaluateModelFolder(options.subject, other);
+    other.cam_from_world = PosesOfSameFrames(model, ReadReconstruction(options.truth));
+    const std::vector<FrameIndex> frames = IsNumberedByFrame(options.subject)
+                                               ? FramesOfModel(options.subject, other)
+                                               : FramesOf(other);
+    figures = EvaluateModelFolder(model, frames, other);
     // Lengths are in the other model's unit, which is no metre.
     for (const char* key : {"ate_m", "rpe_trans_m", "auc_5", "auc_10", "auc_20"}) {
       figures[key] = nullptr;
@@ -203,9 +236,13 @@ Json RunEvaluateJob(const EvaluateJobOptions& options) {
   } else {
     const auto sequence = OpenSequence(options.truth, options.layout);
     const auto truth = OpenTrackTruth(*sequence, options.truth);
-    figures = is_model
-                  ? EvaluateModelFolder(options.subject, TruthOfPoses(*sequence, truth.get()))
-                  : EvaluateTrackFile(options.subject, *sequence, truth.get(), options.edge_px);
+    if (is_model) {
+      const ModelTruth poses = TruthOfPoses(*sequence, truth.get());
+      figures = EvaluateModelFolder(
+          ReadModelOf(options.subject, *sequence), FramesOfModel(options.subject, poses), poses);
+    } else {
+      figures = EvaluateTrackFile(options.subject, *sequence, truth.get(), options.edge_px);
+    }
   }
   if (!options.json.empty()) WriteJsonFile(options.json, figures);
   return figures;

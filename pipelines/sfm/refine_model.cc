@@ -4,7 +4,9 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <cmath>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <utility>
 
 #include "backend/colmap/camera_model.h"
@@ -105,51 +107,60 @@ nlohmann::ordered_json SummaryToJson(const RefinedModel& refined,
   return json;
 }
 
-}  // namespace
-
-Reconstruction InWorldOf(const Reconstruction& world, Reconstruction model) {
-  // Each camera as its centre and three points on its axes: also cameras on a line, or in one place,
-  // have a turn.
-  const auto centre = [](const Rigid3& cam_from_world) {
-    return cam_from_world.Inverse().translation;
-  };
-  const auto count = static_cast<Eigen::Index>(model.cam_from_world.size());
-  Check(count > 0, "a model has cameras");
-  const auto extent = [&](const Reconstruction& of) {
-    Eigen::Vector3d mean = Eigen::Vector3d::Zero();
-    for (const auto& [frame, pose] : model.cam_from_world) {
-      mean += centre(of.cam_from_world.at(frame)) / static_cast<double>(count);
-    }
-    double sum = 0.0;
-    for (const auto& [frame, pose] : model.cam_from_world) {
-      sum += (centre(of.cam_from_world.at(frame)) - mean).squaredNorm();
-    }
-    return std::sqrt(sum / static_cast<double>(count));
-  };
-  const double model_extent = extent(model);
-  const double world_extent = extent(world);
-  if (!(model_extent > 0.0 && world_extent > 0.0)) return model;
-  const auto cloud = [&](const Reconstruction& of, double reach) {
-    Eigen::Matrix3Xd points(3, 4 * count);
+// That puts the cameras of `from`, each as its centre and a point on each of its axes, so that also
+// cameras on a line have a turn, where `to` has them. None where all are in one place.
+std::optional<Sim3> FindSimilarity(const Reconstruction& from, const Reconstruction& to) {
+  const auto count = static_cast<Eigen::Index>(from.cam_from_world.size());
+  Eigen::Matrix3Xd centres(3, count);
+  const auto cloud = [&](const Reconstruction& of) -> Eigen::Matrix3Xd {
     Eigen::Index next = 0;
-    for (const auto& [frame, pose] : model.cam_from_world) {
+    for (const auto& [frame, pose] : from.cam_from_world) {
+      centres.col(next++) = of.cam_from_world.at(frame).Inverse().translation;
+    }
+    const Eigen::Vector3d mean = centres.rowwise().mean();
+    const double extent =
+        std::sqrt((centres.colwise() - mean).squaredNorm() / static_cast<double>(count));
+    Eigen::Matrix3Xd points(3, 4 * count);
+    next = 0;
+    for (const auto& [frame, pose] : from.cam_from_world) {
       const Rigid3 world_from_cam = of.cam_from_world.at(frame).Inverse();
       points.col(next++) = world_from_cam.translation;
       for (int axis = 0; axis < 3; ++axis) {
-        points.col(next++) = world_from_cam * Eigen::Vector3d(reach * Eigen::Vector3d::Unit(axis));
+        points.col(next++) = world_from_cam * Eigen::Vector3d(extent * Eigen::Vector3d::Unit(axis));
       }
     }
-    return points;
+    return extent > 0.0 ? points : Eigen::Matrix3Xd();
   };
-  const Eigen::Matrix4d transform =
-      Eigen::umeyama(cloud(model, model_extent), cloud(world, world_extent));
-  Sim3 world_from_model;
-  world_from_model.scale = transform.topLeftCorner<3, 1>().norm();
-  world_from_model.rotation =
-      Eigen::Quaterniond(Eigen::Matrix3d(transform.topLeftCorner<3, 3>() / world_from_model.scale));
-  world_from_model.translation = transform.topRightCorner<3, 1>();
-  for (auto& [frame, pose] : model.cam_from_world) pose = TransformPose(world_from_model, pose);
-  for (auto& [feature, point] : model.points) point.in_world = world_from_model * point.in_world;
+  const Eigen::Matrix3Xd source = cloud(from);
+  const Eigen::Matrix3Xd target = cloud(to);
+  if (count < 2 || source.size() == 0 || target.size() == 0) return std::nullopt;
+  const Eigen::Matrix4d transform = Eigen::umeyama(source, target);
+  const double scale = transform.topLeftCorner<3, 1>().norm();
+  const Eigen::Matrix3d rotation = transform.topLeftCorner<3, 3>() / scale;
+  return Sim3{scale, Eigen::Quaterniond(rotation), transform.topRightCorner<3, 1>()};
+}
+
+}  // namespace
+
+MapperResult InWorldOf(const Reconstruction& world, MapperResult model) {
+  const auto similarity = FindSimilarity(model.reconstruction, world);
+  if (!similarity) return model;
+  for (auto& [frame, pose] : model.reconstruction.cam_from_world) {
+    pose = TransformPose(*similarity, pose);
+  }
+  for (auto& [feature, point] : model.reconstruction.points) {
+    point.in_world = *similarity * point.in_world;
+  }
+  const Eigen::Matrix3d turn = similarity->scale * similarity->rotation.toRotationMatrix();
+  for (auto& [feature, covariance] : model.point_covariances) {
+    covariance = turn * covariance * turn.transpose();
+  }
+  // A camera's rotation is in its own axes, its centre in the world's.
+  Eigen::Matrix<double, 6, 6> of_camera = Eigen::Matrix<double, 6, 6>::Identity();
+  of_camera.bottomRightCorner<3, 3>() = turn;
+  for (auto& [frame, covariance] : model.camera_covariances) {
+    covariance = of_camera * covariance * of_camera.transpose();
+  }
   return model;
 }
 
@@ -172,6 +183,8 @@ RefinedModel RefineModel(const ColmapModel& model,
       options.intrinsics == IntrinsicsMode::kKeep ||
       (options.intrinsics == IntrinsicsMode::kAuto && !IsFoundByColmap(CameraOf(model).model));
   MapperOptions ceres = options.ceres;
+  if (CameraOf(model).model == ColmapCameraModel::kSimplePinhole) ceres.refine_radial = false;
+  MapperOptions with_covariances = ceres;
   ceres.covariances = false;
   refined.file = clip.file;
   for (int round = 0; round < kMostRounds; ++round) {
@@ -190,12 +203,13 @@ RefinedModel RefineModel(const ColmapModel& model,
       adjusted.reconstruction.camera.known = false;
       adjusted = AdjustAndJudgeWithCeres(refined.file, adjusted.reconstruction, ceres);
     }
-    adjusted.reconstruction = InWorldOf(clip.reconstruction, std::move(adjusted.reconstruction));
+    adjusted = InWorldOf(clip.reconstruction, std::move(adjusted));
     const bool moved = HaveMoved(std::span(&now, 1), adjusted.reconstruction, options.second_pass);
     now = std::move(adjusted.reconstruction);
     if (!moved) break;
   }
-  refined.adjusted = ToReconstructResult(AdjustAndJudgeWithCeres(refined.file, now, options.ceres));
+  refined.adjusted = ToReconstructResult(
+      InWorldOf(clip.reconstruction, AdjustAndJudgeWithCeres(refined.file, now, with_covariances)));
   refined.camera_refined = !now.camera.known;
   refined.model =
       ReplaceInModel(model, clip, refined.adjusted.reconstruction, refined.camera_refined);

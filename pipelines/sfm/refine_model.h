@@ -61,9 +61,9 @@ RefinedModel RefineModel(const ColmapModel& model,
                          const RefineModelOptions& options = {},
                          const StageProgress& progress = {});
 
-// `model` moved by the similarity that puts its cameras, with their axes, where those of `world`
-// are. Both have the same frames.
-Reconstruction InWorldOf(const Reconstruction& world, Reconstruction model);
+// `model`, with its covariances, moved by the similarity that puts its cameras and their axes where
+// those of `world` are, which has all of its frames.
+MapperResult InWorldOf(const Reconstruction& world, MapperResult model);
 
 // RefineModel into a folder: a model folder with clip.tracks. Whole or not at all.
 RefinedModel RefineModelIntoFolder(const std::filesystem::path& model,

@@ -1,0 +1,181 @@
+#include "pipelines/sfm/refine_model.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "backend/colmap/camera_model.h"
+#include "frontend/core/random_stream.h"
+#include "frontend/geometry/sim3.h"
+#include "tests/support/plane_clip.h"
+#include "tests/support/synthetic_tracks.h"
+
+namespace cohort {
+namespace {
+
+using testing::AllOf;
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::IsEmpty;
+using testing::Key;
+using testing::SizeIs;
+using testing::ThrowsMessage;
+
+constexpr int kFrames = 16;
+
+// A COLMAP model of the planes whose keypoints are a pixel off, whose cameras are shaken, and whose
+// ids, names and world are nobody's but its own: image 100 - i is frame i.
+class RefineModelOfPlanes : public testing::Test {
+ protected:
+  RefineModelOfPlanes() : clip_(kFrames) {
+    Camera camera = clip_.scene().camera();
+    model_.cameras[7] = ToColmapCamera(camera);
+    for (int i = 0; i < kFrames; ++i) {
+      ColmapModelImage& image = model_.images[static_cast<ColmapImageId>(100 - i)];
+      image.camera_id = 7;
+      image.name = "some/folder/" + std::to_string(i) + ".png";
+      Rigid3 pose = TransformPose(world_from_truth_, test::PlaneScene::CamFromWorld(i));
+      for (int axis = 0; axis < 3; ++axis) pose.translation[axis] += 0.02 * noise_.Gaussian();
+      image.cam_from_world = pose;
+    }
+    std::uint64_t id = 500;
+    for (int y = 30; y < 220; y += 14) {
+      for (int x = 30; x < 300; x += 14) AddPoint(id += 3, Eigen::Vector2d(x, y));
+    }
+  }
+
+  void AddPoint(std::uint64_t id, const Eigen::Vector2d& xy) {
+    const auto seen = clip_.scene().PointAt(test::PlaneScene::CamFromWorld(kFrames / 2), xy);
+    if (!seen) return;
+    ColmapPoint3D point;
+    point.xyz = world_from_truth_ * *seen;
+    point.rgb = {static_cast<std::uint8_t>(id % 256), 20, 30};
+    for (int i = 0; i < kFrames; ++i) {
+      const Rigid3 pose = test::PlaneScene::CamFromWorld(i);
+      const auto at = clip_.scene().camera().Project(pose * *seen);
+      if (!at || !clip_.scene().camera().Contains(*at, 10.0)) continue;
+      if (!clip_.scene().IsVisible(pose, *seen)) continue;
+      auto& image = model_.images.at(static_cast<ColmapImageId>(100 - i));
+      point.track.emplace_back(100 - i, static_cast<std::uint32_t>(image.points2d.size()));
+      const Eigen::Vector2d off(noise_.Gaussian(), noise_.Gaussian());
+      image.points2d.push_back({*at + off + Eigen::Vector2d::Constant(kColmapPixelShift), id});
+    }
+    if (point.track.size() >= 3) model_.points[id] = point;
+  }
+
+  // Root mean square distance of the cameras from where they are in the model's own world.
+  double CameraError(const ColmapModel& model) const {
+    double sum = 0.0;
+    for (const auto& [id, image] : model.images) {
+      const Rigid3 truth = TransformPose(
+          world_from_truth_, test::PlaneScene::CamFromWorld(100 - static_cast<int>(id)));
+      sum +=
+          (image.cam_from_world.Inverse().translation - truth.Inverse().translation).squaredNorm();
+    }
+    return std::sqrt(sum / static_cast<double>(model.images.size()));
+  }
+
+  test::PlaneClip clip_;
+  RandomStream noise_{1, "refine_model_test"};
+  const Sim3 world_from_truth_{
+      2.0,
+      Eigen::Quaterniond(Eigen::AngleAxisd(1.0, Eigen::Vector3d(1.0, 2.0, 3.0).normalized())),
+      {10.0, -20.0, 30.0}};
+  ColmapModel model_;
+};
+
+TEST_F(RefineModelOfPlanes, CamerasGetNearerToTheTruthAndAllElseStays) {
+  const RefinedModel refined = RefineModel(model_, "sparse", clip_, {});
+  EXPECT_LT(CameraError(refined.model), 0.3 * CameraError(model_))
+      << "in the world that came in, not one of its own";
+  EXPECT_EQ(refined.model.cameras, model_.cameras) << "a PINHOLE is a calibration";
+  EXPECT_THAT(refined.notes, IsEmpty());
+  ASSERT_THAT(refined.model.images, SizeIs(kFrames));
+  for (const auto& [id, image] : refined.model.images) {
+    EXPECT_EQ(image.name, model_.images.at(id).name);
+  }
+  EXPECT_GT(refined.model.points.size(), model_.points.size() * 9 / 10);
+  for (const auto& [id, point] : refined.model.points) {
+    ASSERT_TRUE(model_.points.contains(id));
+    EXPECT_EQ(point.rgb, model_.points.at(id).rgb);
+    for (const auto& [image, index] : point.track) {
+      EXPECT_EQ(refined.model.images.at(image).points2d.at(index).point3d, id);
+    }
+  }
+  EXPECT_EQ(refined.adjusted.ceres->camera_covariances.size(), static_cast<std::size_t>(kFrames));
+  EXPECT_GT(refined.found.Confirmed(), 0.8);
+}
+
+TEST_F(RefineModelOfPlanes, ACameraThatColmapFoundIsRefinedAndKeepsItsModel) {
+  ColmapCamera guess = model_.cameras.at(7);
+  guess.model = ColmapCameraModel::kSimplePinhole;
+  guess.params.erase(guess.params.begin());
+  const double truth = guess.params[0];
+  guess.params[0] *= 1.02;
+  model_.cameras.at(7) = guess;
+  const RefinedModel refined = RefineModel(model_, "sparse", clip_, {});
+  EXPECT_TRUE(refined.camera_refined);
+  const ColmapCamera& after = refined.model.cameras.at(7);
+  EXPECT_EQ(after.model, ColmapCameraModel::kSimplePinhole);
+  EXPECT_LT(std::abs(after.params[0] - truth), 0.5 * std::abs(guess.params[0] - truth));
+
+  RefineModelOptions keep;
+  keep.intrinsics = IntrinsicsMode::kKeep;
+  const RefinedModel kept = RefineModel(model_, "sparse", clip_, {}, keep);
+  EXPECT_FALSE(kept.camera_refined);
+  EXPECT_EQ(kept.model.cameras.at(7), guess);
+}
+
+TEST_F(RefineModelOfPlanes, OtherPicturesAreRefused) {
+  test::PlaneClip other(kFrames);
+  for (int i = 0; i < kFrames; ++i) {
+    const test::PlaneScene scene;
+    // Elsewhere in each frame.
+    scene.Render(test::PlaneScene::CamFromWorld(37 * (i + 1)))
+        .convertTo(other.Picture(i), CV_8U, 255.0);
+  }
+  EXPECT_THAT([&] { RefineModel(model_, "sparse", other, {}); },
+              ThrowsMessage<Error>(AllOf(HasSubstr("sparse: only "),
+                                         HasSubstr("points look alike in the frames of planes"))));
+}
+
+TEST_F(RefineModelOfPlanes, ImagesThatAreNoFrameAreLeftOutAndSaid) {
+  test::PlaneClip shorter(kFrames - 3);
+  const RefinedModel refined = RefineModel(model_, "sparse", shorter, {});
+  EXPECT_THAT(refined.model.images, SizeIs(kFrames - 3));
+  EXPECT_THAT(refined.notes, ElementsAre(HasSubstr("3 of its images are no frame of planes")));
+}
+
+TEST_F(RefineModelOfPlanes, TheSameTwiceIsTheSame) {
+  const RefinedModel a = RefineModel(model_, "sparse", clip_, {});
+  const RefinedModel b = RefineModel(model_, "sparse", clip_, {});
+  for (const auto& [id, point] : a.model.points) EXPECT_EQ(point.xyz, b.model.points.at(id).xyz);
+}
+
+TEST(InWorldOf, CamerasOnALineKeepTheirTurn) {
+  Reconstruction world;
+  for (std::uint32_t i = 0; i < 4; ++i) {
+    world.cam_from_world[FrameIndex{i}].translation = Eigen::Vector3d(-1.0 * i, 0.0, 0.0);
+  }
+  world.points[FeatureId{1}].in_world = {1.0, 2.0, 3.0};
+  const Sim3 moved{
+      3.0, Eigen::Quaterniond(Eigen::AngleAxisd(0.7, Eigen::Vector3d::UnitX())), {5.0, 6.0, 7.0}};
+  MapperResult model;
+  model.reconstruction = world;
+  for (auto& [frame, pose] : model.reconstruction.cam_from_world) pose = TransformPose(moved, pose);
+  Eigen::Vector3d& point = model.reconstruction.points[FeatureId{1}].in_world;
+  point = moved * point;
+  // Deviations of a tenth of a unit of this world, along its first axis.
+  model.point_covariances[FeatureId{1}] = Eigen::Vector3d(0.01, 0.0, 0.0).asDiagonal();
+  const MapperResult back = InWorldOf(world, model);
+  EXPECT_LT(
+      (back.reconstruction.points.at(FeatureId{1}).in_world - Eigen::Vector3d(1, 2, 3)).norm(),
+      1e-9);
+  EXPECT_LT(
+      (back.reconstruction.cam_from_world.at(FrameIndex{3}).translation + Eigen::Vector3d(3, 0, 0))
+          .norm(),
+      1e-9);
+  EXPECT_NEAR(back.point_covariances.at(FeatureId{1})(0, 0), 0.01 / 9.0, 1e-9);
+}
+
+}  // namespace
+}  // namespace cohort
