@@ -14,6 +14,7 @@
 #include <opencv2/videoio.hpp>
 #include <thread>
 
+#include "backend/colmap/model_io.h"
 #include "frontend/core/error.h"
 #include "frontend/tracks/track_store.h"
 #include "tests/support/program.h"
@@ -644,6 +645,53 @@ TEST_F(Commands, RefineMeasuresTracksAgainWhereTheModelSaysTheyAre) {
                 1,
                 HasSubstr("give the same clip by --images"));
   ExpectFailure(RunCohort(refine + " --model " + path("nothing")), 1, HasSubstr("nothing"));
+}
+
+// Whose images have other numbers than their frames.
+TEST_F(Commands, RefinesAColmapModelIntoTheSameModelMeasuredAgain) {
+  const auto run = [](const std::string& arguments) {
+    const ProgramEnd end = RunCohort(arguments + " --quiet");
+    EXPECT_EQ(end.exit_code, 0) << arguments << "\n" << end.err;
+  };
+  run("synth " + Path("clip") + " --width-px 320 --height-px 240 --focal-px 260 --frames 24");
+  run("degrade " + Path("clip") + " " + Path("dark") + " --level medium");
+  run("track " + Path("dark") + " --tracker klt --features 150 --out " + Path("klt.tracks"));
+  run("reconstruct " + Path("klt.tracks") + " --out " + Path("first"));
+  const ColmapModel first = ReadColmapModel(dir_ / "first");
+  ColmapModel renumbered = first;
+  renumbered.images.clear();
+  for (const auto& [id, image] : first.images) renumbered.images[1000 - id] = image;
+  for (auto& [id, point] : renumbered.points) {
+    for (auto& [image, index] : point.track) image = 1000 - image;
+  }
+  fs::create_directory(dir_ / "sparse");
+  WriteColmapModel(dir_ / "sparse", renumbered, ColmapModelFormat::kBinary);
+  const std::string refine = "refine --model " + Path("sparse") + " --out " + Path("refined");
+  run(refine + " --images " + Path("dark") + " --json " + Path("r.json"));
+  for (const char* name : {"cameras.bin",
+                           "images.bin",
+                           "points3D.bin",
+                           "points.ply",
+                           "trajectory.tum",
+                           "clip.tracks",
+                           "point_covariances.csv"}) {
+    EXPECT_TRUE(fs::exists(dir_ / "refined" / name)) << name;
+  }
+  const auto ate = [&](const char* model) {
+    run("evaluate " + Path(model) + " --truth " + Path("clip") + " --json " + Path("e.json"));
+    const auto figures = ReadJson(Path("e.json"));
+    EXPECT_EQ(figures["registered"], 24) << model;
+    return figures["ate_m"].get<double>();
+  };
+  const double before = ate("first");
+  EXPECT_DOUBLE_EQ(ate("sparse"), before) << "found by the names of the images";
+  EXPECT_LT(ate("refined"), 0.7 * before);
+  EXPECT_GT(ReadJson(Path("r.json"))["tracks_measured_again"], 100);
+
+  ExpectFailure(RunCohort(refine), 2, HasSubstr("give --images INPUT, or the .tracks file"));
+  ExpectFailure(RunCohort(refine + " --images " + WriteImages(Path("images"), 3).string()),
+                1,
+                HasSubstr(Path("sparse")));
 }
 
 // One rigid model cannot say where the points of several bodies are.
