@@ -18,6 +18,8 @@ if(COHORT_BUILD_PROGRAM)
   install(DIRECTORY ${written}/man/ DESTINATION ${CMAKE_INSTALL_MANDIR} COMPONENT program)
   install(DIRECTORY ${written}/bash-completion ${written}/fish
           DESTINATION ${CMAKE_INSTALL_DATADIR} COMPONENT program)
+  install(FILES ${PROJECT_SOURCE_DIR}/pipelines/blender/import_cohort.py
+          DESTINATION ${CMAKE_INSTALL_DATADIR}/cohort/blender COMPONENT program)
   # Debian's zsh looks for what packages bring in a folder of its own.
   install(CODE "set(folder site-functions)
 if(CMAKE_INSTALL_PREFIX MATCHES \"/usr$\")

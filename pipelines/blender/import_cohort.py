@@ -1,0 +1,426 @@
+"""Loads a model or a scene of cohort into Blender (2.93 or newer): an animated camera and the points.
+
+In Blender: Edit > Preferences > Add-ons > Install, then File > Import > cohort. From a shell:
+
+    blender --python import_cohort.py -- MODEL [OUT.blend]
+
+MODEL is a model folder of `cohort reconstruct`, a scene folder of `cohort sfm`, any folder with
+COLMAP's text files, or a transforms.json. Reading and geometry need NumPy alone; Blender is what is
+below the line `import bpy`.
+"""
+
+import json
+import math
+import os
+import sys
+from collections import namedtuple
+
+import numpy as np
+
+bl_info = {
+    "name": "Import cohort",
+    "description": "Camera and points of cohort or COLMAP",
+    "author": "The cohort authors",
+    "version": (1, 0, 0),
+    "blender": (2, 93, 0),
+    "location": "File > Import > cohort model or scene",
+    "category": "Import-Export",
+}
+
+SENSOR_WIDTH_MM = 36.0
+
+# A pinhole: focal lengths and principal point in pixels, whose (0, 0) is the top-left corner.
+# `distorted`: the pictures have a distortion, which Blender's camera cannot have.
+Camera = namedtuple("Camera", "width height fx fy cx cy distorted")
+# `number`: the frame's in Blender, 1 for the first of the clip. `world_from_blender`: 4x4, of a camera
+# with x right, y up, z back.
+Frame = namedtuple("Frame", "number name world_from_blender")
+# Points (N, 3) in the world; colours (N, 3), 0 to 255. `fps` None: unknown. `images`: the folder of
+# the pictures, or None.
+Model = namedtuple("Model", "camera frames points colours fps images")
+# What Blender's camera has to be; `aspect`: how much taller than wide a pixel is.
+Lens = namedtuple("Lens", "focal_mm shift_x shift_y aspect")
+
+
+class ImportFailed(Exception):
+    """What is wrong, where, and what to do."""
+
+
+def read(path):
+    """The Model in a folder, or of a transforms.json."""
+    path = os.path.abspath(path)
+    if os.path.isfile(path):
+        return read_transforms(path)
+    if os.path.isfile(os.path.join(path, "cameras.txt")):
+        # A model's world is its first camera; a scene's is upright.
+        return upright(read_colmap(path, os.path.join(path, "trajectory.tum"), None))
+    sparse = os.path.join(path, "sparse", "0")
+    if os.path.isfile(os.path.join(sparse, "cameras.txt")):
+        trajectory = os.path.join(path, "model", "trajectory.tum")
+        return read_colmap(sparse, trajectory, os.path.join(path, "images"))
+    raise ImportFailed(
+        f"{path} holds no model: give a folder with cameras.txt (cohort reconstruct, or colmap "
+        "model_converter --output_type TXT), a scene of cohort sfm, or a transforms.json"
+    )
+
+
+def data_lines(path):
+    try:
+        with open(path, encoding="utf-8") as lines:
+            return [line.strip() for line in lines if not line.startswith("#")]
+    except OSError as error:
+        raise ImportFailed(f"cannot read {path}: {error.strerror}") from error
+
+
+def read_colmap(folder, trajectory, images):
+    try:
+        return parse_colmap(folder, trajectory, images)
+    except (IndexError, KeyError, ValueError) as error:
+        raise ImportFailed(f"{folder} is no model in COLMAP's text form: {error!r}") from error
+
+
+def parse_colmap(folder, trajectory, images):
+    cameras = {}
+    for line in filter(None, data_lines(os.path.join(folder, "cameras.txt"))):
+        words = line.split()
+        cameras[words[0]] = camera_of(words[1], words[2:], folder)
+
+    # Two lines an image: the pose, and the positions of its points, which may be empty.
+    frames = []
+    used = set()
+    lines = data_lines(os.path.join(folder, "images.txt"))
+    while lines and not lines[0]:
+        del lines[0]
+    for line in filter(None, lines[::2]):
+        words = line.split(maxsplit=9)
+        cam_from_world = rigid(*(float(word) for word in words[1:8]))
+        frames.append(Frame(int(words[0]), words[9], world_from_blender(cam_from_world)))
+        used.add(cameras[words[8]])
+    if len(used) > 1:
+        raise ImportFailed(f"{folder} has {len(used)} different cameras: cohort's models have one")
+    if not frames:
+        raise ImportFailed(f"{folder} has no camera with a pose")
+    frames.sort(key=lambda frame: frame.number)
+
+    points = [
+        line.split(maxsplit=7)[1:7]
+        for line in filter(None, data_lines(os.path.join(folder, "points3D.txt")))
+    ]
+    table = np.array(points, float).reshape(-1, 6)
+    return Model(
+        used.pop(), frames, table[:, :3], table[:, 3:], fps_of(trajectory, frames), images
+    )
+
+
+def camera_of(name, words, folder):
+    """Of a line of cameras.txt: WIDTH HEIGHT PARAMS."""
+    width, height, *parameters = (float(word) for word in words)
+    one_focal = name.startswith(("SIMPLE_", "RADIAL"))
+    fx, fy, cx, cy, *rest = parameters[:1] + parameters if one_focal else parameters
+    if not (width > 0 and height > 0 and fx > 0 and fy > 0):
+        raise ImportFailed(f"{folder}: the camera {name} {' '.join(words)} is none")
+    distorted = "FISHEYE" in name or any(value != 0 for value in rest)
+    return Camera(int(width), int(height), fx, fy, cx, cy, distorted)
+
+
+def rigid(w, x, y, z, *translation):
+    """4x4, of a quaternion and a translation."""
+    w, x, y, z = np.array([w, x, y, z]) / math.sqrt(w * w + x * x + y * y + z * z)
+    matrix = np.eye(4)
+    matrix[:3, :3] = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+    matrix[:3, 3] = translation
+    return matrix
+
+
+def world_from_blender(cam_from_world):
+    """COLMAP's camera looks along +z with y down, Blender's along -z with y up."""
+    return np.linalg.inv(cam_from_world) @ np.diag([1.0, -1.0, -1.0, 1.0])
+
+
+def read_transforms(path):
+    """Nerfstudio's file; the points are a PLY with the columns that cohort writes."""
+    try:
+        with open(path, encoding="utf-8") as file:
+            scene = json.load(file)
+        camera = Camera(
+            int(scene["w"]),
+            int(scene["h"]),
+            *(float(scene[name]) for name in ("fl_x", "fl_y", "cx", "cy")),
+            distorted=any(scene.get(name, 0) for name in ("k1", "k2", "k3", "k4", "p1", "p2")),
+        )
+        frames = [
+            Frame(
+                int(frame.get("colmap_im_id", i + 1)),
+                frame["file_path"],
+                np.array(frame["transform_matrix"], float).reshape(4, 4),
+            )
+            for i, frame in enumerate(scene["frames"])
+        ]
+    except (OSError, KeyError, TypeError, ValueError) as error:
+        raise ImportFailed(f"{path} is no transforms.json with one camera: {error!r}") from error
+    if not frames:
+        raise ImportFailed(f"{path} has no frames")
+    frames.sort(key=lambda frame: frame.number)
+    folder = os.path.dirname(path)
+    points = colours = np.zeros((0, 3))
+    if "ply_file_path" in scene:
+        points, colours = read_ply(os.path.join(folder, scene["ply_file_path"]))
+    fps = fps_of(os.path.join(folder, "model", "trajectory.tum"), frames)
+    return Model(camera, frames, points, colours, fps, os.path.join(folder, "images"))
+
+
+def read_ply(path):
+    try:
+        with open(path, "rb") as file:
+            head, _, body = file.read().partition(b"end_header\n")
+    except OSError as error:
+        raise ImportFailed(f"cannot read {path}: {error.strerror}") from error
+    properties = [line.split()[1:] for line in head.splitlines() if line.startswith(b"property")]
+    floats = [[b"float", name] for name in (b"x", b"y", b"z")]
+    bytes_ = [[b"uchar", name] for name in (b"red", b"green", b"blue")]
+    if b"binary_little_endian" not in head or properties != floats + bytes_:
+        raise ImportFailed(f"{path} is no PLY as cohort writes it")
+    table = np.frombuffer(body, [("xyz", "<f4", 3), ("rgb", "u1", 3)])
+    return table["xyz"].astype(float), table["rgb"].astype(float)
+
+
+def fps_of(trajectory, frames):
+    """Frames a second, of the times in a trajectory.tum of the clip; None without."""
+    if not os.path.isfile(trajectory) or len(frames) < 2:
+        return None
+    times = [float(line.split()[0]) for line in data_lines(trajectory) if line]
+    # A scene has some of the frames, its trajectory all of them.
+    steps = np.diff(times)
+    steps = steps[steps > 0]
+    return float(1.0 / np.median(steps)) if steps.size else None
+
+
+def upright(model):
+    """The same with the cameras' mean upward direction along +z."""
+    up = sum(frame.world_from_blender[:3, 1] for frame in model.frames)
+    length = np.linalg.norm(up)
+    if length < 1e-9:
+        return model
+    up = up / length
+    # The smallest rotation; of a camera upside down, half a turn about x.
+    axis = np.cross(up, [0.0, 0.0, 1.0])
+    cosine = up[2]
+    turn = np.eye(4)
+    if cosine < -1.0 + 1e-12:
+        turn = np.diag([1.0, -1.0, -1.0, 1.0])
+    else:
+        x, y, z = axis
+        cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+        turn[:3, :3] = np.eye(3) + cross + cross @ cross / (1.0 + cosine)
+    frames = [
+        frame._replace(world_from_blender=turn @ frame.world_from_blender) for frame in model.frames
+    ]
+    return model._replace(frames=frames, points=model.points @ turn[:3, :3].T)
+
+
+def lens_of(camera):
+    """Blender's camera with the sensor fitted to the width: shifts are in widths of the picture."""
+    aspect = camera.fx / camera.fy
+    return Lens(
+        focal_mm=camera.fx * SENSOR_WIDTH_MM / camera.width,
+        shift_x=(camera.width / 2 - camera.cx) / camera.width,
+        shift_y=(camera.cy - camera.height / 2) * aspect / camera.width,
+        aspect=aspect,
+    )
+
+
+def distance_of(model):
+    """How far the points are from the cameras, as a rule."""
+    if not len(model.points):
+        return 1.0
+    middle = np.mean([frame.world_from_blender[:3, 3] for frame in model.frames], axis=0)
+    return float(np.median(np.linalg.norm(model.points - middle, axis=1))) or 1.0
+
+
+def points_as_mesh(points, colours, size):
+    """Vertices, faces and a colour (0 to 1, linear) a vertex: a tetrahedron a point, `size` across, so
+    that it is seen and rendered; of size 0 bare vertices."""
+    linear = colours / 255.0
+    linear = np.where(linear <= 0.04045, linear / 12.92, ((linear + 0.055) / 1.055) ** 2.4)
+    if size <= 0:
+        return points, np.zeros((0, 3), int), linear
+    corners = np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]]) * (size / 2)
+    sides = np.array([[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]])
+    vertices = (points[:, None] + corners).reshape(-1, 3)
+    faces = (4 * np.arange(len(points))[:, None, None] + sides).reshape(-1, 3)
+    return vertices, faces, np.repeat(linear, 4, axis=0)
+
+
+try:
+    import bpy
+except ImportError:  # read and tested without Blender
+    bpy = None
+
+
+def load(context, model, point_size):
+    """Adds the camera and the points to the scene. `point_size` as a share of their distance."""
+    from mathutils import Matrix
+
+    scene = context.scene
+    lens = lens_of(model.camera)
+    distance = distance_of(model)
+
+    scene.render.resolution_x = model.camera.width
+    scene.render.resolution_y = model.camera.height
+    scene.render.resolution_percentage = 100
+    scene.render.pixel_aspect_x = max(1.0, 1.0 / lens.aspect)
+    scene.render.pixel_aspect_y = max(1.0, lens.aspect)
+    scene.frame_start = model.frames[0].number
+    scene.frame_end = model.frames[-1].number
+    if model.fps:
+        scene.render.fps = max(1, round(model.fps))
+        scene.render.fps_base = scene.render.fps / model.fps
+
+    data = bpy.data.cameras.new("cohort camera")
+    data.sensor_fit = "HORIZONTAL"
+    data.sensor_width = SENSOR_WIDTH_MM
+    data.lens = lens.focal_mm
+    data.shift_x = lens.shift_x
+    data.shift_y = lens.shift_y
+    data.clip_start = distance / 1000
+    data.clip_end = distance * 1000
+    data.display_size = distance / 10
+    add_background(data, model)
+    camera = bpy.data.objects.new("cohort camera", data)
+    scene.collection.objects.link(camera)
+    scene.camera = camera
+
+    camera.rotation_mode = "QUATERNION"
+    before = None
+    for frame in model.frames:
+        pose = Matrix(frame.world_from_blender.tolist())
+        rotation = pose.to_quaternion()
+        if before is not None and rotation.dot(before) < 0:
+            rotation.negate()  # the same, but no turn of 360 degrees on the way
+        before = rotation
+        camera.location = pose.to_translation()
+        camera.rotation_quaternion = rotation
+        camera.keyframe_insert("location", frame=frame.number)
+        camera.keyframe_insert("rotation_quaternion", frame=frame.number)
+    scene.frame_set(scene.frame_start)
+
+    if len(model.points):
+        scene.collection.objects.link(points_object(model, point_size * distance))
+
+
+def add_background(data, model):
+    """The pictures of a scene behind what its camera sees, for those of its frames that it has."""
+    names = sorted(os.listdir(model.images)) if model.images and os.path.isdir(model.images) else []
+    first = model.frames[0]
+    name = os.path.basename(first.name)
+    if name not in names:
+        return
+    image = bpy.data.images.load(os.path.join(model.images, name), check_existing=True)
+    image.source = "SEQUENCE"
+    background = data.background_images.new()
+    background.image = image
+    user = background.image_user
+    user.frame_start = first.number
+    user.frame_duration = model.frames[-1].number - first.number + 1
+    # Blender shows file number frame - frame_start + 1 + frame_offset.
+    digits = "".join(c for c in os.path.splitext(name)[0] if c.isdigit())
+    user.frame_offset = int(digits or 0) - 1
+    data.show_background_images = True
+
+
+def points_object(model, size):
+    vertices, faces, colours = points_as_mesh(model.points, model.colours, size)
+    mesh = bpy.data.meshes.new("cohort points")
+    mesh.from_pydata(vertices.tolist(), [], faces.tolist())
+    attribute = mesh.attributes.new("colour", "FLOAT_COLOR", "POINT")
+    attribute.data.foreach_set("color", np.insert(colours, 3, 1.0, axis=1).ravel())
+
+    material = bpy.data.materials.new("cohort points")
+    material.use_nodes = True
+    nodes = material.node_tree.nodes
+    nodes.clear()
+    colour = nodes.new("ShaderNodeAttribute")
+    colour.attribute_name = "colour"
+    light = nodes.new("ShaderNodeEmission")
+    output = nodes.new("ShaderNodeOutputMaterial")
+    material.node_tree.links.new(colour.outputs["Color"], light.inputs["Color"])
+    material.node_tree.links.new(light.outputs["Emission"], output.inputs["Surface"])
+    mesh.materials.append(material)
+    return bpy.data.objects.new("cohort points", mesh)
+
+
+POINT_SIZE = 0.003
+DISTORTED = "the lens distortion is left out: `cohort sfm` writes scenes with undistorted pictures"
+
+if bpy is not None:
+
+    class IMPORT_SCENE_OT_cohort(bpy.types.Operator):
+        """Load the camera and the points of a model or scene of cohort"""
+
+        bl_idname = "import_scene.cohort"
+        bl_label = "Import cohort"
+        bl_options = {"REGISTER", "UNDO"}
+
+        directory: bpy.props.StringProperty(subtype="DIR_PATH")
+        filepath: bpy.props.StringProperty(subtype="FILE_PATH")
+        filter_glob: bpy.props.StringProperty(default="*.json;*.txt", options={"HIDDEN"})
+        point_size: bpy.props.FloatProperty(
+            name="Point size",
+            description="Size of the points, as a share of their distance; 0: bare vertices",
+            default=POINT_SIZE,
+            min=0.0,
+            max=0.1,
+        )
+
+        def invoke(self, context, event):
+            context.window_manager.fileselect_add(self)
+            return {"RUNNING_MODAL"}
+
+        def execute(self, context):
+            is_file = self.filepath.endswith(".json")
+            try:
+                model = read(self.filepath if is_file else self.directory or self.filepath)
+                load(context, model, self.point_size)
+            except ImportFailed as error:
+                self.report({"ERROR"}, str(error))
+                return {"CANCELLED"}
+            if model.camera.distorted:
+                self.report({"WARNING"}, DISTORTED)
+            return {"FINISHED"}
+
+    def menu_entry(self, context):
+        self.layout.operator(IMPORT_SCENE_OT_cohort.bl_idname, text="cohort model or scene")
+
+    def register():
+        bpy.utils.register_class(IMPORT_SCENE_OT_cohort)
+        bpy.types.TOPBAR_MT_file_import.append(menu_entry)
+
+    def unregister():
+        bpy.types.TOPBAR_MT_file_import.remove(menu_entry)
+        bpy.utils.unregister_class(IMPORT_SCENE_OT_cohort)
+
+
+def main():
+    arguments = sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else []
+    if not 1 <= len(arguments) <= 2:
+        sys.exit("usage: blender --python import_cohort.py -- MODEL [OUT.blend]")
+    try:
+        model = read(arguments[0])
+    except ImportFailed as error:
+        sys.exit(f"import_cohort: error: {error}")
+    for name in ("Cube", "Light", "Camera"):  # of Blender's first scene
+        if name in bpy.data.objects:
+            bpy.data.objects.remove(bpy.data.objects[name])
+    load(bpy.context, model, POINT_SIZE)
+    if model.camera.distorted:
+        print(f"import_cohort: warning: {DISTORTED}", file=sys.stderr)
+    if len(arguments) > 1:
+        bpy.ops.wm.save_as_mainfile(filepath=os.path.abspath(arguments[1]))
+
+
+if __name__ == "__main__" and bpy is not None:
+    main()
