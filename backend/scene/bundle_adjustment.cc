@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <array>
 #include <deque>
+#include <exception>
 #include <memory>
 
 #include "backend/scene/bundle_costs.h"
@@ -32,6 +33,28 @@ std::vector<int> Indices(const std::array<bool, kSharedSize>& values, bool value
   }
   return indices;
 }
+
+// Lets whoever interrupts a long adjustment end it at the next iteration; nothing is thrown through
+// Ceres.
+class InterruptionCallback final : public ceres::IterationCallback {
+ public:
+  ceres::CallbackReturnType operator()(const ceres::IterationSummary&) override {
+    try {
+      CheckInterruption();
+    } catch (...) {
+      thrown_ = std::current_exception();
+      return ceres::SOLVER_ABORT;
+    }
+    return ceres::SOLVER_CONTINUE;
+  }
+
+  void Rethrow() const {
+    if (thrown_) std::rethrow_exception(thrown_);
+  }
+
+ private:
+  std::exception_ptr thrown_;
+};
 
 // The problem as Ceres holds it. Owns all that Ceres points into.
 class Adjuster {
@@ -72,8 +95,12 @@ class Adjuster {
     solver.logging_type = ceres::SILENT;
     ChooseLinearSolver(solver);
 
+    InterruptionCallback interruption;
+    solver.callbacks.push_back(&interruption);
+
     ceres::Solver::Summary summary;
     ceres::Solve(solver, ceres_.get(), &summary);
+    interruption.Rethrow();
     switch (summary.termination_type) {
       case ceres::CONVERGENCE:
       case ceres::USER_SUCCESS:

@@ -5,6 +5,8 @@
 #include <map>
 #include <utility>
 
+#include "frontend/core/interruption.h"
+
 namespace cohort {
 namespace {
 
@@ -60,6 +62,7 @@ std::pair<std::vector<int>, Eigen::Matrix3Xd> DenseColumns(const PointBlock& blo
 std::optional<Eigen::MatrixXd> InvertSchurComplement(const NormalEquations& equations) {
   Eigen::MatrixXd S = equations.U;
   for (const PointBlock& block : equations.points) {
+    CheckInterruption();
     const Eigen::LLT<Eigen::Matrix3d> V(block.V);
     if (V.info() != Eigen::Success) return std::nullopt;
     const auto [columns, W] = DenseColumns(block);
@@ -91,6 +94,7 @@ std::optional<BundleCovariances> CovariancesFromJacobian(const ceres::CRSMatrix&
     result.cameras[columns.cameras[i]] = S_inverse->block<6, 6>(at, at);
   }
   for (std::size_t i = 0; i < columns.points.size(); ++i) {
+    CheckInterruption();
     const auto [others, W] = DenseColumns(equations.points[i]);
     const Eigen::Matrix3d inverse = equations.points[i].V.inverse();
     const Eigen::Matrix3Xd gain = inverse * W;

@@ -23,7 +23,8 @@ class InterruptionCheck {
   InterruptionCheck* outer_;
 };
 
-// Called every few seconds by work that has no StageProgress. Nothing where nobody asked for it.
+// Called often, at least once in the time of a frame where that can be, by work that has no
+// StageProgress. Nothing where nobody asked for it.
 inline void CheckInterruption() {
   if (InterruptionCheck::innermost != nullptr) InterruptionCheck::innermost->check_();
 }

@@ -7,6 +7,7 @@
 #include <pybind11/stl.h>
 #include <pybind11/stl/filesystem.h>
 
+#include <chrono>
 #include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -110,8 +111,13 @@ class ThreadsOfOpenCv {
   int before_;
 };
 
-// Throws KeyboardInterrupt after Ctrl-C, or what else a signal's handler raises.
+// Throws KeyboardInterrupt after Ctrl-C, or what else a signal's handler raises. May be called as often
+// as one likes: it asks Python, which other threads may keep busy, a hundred times a second at most.
 void RaiseOfSignals() {
+  static thread_local std::chrono::steady_clock::time_point asked;
+  const auto now = std::chrono::steady_clock::now();
+  if (now - asked < std::chrono::milliseconds(10)) return;
+  asked = now;
   const py::gil_scoped_acquire gil;
   if (PyErr_CheckSignals() != 0) throw py::error_already_set();
 }

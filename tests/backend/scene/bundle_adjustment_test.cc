@@ -6,6 +6,8 @@
 #include <cmath>
 
 #include "backend/scene/reprojection.h"
+#include "frontend/core/error.h"
+#include "frontend/core/interruption.h"
 #include "frontend/core/random_stream.h"
 #include "tests/support/cameras.h"
 
@@ -334,6 +336,33 @@ TEST(BundleAdjustment, CovariancesMatchTheScatterOfManyRuns) {
   const double point_ratio = point_scatter.trace() / predicted.points[3].trace();
   EXPECT_GT(point_ratio, 0.6);
   EXPECT_LT(point_ratio, 1.6);
+}
+
+TEST(BundleAdjustment, EndsAtTheIterationAtWhichSomebodyInterruptsIt) {
+  const Scene scene = MakeScene(6, 40, 0.3, 0.05, 1);
+  BundleOptions options;
+  options.function_tolerance = 1e-16;
+  const BundleResult whole = AdjustBundle(scene.problem, options);
+  ASSERT_GT(whole.iterations, 3);
+  int checks = 0;
+  {
+    const InterruptionCheck check([&] {
+      if (++checks == 4) ThrowError("enough");
+    });
+    EXPECT_THROW(AdjustBundle(scene.problem, options), Error);
+  }
+  EXPECT_EQ(checks, 4);
+  // Asking changes nothing.
+  const InterruptionCheck check([&] { ++checks; });
+  const BundleResult asked = AdjustBundle(scene.problem, options);
+  EXPECT_GT(checks, 4 + whole.iterations);
+  EXPECT_EQ(asked.final_cost, whole.final_cost);
+  // Covariances ask at every point, twice.
+  checks = 0;
+  options.covariances = true;
+  EXPECT_TRUE(AdjustBundle(scene.problem, options).covariances.has_value());
+  EXPECT_GT(checks, whole.iterations + 2 * 40);
+  EXPECT_EQ(asked.solution.points_in_world.back(), whole.solution.points_in_world.back());
 }
 
 TEST(BundleAdjustment, NamesAnIndexOutOfRange) {
