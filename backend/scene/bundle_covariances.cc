@@ -2,6 +2,7 @@
 
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
+#include <algorithm>
 #include <map>
 #include <utility>
 
@@ -70,7 +71,13 @@ std::optional<Eigen::MatrixXd> InvertSchurComplement(const NormalEquations& equa
   }
   const Eigen::LLT<Eigen::MatrixXd> cholesky(S);
   if (cholesky.info() != Eigen::Success) return std::nullopt;
-  S = cholesky.solve(Eigen::MatrixXd::Identity(S.rows(), S.cols()));
+  S = Eigen::MatrixXd::Identity(S.rows(), S.cols());
+  constexpr Eigen::Index kColumns = 64;  // at a time: of a long clip all take a minute
+  for (Eigen::Index first = 0; first < S.cols(); first += kColumns) {
+    CheckInterruption();
+    auto columns = S.middleCols(first, std::min(kColumns, S.cols() - first));
+    cholesky.solveInPlace(columns);
+  }
   if (!S.allFinite()) return std::nullopt;
   return S;
 }
