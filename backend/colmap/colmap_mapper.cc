@@ -304,7 +304,7 @@ ColmapResult ReconstructWithColmap(const TrackFile& tracked,
   ValidateOptions(options);
   const TrackFile file = WithoutWeakObservations(tracked, options.database.max_relative_sigma);
   const Stopwatch total;
-  ColmapProgram program(options.program);
+  ColmapProgram program(options.program, options.max_minutes);
   const Workspace workspace(work_dir, file);
 
   ColmapResult result;
@@ -353,7 +353,7 @@ ColmapResult AdjustWithColmap(const TrackFile& tracked,
   ValidateOptions(options);
   const TrackFile file = WithoutWeakObservations(tracked, options.database.max_relative_sigma);
   const Stopwatch total;
-  ColmapProgram program(options.program);
+  ColmapProgram program(options.program, options.max_minutes);
   const Workspace workspace(work_dir, file);
   ColmapResult result;
   result.log = workspace.log;
@@ -388,7 +388,7 @@ ColmapResult TriangulateWithColmap(const TrackFile& tracked,
     ThrowError("triangulation with given poses needs a known camera: give --camera");
   }
   const Stopwatch total;
-  ColmapProgram program(options.program);
+  ColmapProgram program(options.program, options.max_minutes);
   const Workspace workspace(work_dir, file);
   ColmapResult result;
   result.log = workspace.log;

@@ -12,7 +12,8 @@ namespace cohort {
 struct ColmapOptions {
   std::string program = "colmap";  // a path, or a name in PATH
   int seed = 0;
-  int threads = 1;  // more: faster, and not the same twice
+  int threads = 1;              // more: faster, and not the same twice
+  double max_minutes = 1440.0;  // of one run of the program
   int max_attempts = 3;
   bool fewer_adjustments = true;
   bool final_adjustment = true;
@@ -36,6 +37,11 @@ struct ColmapOptions {
              1,
              1024,
              "threads of COLMAP; more than one are faster and do not give the same model twice");
+    v.Number("max_minutes",
+             o.max_minutes,
+             0.0,
+             1e6,
+             "minutes that one run of COLMAP may take until it is killed, an error; 0: no limit");
     v.Number("max_attempts",
              o.max_attempts,
              1,

@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <chrono>
 #include <cstring>
 #include <regex>
 
@@ -20,15 +21,23 @@ namespace fs = std::filesystem;
 constexpr const char* kHowToInstall =
     "install it (Debian: apt install colmap) or give --colmap-program PATH";
 
+// To print its help, even from a slow disk.
+constexpr double kMaxHelpMinutes = 2.0;
+
+std::chrono::duration<double, std::ratio<60>> Minutes(double minutes) {
+  return std::chrono::duration<double, std::ratio<60>>(minutes);
+}
+
 }  // namespace
 
-ColmapProgram::ColmapProgram(const std::string& program) {
+ColmapProgram::ColmapProgram(const std::string& program, double max_minutes)
+    : max_minutes_(max_minutes) {
   const auto found = FindProgram(program);
   if (!found) {
     ThrowError("colmap is not installed ({} is not a program): {}", program, kHowToInstall);
   }
   path_ = *found;
-  const std::string help = RunProgramForText(path_, {"-h"}).text;
+  const std::string help = HelpText({"-h"});
   std::smatch match;
   if (!std::regex_search(help, match, std::regex(R"(COLMAP\s+v?([0-9][^\s]*))"))) {
     ThrowError("{} is not COLMAP (its -h does not say so): {}", path_.string(), kHowToInstall);
@@ -36,10 +45,23 @@ ColmapProgram::ColmapProgram(const std::string& program) {
   version_ = match[1];
 }
 
+std::string ColmapProgram::HelpText(std::vector<std::string> arguments) const {
+  const double limit =
+      max_minutes_ > 0.0 ? std::min(max_minutes_, kMaxHelpMinutes) : kMaxHelpMinutes;
+  ProgramOutput output = RunProgramForText(path_, std::move(arguments), Minutes(limit));
+  if (output.end.out_of_time) {
+    ThrowError("{} hangs: its -h had not ended after {:.2g} minutes: {}",
+               path_.string(),
+               limit,
+               kHowToInstall);
+  }
+  return std::move(output.text);
+}
+
 const std::set<std::string>& ColmapProgram::Options(const std::string& command) {
   const auto [it, added] = options_of_command_.try_emplace(command);
   if (added) {
-    const std::string help = RunProgramForText(path_, {command, "-h"}).text;
+    const std::string help = HelpText({command, "-h"});
     const std::regex option(R"(--([A-Za-z][A-Za-z0-9_.]*))");
     for (std::sregex_iterator m(help.begin(), help.end(), option), end; m != end; ++m) {
       it->second.insert((*m)[1]);
@@ -78,7 +100,16 @@ ProgramEnd ColmapProgram::Run(const std::string& command,
   if (write(file.get(), header.data(), header.size()) != static_cast<ssize_t>(header.size())) {
     ThrowError("cannot write {}: {}", log.string(), std::strerror(errno));
   }
-  return RunProgram(path_, line, file.get());
+  const ProgramEnd end = RunProgram(path_, line, file.get(), Minutes(max_minutes_));
+  if (end.out_of_time) {
+    ThrowError(
+        "{} {} had not ended after {:.4g} minutes and was killed: give it more by "
+        "--colmap.max-minutes (0: no limit)",
+        path_.string(),
+        command,
+        max_minutes_);
+  }
+  return end;
 }
 
 }  // namespace cohort

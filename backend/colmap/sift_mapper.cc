@@ -177,7 +177,7 @@ ColmapResult ReconstructWithSift(const TrackFile& clip,
   ValidateOptions(sift);
   ValidateOptions(options);
   const Stopwatch stopwatch;
-  ColmapProgram program(options.program);
+  ColmapProgram program(options.program, options.max_minutes);
   fs::remove_all(work_dir);
   const fs::path images = work_dir / "images";
   const fs::path database = work_dir / "database.db";

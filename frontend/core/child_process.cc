@@ -1,10 +1,12 @@
 #include "frontend/core/child_process.h"
 
 #include <fcntl.h>
+#include <poll.h>
 #include <sys/prctl.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <csignal>
 #include <cstdio>
@@ -38,6 +40,39 @@ std::vector<char*> Pointers(std::vector<std::string>& texts) {
   return pointers;
 }
 
+// Waits for the child's end; kills it after `time_limit`, or where the check of an interruption
+// throws. Looks up to 20 times a second, more often at first: most calls are short.
+ProgramEnd WaitFor(pid_t child, std::chrono::duration<double> time_limit) {
+  const auto start = std::chrono::steady_clock::now();
+  const auto kill_and_wait = [child] {
+    int status = 0;
+    kill(child, SIGKILL);
+    while (waitpid(child, &status, 0) < 0 && errno == EINTR) {
+    }
+  };
+  int status = 0;
+  for (int pause_ms = 1;; pause_ms = std::min(2 * pause_ms, 50)) {
+    const pid_t ended = waitpid(child, &status, WNOHANG);
+    if (ended == child) break;
+    if (ended < 0 && errno != EINTR) {
+      ThrowError("cannot wait for a child process: {}", std::strerror(errno));
+    }
+    if (time_limit.count() > 0.0 && std::chrono::steady_clock::now() - start > time_limit) {
+      kill_and_wait();
+      return {.signal = SIGKILL, .out_of_time = true};
+    }
+    try {
+      CheckInterruption();
+    } catch (...) {
+      kill_and_wait();
+      throw;
+    }
+    poll(nullptr, 0, pause_ms);
+  }
+  if (WIFSIGNALED(status)) return {.signal = WTERMSIG(status)};
+  return {.exit_code = WEXITSTATUS(status)};
+}
+
 }  // namespace
 
 void Descriptor::Close() {
@@ -46,6 +81,7 @@ void Descriptor::Close() {
 }
 
 std::string ProgramEnd::Brief() const {
+  if (out_of_time) return "killed at its time limit";
   return signal != 0 ? fmt::format("killed by signal {}", signal)
                      : fmt::format("exit code {}", exit_code);
 }
@@ -66,7 +102,10 @@ std::optional<fs::path> FindProgram(const std::string& program) {
   return std::nullopt;
 }
 
-ProgramEnd RunProgram(const fs::path& program, std::vector<std::string> arguments, int output) {
+ProgramEnd RunProgram(const fs::path& program,
+                      std::vector<std::string> arguments,
+                      int output,
+                      std::chrono::duration<double> time_limit) {
   arguments.insert(arguments.begin(), program.string());
   std::vector<std::string> environment = ChildEnvironment();
   const std::vector<char*> argv = Pointers(arguments);
@@ -84,6 +123,7 @@ ProgramEnd RunProgram(const fs::path& program, std::vector<std::string> argument
   if (child == 0) {
     // Only calls that are safe after fork in a program with threads.
     prctl(PR_SET_PDEATHSIG, SIGKILL);
+    signal(SIGPIPE, SIG_DFL);             // we ignore it, others count on it
     if (getppid() != parent) _exit(127);  // it died before the line above
     dup2(null.get(), STDIN_FILENO);
     dup2(output, STDOUT_FILENO);
@@ -99,29 +139,21 @@ ProgramEnd RunProgram(const fs::path& program, std::vector<std::string> argument
   do {
     got = read(report_from.get(), &exec_error, sizeof(exec_error));
   } while (got < 0 && errno == EINTR);
-  int status = 0;
-  while (waitpid(child, &status, 0) < 0 && errno == EINTR) {
-    try {
-      CheckInterruption();
-    } catch (...) {
-      kill(child, SIGKILL);
-      waitpid(child, &status, 0);
-      throw;
-    }
-  }
+  const ProgramEnd end = WaitFor(child, time_limit);
   CheckInterruption();
   if (got == sizeof(exec_error)) {
     ThrowError("cannot run {}: {}", program.string(), std::strerror(exec_error));
   }
-  if (WIFSIGNALED(status)) return {0, WTERMSIG(status)};
-  return {WEXITSTATUS(status), 0};
+  return end;
 }
 
-ProgramOutput RunProgramForText(const fs::path& program, std::vector<std::string> arguments) {
+ProgramOutput RunProgramForText(const fs::path& program,
+                                std::vector<std::string> arguments,
+                                std::chrono::duration<double> time_limit) {
   const std::unique_ptr<std::FILE, int (*)(std::FILE*)> file(std::tmpfile(), &std::fclose);
   if (file == nullptr) ThrowError("cannot make a temporary file: {}", std::strerror(errno));
   ProgramOutput result;
-  result.end = RunProgram(program, std::move(arguments), fileno(file.get()));
+  result.end = RunProgram(program, std::move(arguments), fileno(file.get()), time_limit);
   std::rewind(file.get());
   char buffer[4096];
   while (const std::size_t n = std::fread(buffer, 1, sizeof(buffer), file.get())) {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <chrono>
 #include <filesystem>
 #include <optional>
 #include <string>
@@ -23,20 +24,22 @@ class Descriptor {
 
 struct ProgramEnd {
   int exit_code = 0;
-  int signal = 0;  // that ended it; 0: none
+  int signal = 0;            // that ended it; 0: none
+  bool out_of_time = false;  // we killed it
 
-  std::string Brief() const;  // "exit code 1", "killed by signal 9"
+  std::string Brief() const;  // "exit code 1", "killed by signal 9", "killed at its time limit"
 };
 
 // A path, or a name that is looked up in PATH; none if there is no such program.
 std::optional<std::filesystem::path> FindProgram(const std::string& program);
 
 // Runs a program to its end: without a shell, without standard input, without a display; it dies
-// with us. All that it prints goes to the descriptor `output`. Throws Error if it cannot be
-// started.
+// with us. All that it prints goes to the descriptor `output`. After `time_limit` it is killed; zero:
+// never. Throws Error if it cannot be started.
 ProgramEnd RunProgram(const std::filesystem::path& program,
                       std::vector<std::string> arguments,
-                      int output);
+                      int output,
+                      std::chrono::duration<double> time_limit = {});
 
 // The same with what it printed as text.
 struct ProgramOutput {
@@ -44,6 +47,7 @@ struct ProgramOutput {
   std::string text;
 };
 ProgramOutput RunProgramForText(const std::filesystem::path& program,
-                                std::vector<std::string> arguments);
+                                std::vector<std::string> arguments,
+                                std::chrono::duration<double> time_limit = {});
 
 }  // namespace cohort

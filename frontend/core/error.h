@@ -3,15 +3,27 @@
 #include <fmt/format.h>
 
 #include <stdexcept>
+#include <string>
+#include <string_view>
 #include <utility>
 
 namespace cohort {
+
+// The text with a space for every control character: names and values out of files may hold line
+// breaks, and codes that a terminal would obey.
+inline std::string OneLine(std::string_view text) {
+  std::string line(text);
+  for (char& c : line) {
+    if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) c = ' ';
+  }
+  return line;
+}
 
 // Bad input or a resource that fails: what() is one line naming what, where and what to do.
 // The commands print it as `cohort: error: ...` and exit 1.
 class Error : public std::runtime_error {
  public:
-  using std::runtime_error::runtime_error;
+  explicit Error(std::string_view what) : std::runtime_error(OneLine(what)) {}
 };
 
 // A wrong flag, option name or value: exit 2.

@@ -1,11 +1,17 @@
 #include "pipelines/console/command.h"
 
+#include <fcntl.h>
+#include <spdlog/pattern_formatter.h>
 #include <spdlog/sinks/stdout_color_sinks.h>
 #include <spdlog/spdlog.h>
+#include <unistd.h>
 
-#include <algorithm>
+#include <cerrno>
+#include <csignal>
 #include <cstdio>
 #include <cstdlib>
+#include <cstring>
+#include <filesystem>
 #include <new>
 #include <opencv2/core/utils/logger.hpp>
 
@@ -15,12 +21,28 @@
 namespace cohort {
 namespace {
 
+// A message of the log without line breaks.
+class OneLineOfLog : public spdlog::custom_flag_formatter {
+ public:
+  void format(const spdlog::details::log_msg& message,
+              const std::tm&,
+              spdlog::memory_buf_t& out) override {
+    const std::string line = OneLine({message.payload.data(), message.payload.size()});
+    out.append(line.data(), line.data() + line.size());
+  }
+  std::unique_ptr<custom_flag_formatter> clone() const override {
+    return std::make_unique<OneLineOfLog>();
+  }
+};
+
 // The log goes to stderr. What OpenCV and its video decoder print beside their exceptions and
 // return values would only repeat, less clearly, what our own errors say.
 void SetUpLogging() {
   auto logger = std::make_shared<spdlog::logger>(
       "cohort", std::make_shared<spdlog::sinks::stderr_color_sink_mt>());
-  logger->set_pattern("cohort: %l: %v");
+  auto formatter = std::make_unique<spdlog::pattern_formatter>();
+  formatter->add_flag<OneLineOfLog>('*').set_pattern("cohort: %l: %*");
+  logger->set_formatter(std::move(formatter));
   spdlog::set_default_logger(std::move(logger));
   cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);
   setenv("OPENCV_FFMPEG_LOGLEVEL", "-8", /*overwrite=*/0);
@@ -53,19 +75,35 @@ int Dispatch(const std::vector<Command>& commands, std::span<const std::string> 
   ThrowUsageError("unknown command '{}': 'cohort --help' lists the commands", name);
 }
 
-int Fail(int exit_code, std::string_view prefix, std::string what) {
-  std::replace(what.begin(), what.end(), '\n', ' ');
-  fmt::print(stderr, "cohort: error: {}{}\n", prefix, what);
+// Whether anybody reads it or not: where stderr is full or closed, the exit code must say it.
+int Fail(int exit_code, std::string_view prefix, std::string_view what) {
+  std::fputs(fmt::format("cohort: error: {}{}\n", prefix, OneLine(what)).c_str(), stderr);
   return exit_code;
+}
+
+// A file that is opened while one of the standard streams is closed would get its number, and the
+// log or the table would be written into that file. Closed ones are opened so that writing fails.
+void OpenStandardStreams() {
+  while (true) {
+    const int fd = open("/dev/null", O_RDONLY);
+    if (fd < 0) return;
+    if (fd > STDERR_FILENO) {
+      close(fd);
+      return;
+    }
+  }
 }
 
 }  // namespace
 
 int RunProgram(const std::vector<Command>& commands, std::span<const std::string> arguments) {
   try {
+    OpenStandardStreams();
+    signal(SIGPIPE, SIG_IGN);  // a reader who leaves does not end the work
     SetUpLogging();
     const int exit_code = Dispatch(commands, arguments);
-    if (std::fflush(stdout) != 0) ThrowError("cannot write to standard output");
+    if (std::fflush(stdout) != 0)
+      ThrowError("cannot write to standard output: {}", std::strerror(errno));
     return exit_code;
   } catch (const UsageError& e) {
     return Fail(2, "", e.what());
@@ -73,7 +111,11 @@ int RunProgram(const std::vector<Command>& commands, std::span<const std::string
     return Fail(1, "", e.what());
   } catch (const std::bad_alloc&) {
     return Fail(1, "", "out of memory: give fewer features, a smaller picture or fewer frames");
+  } catch (const std::filesystem::filesystem_error& e) {
+    return Fail(1, "", e.what());
   } catch (const std::exception& e) {
+    // fmt::print throws at a full disk.
+    if (std::ferror(stdout) != 0) return Fail(1, "", "cannot write to standard output");
     return Fail(1, "internal: ", e.what());
   }
 }

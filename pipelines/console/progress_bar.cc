@@ -52,7 +52,8 @@ void ProgressBar::Advance(std::size_t steps) {
   if (!shown_ || now < next_draw_) return;
   next_draw_ = now + std::chrono::milliseconds(100);
   const double seconds = std::chrono::duration<double>(now - start_).count();
-  fmt::print(stderr, "\r{}\x1b[K", ProgressLine(label_, done_, total_, seconds, rate_unit_));
+  const std::string line = ProgressLine(label_, done_, total_, seconds, rate_unit_);
+  std::fputs(("\r" + line + "\x1b[K").c_str(), stderr);  // fmt::print would throw at a full disk
   std::fflush(stderr);
 }
 

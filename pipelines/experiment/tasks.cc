@@ -47,7 +47,8 @@ bool IsDone(const Task& task) {
 [[noreturn]] void RunInChild(const Task& task) {
   prctl(PR_SET_PDEATHSIG, SIGKILL);
   const std::string log = task.result.string() + ".log";
-  const int descriptor = open(log.c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0644);
+  int descriptor = open(log.c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0644);
+  if (descriptor < 0) descriptor = open("/dev/null", O_WRONLY);  // the parent says why
   if (descriptor >= 0) {
     dup2(descriptor, STDOUT_FILENO);
     dup2(descriptor, STDERR_FILENO);
@@ -63,12 +64,12 @@ bool IsDone(const Task& task) {
       try {
         figures = task.run();
       } catch (const std::exception& e) {
-        error = e.what();
+        error = OneLine(e.what());
       }
       WriteResult(task, figures, error, stopwatch.Seconds());
     }
   } catch (const std::exception& e) {
-    fmt::print(stderr, "cohort: error: {}\n", e.what());
+    std::fputs(fmt::format("cohort: error: {}\n", OneLine(e.what())).c_str(), stderr);
     exit_code = 1;
   }
   std::fflush(stdout);

@@ -9,7 +9,9 @@ namespace cohort {
 
 void WriteJsonFile(const std::filesystem::path& path, const nlohmann::ordered_json& json) {
   OutputFile out(path);
-  WriteBytes(out.partial(), json.dump(2) + "\n");
+  // Bytes that are no UTF-8, as names of files may have, are replaced: JSON cannot hold them.
+  using Json = nlohmann::ordered_json;
+  WriteBytes(out.partial(), json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n");
   out.Commit();
 }
 

@@ -528,6 +528,43 @@ TEST(ColmapProgram, TellsAKilledProgram) {
   EXPECT_EQ(program.Run("mapper", {}, fake.log()).Brief(), "killed by signal 6");
 }
 
+TEST(ColmapProgram, ThatHangsIsKilledAtItsTimeLimit) {
+  constexpr double kLimitMinutes = 0.005;
+  const FakeColmap fake(
+      "case \"$*\" in\n'-h') echo COLMAP 3.8 ;;\n*-h) ;;\n*) exec sleep 60 ;;\nesac\n");
+  ColmapProgram program(fake.path(), kLimitMinutes);
+  EXPECT_THAT([&] { program.Run("mapper", {}, fake.log()); },
+              ThrowsMessage<Error>(testing::AllOf(HasSubstr("mapper had not ended after 0.005"),
+                                                  HasSubstr("--colmap.max-minutes"))));
+  const FakeColmap mute("exec sleep 60\n");
+  EXPECT_THAT([&] { ColmapProgram(mute.path(), kLimitMinutes); },
+              ThrowsMessage<Error>(HasSubstr("hangs")));
+}
+
+// A program that answers as COLMAP does, and leaves files of nonsense.
+TEST(ColmapMapper, NonsenseThatTheProgramWritesIsAnError) {
+  const TempDir dir;
+  SyntheticTracksOptions small;
+  small.frames = 6;
+  const TrackFile tracks = MakeSyntheticTracks(small).file;
+  ColmapOptions options;
+  for (const char* nonsense : {"printf 'lies lies lies lies lies lies lies'",
+                               "head -c 10000 /dev/zero | tr '\\0' '\\377'",
+                               "head -c 10000 /dev/zero"}) {
+    const FakeColmap fake(
+        fmt::format("case \"$*\" in\n'-h') echo COLMAP 3.8 ;;\n"
+                    "*-h) echo --database_path --image_path --output_path ;;\n"
+                    "*) printf '\\377\\n\\033[2J Check failed \\376'\n"
+                    "for last; do :; done; mkdir -p \"$last/0\"\n"
+                    "for f in cameras images points3D; do {} > \"$last/0/$f.bin\"; done ;;\nesac\n",
+                    nonsense));
+    options.program = fake.path();
+    EXPECT_THAT([&] { ReconstructWithColmap(tracks, options, dir / "work"); },
+                ThrowsMessage<Error>(HasSubstr(".bin")))
+        << nonsense;
+  }
+}
+
 // Whether a process is gone, or dead and waiting for whoever inherited it.
 bool HasEnded(const std::string& pid) {
   std::ifstream stat("/proc/" + pid + "/stat");

@@ -124,6 +124,62 @@ TEST_F(Commands, HelpNamesEveryOptionWithDefaultAndRange) {
   EXPECT_THAT(RunCohort("--version").out, MatchesRegex("cohort [0-9.]+\n"));
 }
 
+// A full or closed stderr costs its messages, and nothing else.
+TEST_F(Commands, AFullOrClosedStderrIsNoReasonToEnd) {
+  const fs::path clip = WriteImages(Path("clip"), 8);
+  // The last picture is damaged, so that there is a warning too.
+  WriteText(ImagePath(clip, 8), "no picture");
+  const std::string track = "track " + clip.string() + " --tracker klt --features 30 --out ";
+  for (const char* to : {"2>/dev/full", "2>&-", "2> >(exit)"}) {
+    // bash, for the last.
+    const std::string run = std::string("bash -c '") + COHORT_PROGRAM + " ";
+    const std::string out = Path("a.tracks");
+    const ProgramEnd good = RunShell(run + track + out + " " + to + "'");
+    EXPECT_EQ(good.exit_code, 0) << to;
+    EXPECT_THAT(good.out, HasSubstr("observations")) << to;
+    EXPECT_EQ(ReadTrackFile(out).frames.size(), 8U) << to;
+    EXPECT_EQ(RunShell(run + "track missing --out b " + to + "'").exit_code, 1) << to;
+    EXPECT_EQ(RunShell(run + "trak " + to + "'").exit_code, 2) << to;
+    fs::remove(out);
+  }
+  // On a terminal there is a bar: `script` gives the program one.
+  const ProgramEnd on_terminal = RunShell(std::string("script -qec '") + COHORT_PROGRAM + " " +
+                                          track + Path("a.tracks") + "' /dev/full");
+  EXPECT_EQ(ReadTrackFile(Path("a.tracks")).frames.size(), 8U) << on_terminal.out;
+}
+
+TEST_F(Commands, AFullOrClosedStdoutIsAFailureThatIsSaid) {
+  const std::string track = Track(WriteImages(Path("clip"), 8).string());
+  for (const char* to : {">/dev/full", ">&-"}) {
+    ExpectFailure(RunCohort(track + to), 1, HasSubstr("cannot write to standard output"));
+    EXPECT_TRUE(ReadTrackFile(Path("a.tracks")).complete) << to;
+    ExpectFailure(
+        RunCohort(std::string("--help") + to), 1, HasSubstr("cannot write to standard output"));
+    // Longer than a buffer, so that it fails while it is printed.
+    ExpectFailure(RunCohort(std::string("track --help-all") + to),
+                  1,
+                  HasSubstr("cannot write to standard output"));
+  }
+  // A reader who leaves, with work to be done.
+  const ProgramEnd left =
+      RunShell("bash -c '" + std::string(COHORT_PROGRAM) + " " + track + " > >(exit); echo $?'");
+  EXPECT_TRUE(ReadTrackFile(Path("a.tracks")).complete);
+  EXPECT_THAT(left.out, testing::AnyOf("0\n", "1\n"));
+}
+
+TEST_F(Commands, AnErrorIsOneLineWhateverNamesAreInIt) {
+  ExpectFailure(RunCohort("track \"$(printf 'a\\nb\\033[2Jc')\" --out " + Path("a.tracks")),
+                1,
+                HasSubstr("a b [2Jc"));
+  const std::string folder = Path("clip");
+  WriteImages(folder, 3);
+  WriteText(folder + "/x\ny.png", "no picture");
+  const ProgramEnd damaged = RunCohort(Track(folder));
+  EXPECT_EQ(damaged.exit_code, 0) << damaged.err;
+  EXPECT_EQ(std::count(damaged.err.begin(), damaged.err.end(), '\n'), 1) << damaged.err;
+  EXPECT_THAT(damaged.err, HasSubstr("x y.png"));
+}
+
 TEST_F(Commands, UnknownCommandFlagOrValueIsAUsageError) {
   ExpectFailure(RunCohort(""), 2, HasSubstr("cohort --help"));
   ExpectFailure(RunCohort("trak a.mp4"), 2, HasSubstr("unknown command 'trak'"));
