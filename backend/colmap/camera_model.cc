@@ -6,6 +6,7 @@
 #include <array>
 
 #include "frontend/core/error.h"
+#include "frontend/geometry/camera_fault.h"
 
 namespace cohort {
 namespace {
@@ -137,6 +138,9 @@ Camera FromColmapCamera(const ColmapCamera& colmap) {
   camera.cx = p[next++] - kColmapPixelShift;
   camera.cy = p[next++] - kColmapPixelShift;
   for (const auto coefficient : row.coefficients) camera.*coefficient = p[next++];
+  if (const std::string fault = FaultOf(camera); !fault.empty()) {
+    ThrowError("COLMAP camera {}: {}", row.name, fault);
+  }
   return camera;
 }
 

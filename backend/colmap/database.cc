@@ -10,13 +10,14 @@
 
 #include "frontend/core/output.h"
 #include "frontend/core/sqlite.h"
+#include "frontend/geometry/camera_fault.h"
 
 namespace cohort {
 namespace {
 
 constexpr std::int64_t kMaxImages = 2147483647;
 constexpr std::int64_t kUserVersion = 3800;
-constexpr std::int64_t kMaxSidePx = 1 << 20;
+constexpr std::int64_t kMaxKeypoints = std::int64_t{1} << 32;  // of an image
 
 // COLMAP reads cameras, images, matches and two_view_geometries by column number: the order counts.
 constexpr const char* kSchema = R"(
@@ -83,12 +84,15 @@ std::vector<T> FromBytes(std::span<const std::byte> bytes,
                          std::int64_t count,
                          const std::filesystem::path& path,
                          const char* table) {
-  if (count < 0 || bytes.size() != static_cast<std::size_t>(count) * sizeof(T)) {
-    ThrowError("COLMAP database {}: a blob of table {} has {} bytes instead of {}",
+  // Divided, since the product of a number that a file claims need not fit.
+  if (count < 0 || bytes.size() % sizeof(T) != 0 ||
+      bytes.size() / sizeof(T) != static_cast<std::size_t>(count)) {
+    ThrowError("COLMAP database {}: a blob of table {} has {} bytes, no {} values of {} bytes",
                path.string(),
                table,
                bytes.size(),
-               count * static_cast<std::int64_t>(sizeof(T)));
+               count,
+               sizeof(T));
   }
   std::vector<T> values(static_cast<std::size_t>(count));
   if (!bytes.empty()) std::memcpy(values.data(), bytes.data(), bytes.size());
@@ -231,7 +235,7 @@ ColmapCamera ReadCamera(const SqliteStatement& row, const std::filesystem::path&
   camera.model = static_cast<ColmapCameraModel>(row.Int(0));
   const std::int64_t width = row.Int(1);
   const std::int64_t height = row.Int(2);
-  if (width < 1 || height < 1 || width > kMaxSidePx || height > kMaxSidePx) {
+  if (width < 1 || height < 1 || width > kMaxPictureSidePx || height > kMaxPictureSidePx) {
     ThrowError(
         "COLMAP database {}: a camera has a picture of {} x {}", path.string(), width, height);
   }
@@ -277,11 +281,14 @@ std::map<ColmapImageId, ColmapImage> ReadImages(SqliteDatabase& db,
     image.name = images.Text(1);
     const std::int64_t rows = images.Int(2);
     const std::int64_t cols = images.Int(3);
-    if (rows > 0 && cols < 2) {
+    if (rows != 0 && (cols < 2 || cols > 6)) {
       ThrowError("COLMAP database {}: the keypoints of image {} have {} columns instead of 2, 4, 6",
                  path.string(),
                  image.name,
                  cols);
+    }
+    if (rows < 0 || rows > kMaxKeypoints) {
+      ThrowError("COLMAP database {}: image {} has {} keypoints", path.string(), image.name, rows);
     }
     const auto values = FromBytes<float>(images.Blob(4), rows * cols, path, "keypoints");
     for (std::int64_t i = 0; i < rows; ++i) {

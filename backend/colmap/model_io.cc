@@ -1,7 +1,9 @@
 #include "backend/colmap/model_io.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
+#include <algorithm>
 #include <bit>
 #include <charconv>
 #include <cmath>
@@ -282,6 +284,12 @@ class BinaryReader {
     return count;
   }
 
+  // As an int; what does not fit, as none that would be taken.
+  int GetSide() {
+    return static_cast<int>(
+        std::min<std::uint64_t>(Get<std::uint64_t>(), std::numeric_limits<int>::max()));
+  }
+
   std::string GetText() {
     const std::size_t end = bytes_.find('\0', position_);
     if (end == std::string::npos) Fail();
@@ -308,8 +316,8 @@ void ReadCamerasBinary(const fs::path& path, ColmapModel& model) {
   for (auto n = in.GetCount(24); n > 0; --n) {
     ColmapCamera& camera = model.cameras[in.Get<std::uint32_t>()];
     camera.model = static_cast<ColmapCameraModel>(in.Get<std::int32_t>());
-    camera.width_px = static_cast<int>(in.Get<std::uint64_t>());
-    camera.height_px = static_cast<int>(in.Get<std::uint64_t>());
+    camera.width_px = in.GetSide();
+    camera.height_px = in.GetSide();
     camera.params.resize(ColmapParameterCount(camera.model));
     for (double& p : camera.params) p = in.Get<double>();
   }
@@ -357,8 +365,25 @@ void CheckReferences(const fs::path& folder, const ColmapModel& model) {
                  image.name,
                  image.camera_id);
     }
+    const Eigen::Quaterniond& q = image.cam_from_world.rotation;
+    const double norm = q.norm();
+    if (!(norm > 0.0) || !std::isfinite(norm) || !image.cam_from_world.translation.allFinite()) {
+      ThrowError("model {}: the pose of image {} is none: {} {}",
+                 folder.string(),
+                 image.name,
+                 fmt::join(q.coeffs(), " "),
+                 fmt::join(image.cam_from_world.translation, " "));
+    }
+    for (const ColmapPoint2D& point : image.points2d) {
+      if (!point.xy.allFinite()) {
+        ThrowError("model {}: a position in image {} is not finite", folder.string(), image.name);
+      }
+    }
   }
   for (const auto& [id, point] : model.points) {
+    if (!point.xyz.allFinite()) {
+      ThrowError("model {}: point {} is not finite", folder.string(), id);
+    }
     for (const auto& [image, index] : point.track) {
       const auto it = model.images.find(image);
       if (it == model.images.end() || index >= it->second.points2d.size()) {
@@ -412,7 +437,7 @@ std::int64_t NsOfSeconds(const std::string& text, const TextReader& in) {
   digits += fraction;
   std::int64_t ns = 0;
   const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), ns);
-  if (error != std::errc() || end != digits.data() + digits.size()) {
+  if (ns < 0 || error != std::errc() || end != digits.data() + digits.size()) {
     in.Fail("not a time in seconds: " + text);
   }
   return negative ? -ns : ns;

@@ -8,6 +8,7 @@
 #include "datasets/readers/text_table.h"
 #include "frontend/core/error.h"
 #include "frontend/core/output.h"
+#include "frontend/geometry/camera_fault.h"
 #include "frontend/geometry/camera_text.h"
 
 namespace cohort {
@@ -68,6 +69,11 @@ CameraSensor ReadSensor(const fs::path& path) {
     }
     const auto d = Numbers(yaml["distortion_coefficients"], "distortion_coefficients", file);
     const auto t = Numbers(yaml["T_BS"]["data"], "T_BS", file, 16);
+    for (const double side : resolution) {
+      if (!(side >= 1.0 && side <= kMaxPictureSidePx)) {
+        ThrowError("{}: resolution {} x {} is none", file, resolution[0], resolution[1]);
+      }
+    }
     sensor.camera = {.width_px = static_cast<int>(resolution[0]),
                      .height_px = static_cast<int>(resolution[1]),
                      .fx = f[0],
@@ -79,6 +85,9 @@ CameraSensor ReadSensor(const fs::path& path) {
           WithDistortion(sensor.camera, fisheye ? CameraModel::kFisheye : CameraModel::kPinhole, d);
     } catch (const Error& error) {
       ThrowError("{}: distortion_coefficients: {}", file, error.what());
+    }
+    if (const std::string fault = FaultOf(sensor.camera); !fault.empty()) {
+      ThrowError("{}: {}", file, fault);
     }
     const auto body_from_cam = RigidFromMatrix(
         Eigen::Map<const Eigen::Matrix<double, 4, 4, Eigen::RowMajor>>(t.data()).topRows<3>());
@@ -96,7 +105,8 @@ std::map<std::int64_t, Rigid3> ReadWorldFromBody(const fs::path& file) {
   for (std::size_t row = 0; row < table.rows(); ++row) {
     const auto number = [&](std::size_t column) { return table.Number(row, column); };
     const Eigen::Quaterniond rotation(number(4), number(5), number(6), number(7));
-    if (rotation.norm() < 0.5) table.Fail(row, "qw qx qy qz is no unit quaternion");
+    if (!(rotation.norm() > 0.5 && rotation.norm() < 2.0))
+      table.Fail(row, "qw qx qy qz is no unit quaternion");
     by_time.emplace(table.Integer(row, 0),
                     Rigid3{rotation.normalized(), {number(1), number(2), number(3)}});
   }

@@ -1,7 +1,7 @@
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
-#include <cstdlib>
 #include <filesystem>
 #include <iterator>
 #include <map>
@@ -31,7 +31,7 @@ struct ImageList {
   std::map<FrameIndex, std::filesystem::path> occluder_files;
 };
 
-inline constexpr std::int64_t kMaxTimeDifferenceNs = 20'000'000;
+inline constexpr std::uint64_t kMaxTimeDifferenceNs = 20'000'000;
 
 // For every image the value whose time stamp [ns] is nearest; none where that is over 20 ms away.
 template <typename T>
@@ -40,7 +40,11 @@ std::map<FrameIndex, T> ByNearestTime(const std::vector<ImageList::Image>& image
   std::map<FrameIndex, T> by_frame;
   for (std::size_t i = 0; i < images.size(); ++i) {
     const std::int64_t time = images[i].timestamp_ns;
-    const auto distance = [&](auto it) { return std::abs(it->first - time); };
+    // Unsigned: times of a file may lie further apart than a signed number holds.
+    const auto distance = [&](auto it) {
+      const auto a = static_cast<std::uint64_t>(std::min(it->first, time));
+      return static_cast<std::uint64_t>(std::max(it->first, time)) - a;
+    };
     auto nearest = by_time.lower_bound(time);
     if (nearest != by_time.begin() &&
         (nearest == by_time.end() || distance(std::prev(nearest)) <= distance(nearest))) {

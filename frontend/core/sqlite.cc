@@ -128,6 +128,14 @@ SqliteDatabase SqliteDatabase::Open(const std::filesystem::path& path, Mode mode
                path.string(),
                raw != nullptr ? sqlite3_errmsg(raw) : sqlite3_errstr(result));
   }
+  // Files of others hold what they like: no code of theirs (views, triggers, functions in the schema)
+  // is run, and what says of its own size that it is larger than its page is an error.
+  for (const int code_in_schema : {SQLITE_DBCONFIG_ENABLE_VIEW,
+                                   SQLITE_DBCONFIG_ENABLE_TRIGGER,
+                                   SQLITE_DBCONFIG_TRUSTED_SCHEMA}) {
+    sqlite3_db_config(raw, code_in_schema, 0, nullptr);
+  }
+  db.Execute("PRAGMA cell_size_check = ON");
   // Opening reads nothing: this says at once that the file is no database, or damaged.
   db.Execute("PRAGMA schema_version");
   return db;

@@ -3,11 +3,13 @@
 #include <algorithm>
 #include <array>
 #include <charconv>
+#include <climits>
 #include <string_view>
 
 #include "frontend/core/error.h"
 #include "frontend/core/output.h"
 #include "frontend/core/sqlite.h"
+#include "frontend/geometry/camera_fault.h"
 
 namespace cohort {
 namespace {
@@ -153,7 +155,8 @@ std::uint32_t ReadId(std::int64_t value, const fs::path& path, std::string_view 
 int ReadSize(const std::string& text, const fs::path& path) {
   int value = 0;
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (error != std::errc() || end != text.data() + text.size() || value < 0) {
+  if (error != std::errc() || end != text.data() + text.size() || value < 0 ||
+      value > kMaxPictureSidePx) {
     ThrowDamaged(path, fmt::format("'{}' is no image size", text));
   }
   return value;
@@ -175,22 +178,27 @@ std::optional<Camera> ReadCamera(SqliteDatabase& db, const fs::path& path) {
   auto row = db.Prepare(fmt::format(
       "SELECT width_px, height_px, fx, fy, cx, cy, k1, k2, p1, p2, known, {} FROM camera", more));
   if (!row.Step()) return std::nullopt;
-  return Camera{.width_px = static_cast<int>(row.Int(0)),
-                .height_px = static_cast<int>(row.Int(1)),
-                .fx = row.Real(2),
-                .fy = row.Real(3),
-                .cx = row.Real(4),
-                .cy = row.Real(5),
-                .k1 = row.Real(6),
-                .k2 = row.Real(7),
-                .p1 = row.Real(8),
-                .p2 = row.Real(9),
-                .k3 = row.Real(12),
-                .k4 = row.Real(13),
-                .k5 = row.Real(14),
-                .k6 = row.Real(15),
-                .model = ReadCameraModel(row.Text(11), path),
-                .known = row.Int(10) != 0};
+  const auto side = [&](int column) {
+    return static_cast<int>(std::clamp<std::int64_t>(row.Int(column), -1, INT_MAX));
+  };
+  const Camera camera{.width_px = side(0),
+                      .height_px = side(1),
+                      .fx = row.Real(2),
+                      .fy = row.Real(3),
+                      .cx = row.Real(4),
+                      .cy = row.Real(5),
+                      .k1 = row.Real(6),
+                      .k2 = row.Real(7),
+                      .p1 = row.Real(8),
+                      .p2 = row.Real(9),
+                      .k3 = row.Real(12),
+                      .k4 = row.Real(13),
+                      .k5 = row.Real(14),
+                      .k6 = row.Real(15),
+                      .model = ReadCameraModel(row.Text(11), path),
+                      .known = row.Int(10) != 0};
+  if (const std::string fault = FaultOf(camera); !fault.empty()) ThrowDamaged(path, fault);
+  return camera;
 }
 
 SqliteDatabase OpenTracks(const fs::path& path) {

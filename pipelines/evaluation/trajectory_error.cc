@@ -43,7 +43,9 @@ std::vector<StampedPose> ReadTumTrajectory(const std::filesystem::path& path) {
     const auto number = [&](std::size_t column) { return table.Number(row, column); };
     pose.world_from_cam.translation = {number(1), number(2), number(3)};
     const Eigen::Quaterniond rotation(number(7), number(4), number(5), number(6));
-    if (!(rotation.norm() > 0.0)) table.Fail(row, "the quaternion is zero");
+    if (!(rotation.norm() > 0.0 && std::isfinite(rotation.norm()))) {
+      table.Fail(row, "the quaternion is none");
+    }
     pose.world_from_cam.rotation = rotation.normalized();
   }
   return poses;

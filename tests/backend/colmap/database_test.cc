@@ -780,8 +780,27 @@ TEST(ColmapDatabase, NamesADamagedOrForeignFile) {
               ThrowsMessage<Error>(HasSubstr("is no COLMAP database")));
   WriteColmapDatabase(dir / "a.db", ThreeFrames());
   Open(dir / "a.db").Execute("UPDATE keypoints SET rows = 5 WHERE image_id = 1");
-  EXPECT_THAT([&] { ReadColmapDatabase(dir / "a.db"); },
-              ThrowsMessage<Error>(HasSubstr("table keypoints has 16 bytes instead of 40")));
+  EXPECT_THAT(
+      [&] { ReadColmapDatabase(dir / "a.db"); },
+      ThrowsMessage<Error>(HasSubstr("table keypoints has 16 bytes, no 10 values of 4 bytes")));
+}
+
+// Numbers whose product or size in bytes fits no integer.
+TEST(ColmapDatabase, DoesNotBelieveWhatAFileSaysOfItsSizes) {
+  const TempDir dir;
+  for (const char* lie : {"UPDATE keypoints SET rows = 1 << 60",
+                          "UPDATE keypoints SET rows = 1 << 62, cols = 4",
+                          "UPDATE keypoints SET rows = -1",
+                          "UPDATE keypoints SET cols = 1 << 62",
+                          "UPDATE matches SET rows = 1 << 61",
+                          "UPDATE two_view_geometries SET rows = 1 << 60",
+                          "UPDATE two_view_geometries SET F = zeroblob(1)",
+                          "UPDATE cameras SET width = 1 << 40",
+                          "UPDATE cameras SET params = zeroblob(32)"}) {
+    WriteColmapDatabase(dir / "a.db", ThreeFrames());
+    Open(dir / "a.db").Execute(lie);
+    EXPECT_THROW(FromColmapCamera(ReadColmapDatabase(dir / "a.db").camera), Error) << lie;
+  }
 }
 
 }  // namespace

@@ -229,5 +229,63 @@ TEST(ColmapModel, NamesTheLineOrByteThatIsDamaged) {
               ThrowsMessage<Error>(HasSubstr("images.bin is cut short or damaged")));
 }
 
+TEST(ColmapModel, TakesNoNumbersThatAreNone) {
+  const TempDir dir;
+  const std::string cameras = "1 PINHOLE 640 480 500 500 320 240\n";
+  const std::string images = "1 1 0 0 0 0 0 1 1 a.png\n5 6 7\n";
+  const std::string points = "7 0 0 0 1 2 3 0.5 1 0\n";
+  const auto read = [&](const std::string& c, const std::string& i, const std::string& p) {
+    WriteBytes(dir / "cameras.txt", c);
+    WriteBytes(dir / "images.txt", i);
+    WriteBytes(dir / "points3D.txt", p);
+    FromColmapModel(ReadColmapModel(dir.path()));
+  };
+  EXPECT_NO_THROW(read(cameras, images, points));
+  for (const char* camera : {"1 PINHOLE 640 480 500 nan 320 240\n",
+                             "1 PINHOLE 640 480 500 500 inf 240\n",
+                             "1 PINHOLE 640 480 0 500 320 240\n",
+                             "1 PINHOLE 640 480 -1 500 320 240\n",
+                             "1 PINHOLE -640 480 500 500 320 240\n",
+                             "1 PINHOLE 2000000000 480 500 500 320 240\n"}) {
+    EXPECT_THROW(read(camera, images, points), Error) << camera;
+  }
+  for (const char* image : {"1 0 0 0 0 0 0 1 1 a.png\n5 6 7\n",
+                            "1 1 0 nan 0 0 0 1 1 a.png\n5 6 7\n",
+                            "1 1 1e200 1e200 0 0 0 1 1 a.png\n5 6 7\n",
+                            "1 1 0 0 0 0 inf 1 1 a.png\n5 6 7\n",
+                            "1 1 0 0 0 0 0 1 1 a.png\nnan 6 7\n"}) {
+    EXPECT_THROW(read(cameras, image, points), Error) << image;
+  }
+  EXPECT_THROW(read(cameras, images, "7 0 nan 0 1 2 3 0.5 1 0\n"), Error);
+
+  // A side that fits no int, and a count of 2^60, in binary.
+  ColmapModel model = ToColmapModel(TrueReconstruction(SmallScene()));
+  WriteColmapModel(dir.path(), model, ColmapModelFormat::kBinary);
+  std::string bytes = ReadBytes(dir / "cameras.bin");
+  bytes[8 + 4 + 4 + 4] = 1;  // the fifth byte of the width
+  WriteBytes(dir / "cameras.bin", bytes);
+  EXPECT_THROW(FromColmapModel(ReadColmapModel(dir.path())), Error);
+  for (const char* file : {"cameras.bin", "images.bin", "points3D.bin"}) {
+    WriteColmapModel(dir.path(), model, ColmapModelFormat::kBinary);
+    bytes = ReadBytes(dir / file);
+    bytes[7] = 0x10;  // the last byte of the count
+    WriteBytes(dir / file, bytes);
+    EXPECT_THAT([&] { ReadColmapModel(dir.path()); },
+                ThrowsMessage<Error>(HasSubstr("cut short or damaged")))
+        << file;
+  }
+}
+
+TEST(ModelFolder, TakesNoTimeThatIsNone) {
+  const TempDir dir;
+  WriteReconstruction(dir / "model", TrueReconstruction(SmallScene()));
+  for (const char* time : {"--5", "-", "1.5.5", "9223372037", "--9223372036.854775808"}) {
+    WriteBytes(dir / "model" / "trajectory.tum", std::string(time) + " 0 0 0 0 0 0 1\n");
+    EXPECT_THAT([&] { ReadReconstruction(dir / "model"); },
+                ThrowsMessage<Error>(HasSubstr("not a time in seconds")))
+        << time;
+  }
+}
+
 }  // namespace
 }  // namespace cohort

@@ -128,11 +128,21 @@ TEST_F(Tum, NamesTheLineOfABadPose) {
   for (const char* line : {"1305031102.2 1 2 3 0 0 0 0\n",
                            "1305031102.2 1 2 3 0 0 0\n",
                            "1305031102.2 1 2 nan 0 0 0 1\n",
+                           "1305031102.2 1 2 3 0 1e200 1e200 1\n",
                            "1305031102.2 1 2 x 0 0 0 1\n"}) {
     WriteText(dir_ / "groundtruth.txt", PoseLine("1305031102.1") + line);
     EXPECT_THAT([&] { OpenSequence(dir_.path()); },
                 ThrowsMessage<Error>(HasSubstr("groundtruth.txt line 2")));
   }
+}
+
+// Further apart than 64 bits of nanoseconds.
+TEST_F(Tum, TimesMayBeAnyThatAreRead) {
+  WriteText(dir_ / "rgb.txt", "-9e9 rgb/0.png\n9e9 rgb/1.png\n");
+  WriteText(dir_ / "groundtruth.txt", PoseLine("9e9"));
+  const auto sequence = OpenSequence(dir_.path());
+  ASSERT_EQ(sequence->TrueCamFromWorld().size(), 1u);
+  EXPECT_TRUE(sequence->TrueCamFromWorld().contains(FrameIndex{1}));
 }
 
 TEST_F(Tum, ReadsDepthInMetresAndOccluderMasks) {

@@ -58,5 +58,46 @@ TEST(Sqlite, NamesThePathOfAFileThatIsMissingOrNoDatabase) {
                                                            testing::HasSubstr("not a database"))));
 }
 
+// A view may go on for ever: what is in a file is data, never a program.
+TEST(Sqlite, RunsNoCodeThatAFileBrings) {
+  const test::TempDir dir;
+  {
+    auto db = SqliteDatabase::Open(dir / "a.db", Mode::kCreate);
+    db.Execute(
+        "CREATE TABLE t(id INTEGER); CREATE TABLE u(id INTEGER);"
+        "CREATE VIEW same AS SELECT id FROM t;"
+        "CREATE VIEW endless AS WITH RECURSIVE c(n) AS (SELECT 1 UNION ALL SELECT n + 1 FROM c)"
+        "  SELECT n AS id FROM c;"
+        "CREATE TRIGGER copy AFTER INSERT ON t BEGIN INSERT INTO u VALUES(new.id); END");
+  }
+  auto db = SqliteDatabase::Open(dir / "a.db", Mode::kWrite);
+  EXPECT_THAT([&] { db.Prepare("SELECT id FROM same"); },
+              testing::ThrowsMessage<Error>(testing::HasSubstr("access to view \"same\"")));
+  EXPECT_THROW(db.Prepare("SELECT id FROM endless"), Error);
+  db.Execute("INSERT INTO t VALUES(1)");
+  auto count = db.Prepare("SELECT COUNT(*) FROM u");
+  ASSERT_TRUE(count.Step());
+  EXPECT_EQ(count.Int(0), 0);
+}
+
+TEST(Sqlite, AnErrorIsOneLineWhateverTheSchemaHolds) {
+  const test::TempDir dir;
+  {
+    auto db = SqliteDatabase::Open(dir / "a.db", Mode::kCreate);
+    db.Execute("CREATE TABLE t(id INTEGER); CREATE TABLE \"a\nb\"(id INTEGER)");
+    db.Execute("PRAGMA writable_schema = ON");
+    db.Execute(
+        "UPDATE sqlite_master SET sql = 'CREATE TABLE no' || char(10) || 'sense' "
+        "WHERE name LIKE 'a%'");
+  }
+  try {
+    SqliteDatabase::Open(dir / "a.db", Mode::kRead).Execute("SELECT * FROM t");
+    FAIL() << "it was read";
+  } catch (const Error& error) {
+    EXPECT_THAT(error.what(), testing::HasSubstr("malformed"));
+    EXPECT_THAT(error.what(), testing::Not(testing::HasSubstr("\n")));
+  }
+}
+
 }  // namespace
 }  // namespace cohort

@@ -482,5 +482,28 @@ TEST(TrackStore, ASmallDiskThatFillsUpIsOneError) {
   EXPECT_EQ(umount((dir / "disk").c_str()), 0);
 }
 
+TEST(TrackStore, TakesNothingThatCannotBe) {
+  const test::TempDir dir;
+  for (const char* lie :
+       {"UPDATE camera SET fx = 0",
+        "UPDATE camera SET fy = -1",
+        "UPDATE camera SET cx = 9e999",
+        "UPDATE camera SET width_px = 1 << 32",
+        "UPDATE camera SET height_px = -5",
+        "UPDATE meta SET value = '2000000000' WHERE key = 'width_px'",
+        "UPDATE observations SET x = 9e999 WHERE track_id = 1",
+        "UPDATE observations SET track_id = 1 << 33 WHERE track_id = 1",
+        "DROP TABLE observations; CREATE VIEW observations AS WITH RECURSIVE c(n) AS "
+        "(SELECT 0 UNION ALL SELECT n + 1 FROM c) SELECT 0 AS frame, n AS track_id, 1.0 AS x, "
+        "1.0 AS y, 1 AS observed, 0.0 AS residual, NULL AS cov_xx, NULL AS cov_xy, NULL AS cov_yy "
+        "FROM c"}) {
+    WriteTrackFile(dir / "a.tracks", Example(2));
+    SqliteDatabase::Open(dir / "a.tracks", SqliteDatabase::Mode::kWrite).Execute(lie);
+    EXPECT_THAT([&] { ReadTrackFile(dir / "a.tracks"); },
+                ThrowsMessage<Error>(HasSubstr("a.tracks")))
+        << lie;
+  }
+}
+
 }  // namespace
 }  // namespace cohort

@@ -218,7 +218,10 @@ TEST(ReadTumTrajectory, NamesTheLineThatIsNoPose) {
   EXPECT_EQ(poses[0].timestamp_ns, 1'500'000'000);
   EXPECT_EQ(poses[0].world_from_cam.translation, Eigen::Vector3d(1, 2, 3));
   EXPECT_EQ(poses[0].world_from_cam.rotation.w(), 1.0);
-  for (const std::string bad : {"2 1 2 3 0 0 0\n", "2 1 2 nan 0 0 0 1\n", "2 1 2 3 0 0 0 0\n"}) {
+  for (const std::string bad : {"2 1 2 3 0 0 0\n",
+                                "2 1 2 nan 0 0 0 1\n",
+                                "2 1 2 3 0 0 0 0\n",
+                                "2 1 2 3 0 1e200 1e200 1\n"}) {
     WriteBytes(dir / "a.tum", good + bad);
     EXPECT_THAT([&] { ReadTumTrajectory(dir / "a.tum"); },
                 testing::ThrowsMessage<Error>(
