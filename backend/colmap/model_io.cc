@@ -437,7 +437,8 @@ std::int64_t NsOfSeconds(const std::string& text, const TextReader& in) {
   digits += fraction;
   std::int64_t ns = 0;
   const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), ns);
-  if (ns < 0 || error != std::errc() || end != digits.data() + digits.size()) {
+  const bool has_digit = text.find_first_of("0123456789") != std::string::npos;
+  if (!has_digit || ns < 0 || error != std::errc() || end != digits.data() + digits.size()) {
     in.Fail("not a time in seconds: " + text);
   }
   return negative ? -ns : ns;

@@ -21,6 +21,16 @@ class ImageListSequence final : public Sequence {
                  list_.images.size(),
                  range.first);
     }
+    // Tables and models hold the names as text, a line each.
+    for (const ImageList::Image& image : list_.images) {
+      if (OneLine(image.name) != image.name) {
+        ThrowError(
+            "{}: the name of picture '{}' has a line break or another control character: "
+            "rename it",
+            list_.name,
+            image.name);
+      }
+    }
     size_ = ReadImage(ImageFile(range.first)).size();
     if (Camera* camera = list_.camera ? &*list_.camera : nullptr) {
       if (camera->width_px == 0) {

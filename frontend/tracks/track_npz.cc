@@ -268,7 +268,8 @@ std::optional<PixelCovariance> CovarianceOf(const TracksReader& reader,
   const double xy = covariances[3 * cell + 1];
   const double yy = covariances[3 * cell + 2];
   if (std::isnan(xx) && std::isnan(xy) && std::isnan(yy)) return std::nullopt;
-  if (!(xx > 0.0 && yy > 0.0 && xx * yy > xy * xy) || !std::isfinite(xx) || !std::isfinite(yy)) {
+  constexpr double kMax = std::numeric_limits<float>::max();
+  if (!(xx > 0.0 && yy > 0.0 && xx * yy > xy * xy && xx <= kMax && yy <= kMax)) {
     reader.Fail("covariance",
                 fmt::format("xx {}, xy {}, yy {} is no positive definite covariance", xx, xy, yy));
   }

@@ -38,8 +38,9 @@ Json WithoutTimings(const Json& json) {
   if (!json.is_object()) return json;
   Json kept = Json::object();
   for (const auto& [name, value] : json.items()) {
-    // --threads is among the options that a file was made with.
-    if (!kTimings.contains(name) && name != "threads") kept[name] = WithoutTimings(value);
+    // --threads and --jobs are among the options that a file was made with.
+    const bool differs = kTimings.contains(name) || name == "threads" || name == "jobs";
+    if (!differs) kept[name] = WithoutTimings(value);
   }
   return kept;
 }

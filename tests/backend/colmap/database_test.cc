@@ -792,9 +792,11 @@ TEST(ColmapDatabase, DoesNotBelieveWhatAFileSaysOfItsSizes) {
                           "UPDATE keypoints SET rows = 1 << 62, cols = 4",
                           "UPDATE keypoints SET rows = -1",
                           "UPDATE keypoints SET cols = 1 << 62",
-                          "UPDATE matches SET rows = 1 << 61",
-                          "UPDATE two_view_geometries SET rows = 1 << 60",
-                          "UPDATE two_view_geometries SET F = zeroblob(1)",
+                          "INSERT OR REPLACE INTO matches VALUES(2147483649, 1 << 61, 2, NULL)",
+                          "INSERT OR REPLACE INTO two_view_geometries "
+                          "VALUES(2147483649, 1 << 60, 2, NULL, 2, NULL, NULL, NULL, NULL, NULL)",
+                          "INSERT OR REPLACE INTO two_view_geometries "
+                          "VALUES(2147483649, 0, 2, NULL, 2, zeroblob(1), NULL, NULL, NULL, NULL)",
                           "UPDATE cameras SET width = 1 << 40",
                           "UPDATE cameras SET params = zeroblob(32)"}) {
     WriteColmapDatabase(dir / "a.db", ThreeFrames());
