@@ -13,7 +13,7 @@ if(COHORT_SANITIZE)
   # GCC 12's -Wmaybe-uninitialized sees ghosts in instrumented library code (std::regex).
   target_compile_options(cohort_build_flags INTERFACE -fsanitize=${COHORT_SANITIZE}
                          -fno-omit-frame-pointer -fno-sanitize-recover=all
-                         -Wno-maybe-uninitialized)
+                         $<$<CXX_COMPILER_ID:GNU>:-Wno-maybe-uninitialized>)
   target_link_options(cohort_build_flags INTERFACE -fsanitize=${COHORT_SANITIZE})
 endif()
 
