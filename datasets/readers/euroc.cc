@@ -2,6 +2,7 @@
 
 #include <opencv2/core.hpp>
 #include <optional>
+#include <stdexcept>
 #include <string>
 #include <vector>
 
@@ -95,6 +96,8 @@ CameraSensor ReadSensor(const fs::path& path) {
     sensor.body_from_cam = *body_from_cam;
   } catch (const cv::Exception& e) {
     ThrowError("{} is no YAML that OpenCV reads: {}", file, e.err);
+  } catch (const std::logic_error& e) {  // what its parser trips over
+    ThrowError("{} is no YAML that OpenCV reads: {}", file, e.what());
   }
   return sensor;
 }

@@ -20,6 +20,8 @@ nlohmann::ordered_json ReadJsonFile(const std::filesystem::path& path) {
     return nlohmann::ordered_json::parse(ReadBytes(path));
   } catch (const nlohmann::json::parse_error& e) {
     ThrowError("{}: is no JSON (byte {})", path.string(), e.byte);
+  } catch (const nlohmann::json::exception& e) {  // a number that fits none
+    ThrowError("{}: is no JSON that is read: {}", path.string(), e.what());
   }
 }
 

@@ -329,6 +329,11 @@ TEST_F(Euroc, SaysWhatIsWrongWithTheSensorFile) {
   EXPECT_THAT(with("458.654", "f"), ThrowsMessage<Error>(HasSubstr("intrinsics")));
   EXPECT_THAT(with("0.999557249008", "0.5"), ThrowsMessage<Error>(HasSubstr("T_BS")));
   EXPECT_THAT(with("data: [", "data: [["), ThrowsMessage<Error>(HasSubstr("sensor.yaml")));
+  EXPECT_THAT(with("cols: 4", ": radial"), ThrowsMessage<Error>(HasSubstr("sensor.yaml")));
+  EXPECT_THAT(with("458.654", "-458.654"), ThrowsMessage<Error>(HasSubstr("focal lengths")));
+  EXPECT_THAT(with("458.654", ".nan"), ThrowsMessage<Error>(HasSubstr("sensor.yaml")));
+  EXPECT_THAT(with("[64, 48]", "[1e300, 48]"), ThrowsMessage<Error>(HasSubstr("resolution")));
+  EXPECT_THAT(with("[64, 48]", "[-64, 48]"), ThrowsMessage<Error>(HasSubstr("resolution")));
   EXPECT_THAT(with("[64, 48]", "[752, 480]"),
               ThrowsMessage<Error>(AllOf(HasSubstr("752x480"), HasSubstr("64x48"))));
 }

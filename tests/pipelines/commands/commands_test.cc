@@ -16,6 +16,7 @@
 
 #include "backend/colmap/model_io.h"
 #include "frontend/core/error.h"
+#include "frontend/core/sqlite.h"
 #include "frontend/tracks/track_store.h"
 #include "tests/support/program.h"
 #include "tests/support/temp_dir.h"
@@ -176,6 +177,34 @@ TEST_F(Commands, AnErrorIsOneLineWhateverNamesAreInIt) {
   WriteText(folder + "/x\ny.png", "no picture");
   ExpectFailure(
       RunCohort(Track(folder)), 1, AllOf(HasSubstr("picture 'x y.png'"), HasSubstr("rename")));
+}
+
+// A .tracks file of somebody else, and a link in the way.
+TEST_F(Commands, NamesOfFramesLeadOutOfNoFolder) {
+  const std::string video = WriteVideo(Path("clip.avi"), 8).string();
+  ASSERT_EQ(RunCohort(Track(video)).exit_code, 0);
+  fs::create_directory(Path("out"));
+  const std::string export_it =
+      "export " + Path("a.tracks") + " --quiet --colmap-database " + Path("out/a.db");
+  const std::string good = ReadBytes(Path("a.tracks"));
+  for (const std::string name : {"../../evil.png", "../evil.png", "/tmp/cohort-evil.png", "evil"}) {
+    WriteBytes(Path("a.tracks"), good);
+    SqliteDatabase::Open(Path("a.tracks"), SqliteDatabase::Mode::kWrite)
+        .Execute("UPDATE frames SET name = '" + name + "' WHERE \"index\" = 2");
+    ExpectFailure(RunCohort(export_it), 1, HasSubstr("has no frame " + name));
+    EXPECT_FALSE(fs::exists(Path("out/a_images")));
+    EXPECT_FALSE(fs::exists(fs::path(Path("out/a_images.partial")) / name));
+  }
+  EXPECT_FALSE(fs::exists("/tmp/cohort-evil.png"));
+
+  WriteBytes(Path("a.tracks"), good);
+  fs::create_directory(Path("elsewhere"));
+  fs::create_directory_symlink(Path("elsewhere"), Path("out/a_images"));
+  const ProgramEnd end = RunCohort(export_it);
+  EXPECT_EQ(end.exit_code, 0) << end.err;
+  EXPECT_TRUE(fs::is_empty(Path("elsewhere")));
+  EXPECT_FALSE(fs::is_symlink(Path("out/a_images")));
+  EXPECT_TRUE(fs::exists(Path("out/a_images/frame_000007.png")));
 }
 
 TEST_F(Commands, UnknownCommandFlagOrValueIsAUsageError) {

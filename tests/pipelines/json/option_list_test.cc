@@ -5,7 +5,10 @@
 
 #include <nlohmann/json.hpp>
 
+#include "frontend/core/output.h"
 #include "pipelines/console/command_line.h"
+#include "pipelines/json/json_file.h"
+#include "tests/support/temp_dir.h"
 
 namespace cohort {
 namespace {
@@ -141,6 +144,22 @@ TEST(OptionsJson, SetsOnlyWhatItNames) {
   EXPECT_EQ(options.left.weight, 1.0);
   EXPECT_EQ(options.left.window_px, 21);
   EXPECT_EQ(options.out, "x");
+}
+
+TEST(ReadJsonFile, NamesTheFileThatIsNoJson) {
+  const test::TempDir dir;
+  for (const char* text : {"", "{", "{\"a\": 1e999}", "88e8888888888", "[1, nan]", "\"\xff\""}) {
+    WriteBytes(dir / "a.json", text);
+    EXPECT_THAT([&] { ReadJsonFile(dir / "a.json"); },
+                ThrowsMessage<Error>(AllOf(HasSubstr("a.json"), HasSubstr("is no JSON"))))
+        << text;
+  }
+}
+
+TEST(WriteJsonFile, HoldsNamesThatAreNoText) {
+  const test::TempDir dir;
+  WriteJsonFile(dir / "a.json", {{"name", "a\xff.png"}});
+  EXPECT_EQ(ReadJsonFile(dir / "a.json").at("name"), "a\xef\xbf\xbd.png");
 }
 
 TEST(OptionsJson, NamesTheKeyThatIsWrong) {
