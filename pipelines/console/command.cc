@@ -12,6 +12,7 @@
 #include <cstdlib>
 #include <cstring>
 #include <filesystem>
+#include <iostream>
 #include <new>
 #include <opencv2/core/utils/logger.hpp>
 
@@ -46,6 +47,7 @@ void SetUpLogging() {
   spdlog::set_default_logger(std::move(logger));
   cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);
   setenv("OPENCV_FFMPEG_LOGLEVEL", "-8", /*overwrite=*/0);
+  std::cerr.setstate(std::ios::failbit);  // OpenCV's decoders of pictures; we print by stdio
 }
 
 std::string Help(const std::vector<Command>& commands) {

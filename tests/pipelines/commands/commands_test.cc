@@ -179,6 +179,14 @@ TEST_F(Commands, AnErrorIsOneLineWhateverNamesAreInIt) {
       RunCohort(Track(folder)), 1, AllOf(HasSubstr("picture 'x y.png'"), HasSubstr("rename")));
 }
 
+TEST_F(Commands, APictureThatClaimsToBeHugeIsOneLine) {
+  fs::create_directory(Path("clip"));
+  for (const char* size : {"100000 100000", "40000 20000", "2147483647 2147483647"}) {
+    WriteText(Path("clip/0.pgm"), std::string("P5 ") + size + " 255\nabc");
+    ExpectFailure(RunCohort(Track(Path("clip"))), 1, HasSubstr("cannot decode"));
+  }
+}
+
 // A .tracks file of somebody else, and a link in the way.
 TEST_F(Commands, NamesOfFramesLeadOutOfNoFolder) {
   const std::string video = WriteVideo(Path("clip.avi"), 8).string();
