@@ -82,18 +82,20 @@ void RefineColmapModel(const RefineCommandOptions& options) {
   if (!options.json.empty()) {
     WriteJsonFile(options.json, ReadJsonFile(std::filesystem::path(options.out) / "summary.json"));
   }
-  fmt::print("{}",
-             AlignedTable({{"model", options.out},
-                           {"frames", fmt::format("{}", summary.registered)},
-                           {"points before", fmt::format("{}", refined.before.points)},
-                           {"points", fmt::format("{}", summary.points)},
-                           {"measured again", fmt::format("{}", refined.found.replaced)},
-                           {"observations before", fmt::format("{}", refined.before.observations)},
-                           {"observations", fmt::format("{}", summary.observations)},
-                           {"mean reprojection error before [px]",
-                            fmt::format("{:.3f}", refined.before.mean_reprojection_px)},
-                           {"mean reprojection error [px]",
-                            fmt::format("{:.3f}", summary.mean_reprojection_px)}}));
+  fmt::print(
+      "{}",
+      AlignedTable(
+          {{"model", options.out},
+           {"frames", fmt::format("{}", summary.registered)},
+           {"points before", fmt::format("{}", refined.before.points)},
+           {"points", fmt::format("{}", summary.points)},
+           {"measured again", fmt::format("{}", refined.found.replaced)},
+           {"dropped: contradicted by the pictures", fmt::format("{}", refined.contradicted)},
+           {"observations before", fmt::format("{}", refined.before.observations)},
+           {"observations", fmt::format("{}", summary.observations)},
+           {"mean reprojection error before [px]",
+            fmt::format("{:.3f}", refined.before.mean_reprojection_px)},
+           {"mean reprojection error [px]", fmt::format("{:.3f}", summary.mean_reprojection_px)}}));
 }
 
 }  // namespace

@@ -5,8 +5,11 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <set>
+#include <span>
 #include <utility>
 
 #include "backend/colmap/camera_model.h"
@@ -72,6 +75,43 @@ void CheckFound(const SecondPassFigures& figures, const fs::path& path, const Se
       sequence.Name());
 }
 
+// Was the point never found again, or is it in few of the places where it was measured?
+bool IsContradicted(std::span<const Observation> track,
+                    const Point3D& point,
+                    const Reconstruction& model) {
+  // Of rendered clips by day, points with less are within a centimetre of the surface in a fifth of
+  // the cases, those with .5 to .7 in two fifths, the others in four fifths.
+  constexpr double kLeastShare = 0.5;
+  std::size_t sightings = 0;
+  for (const Observation& o : track) {
+    if (!IsObserved(o) || !model.cam_from_world.contains(o.frame)) continue;
+    if (!o.covariance) return true;  // as it came: MeasureAgain gives every position its own
+    ++sightings;
+  }
+  return static_cast<double>(point.views.size()) < kLeastShare * static_cast<double>(sightings);
+}
+
+// Points that the pictures contradict; but none that is seen in a frame which has few others.
+std::set<FeatureId> FindContradicted(const TrackSet& tracks, const Reconstruction& model) {
+  constexpr std::size_t kFewPoints = 30;
+  std::set<FeatureId> contradicted;
+  std::map<FrameIndex, std::size_t> sound;  // points a frame
+  for (const auto& [feature, point] : model.points) {
+    if (IsContradicted(tracks.Track(feature), point, model)) {
+      contradicted.insert(feature);
+      continue;
+    }
+    for (const PointView& view : point.views) ++sound[view.frame];
+  }
+  std::erase_if(contradicted, [&](FeatureId feature) {
+    const auto& views = model.points.at(feature).views;
+    return std::any_of(views.begin(), views.end(), [&](const PointView& view) {
+      return sound[view.frame] < kFewPoints;
+    });
+  });
+  return contradicted;
+}
+
 void NoteWhatIsLeftOut(const ModelOfClip& clip,
                        const fs::path& path,
                        const Sequence& sequence,
@@ -104,6 +144,7 @@ nlohmann::ordered_json SummaryToJson(const RefinedModel& refined,
   json["camera_refined"] = refined.camera_refined;
   json["tracks_measured_again"] = refined.found.replaced;
   json["tracks_not_found_again"] = refined.found.left;
+  json["points_contradicted"] = refined.contradicted;
   return json;
 }
 
@@ -170,6 +211,8 @@ RefinedModel RefineModel(const ColmapModel& model,
                          const cv::Mat& mask,
                          const RefineModelOptions& options,
                          const StageProgress& progress) {
+  // Points of a model that did not move gain too: the second time their templates are of all sightings.
+  constexpr int kLeastRounds = 2;
   constexpr int kMostRounds = 3;
   ModelOfClip clip = ReadModelOfClip(model, ReadFrames(sequence, progress), path);
   RefinedModel refined;
@@ -206,7 +249,13 @@ RefinedModel RefineModel(const ColmapModel& model,
     adjusted = InWorldOf(clip.reconstruction, std::move(adjusted));
     const bool moved = HaveMoved(std::span(&now, 1), adjusted.reconstruction, options.second_pass);
     now = std::move(adjusted.reconstruction);
-    if (!moved) break;
+    if (!moved && round + 1 >= kLeastRounds) break;
+  }
+  if (options.drop_contradicted) {
+    const std::set<FeatureId> contradicted = FindContradicted(refined.file.tracks, now);
+    refined.contradicted = contradicted.size();
+    refined.file.tracks = refined.file.tracks.Select(
+        [&](FeatureId feature) { return !contradicted.contains(feature); });
   }
   refined.adjusted = ToReconstructResult(
       InWorldOf(clip.reconstruction, AdjustAndJudgeWithCeres(refined.file, now, with_covariances)));

@@ -23,7 +23,11 @@ inline constexpr ChoiceNames<IntrinsicsMode, 3> kIntrinsicsModeNames{
 
 struct RefineModelOptions {
   IntrinsicsMode intrinsics = IntrinsicsMode::kAuto;
-  SecondPassOptions second_pass;
+  bool drop_contradicted = true;
+  // Somebody else's model is further off than one of these tracks' own: what is found far from it
+  // must count, or the old errors stay.
+  SecondPassOptions second_pass{
+      .measurement = {.patch = {.max_distance_px = 5.0, .warp_noise = 0.05}}};
   MapperOptions ceres = {.covariances = true};
 
   // All but the second pass.
@@ -36,6 +40,13 @@ struct RefineModelOptions {
              "length (SIMPLE_PINHOLE, SIMPLE_RADIAL, RADIAL), as COLMAP finds by itself, and keeps "
              "any other, as calibrations give, unless the tracks contradict it.",
              Tier::kCommon);
+    v.Flag(
+        "drop_contradicted",
+        o.drop_contradicted,
+        "Drop the points of a COLMAP model that its pictures contradict: that look alike nowhere, "
+        "or are not where half of their sightings are. They are on edges of depth, on "
+        "reflections, or matched wrongly.",
+        Tier::kCommon);
     v.Group("ceres", o.ceres, "the adjustment of a COLMAP model");
   }
 };
@@ -46,12 +57,14 @@ struct RefinedModel {
   ReconstructResult adjusted;    // the same model, by frames and features; its findings are there
   ReconstructionSummary before;  // figures of the input, of the frames of the clip
   SecondPassFigures found;       // of the input's tracks
+  std::size_t contradicted = 0;  // points that were dropped
   bool camera_refined = false;
   std::vector<std::string> notes;  // lines for whoever runs it
 };
 
 // A COLMAP model of a clip, by whatever program, measured again where it says that its points are
-// (MeasureAgain) and adjusted to what was found, until it no longer moves. Images are found among
+// (MeasureAgain) and adjusted to what was found, until it no longer moves; without the points that
+// the pictures contradict, unless a frame would be left with few. Images are found among
 // the frames by name; those that are none are left out. Throws Error naming `path` (the model) or
 // the clip where they do not belong together: too few points look as the model has them.
 RefinedModel RefineModel(const ColmapModel& model,

@@ -146,8 +146,9 @@ struct Truth {
   std::vector<Eigen::Vector3d> surface;
 };
 
-Json Triangulated(TrackFile file, Truth& truth) {
+Json Triangulated(TrackFile file, const Reconstruction& of, Truth& truth) {
   file.camera = truth.camera;
+  file.tracks = file.tracks.Select([&](FeatureId feature) { return of.points.contains(feature); });
   const Reconstruction model = TriangulateWithCeres(file, truth.cam_from_world).reconstruction;
   std::array<std::size_t, kThresholds.size()> accurate{};
   std::size_t judged = 0;
@@ -199,7 +200,7 @@ Json Figures(const Reconstruction& model,
             {"ate_share", e.ate_share.value_or(NAN)}};
   if (truth.tracks) {
     json["points_cm"] = 100.0 * e.point_error_median_m.value_or(NAN);
-    json["triangulated"] = Triangulated(file, truth);
+    json["triangulated"] = Triangulated(file, model, truth);
   }
   return json;
 }

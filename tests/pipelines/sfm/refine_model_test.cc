@@ -3,6 +3,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <map>
+#include <set>
+
 #include "backend/colmap/camera_model.h"
 #include "frontend/core/random_stream.h"
 #include "frontend/geometry/sim3.h"
@@ -43,9 +47,12 @@ class RefineModelOfPlanes : public testing::Test {
     }
   }
 
-  void AddPoint(std::uint64_t id, const Eigen::Vector2d& xy) {
-    const auto seen = clip_.scene().PointAt(test::PlaneScene::CamFromWorld(kFrames / 2), xy);
+  // With `in_front`, a point that is nowhere: so much nearer than what the pictures show.
+  void AddPoint(std::uint64_t id, const Eigen::Vector2d& xy, double in_front = 1.0) {
+    const Rigid3 middle = test::PlaneScene::CamFromWorld(kFrames / 2);
+    auto seen = clip_.scene().PointAt(middle, xy);
     if (!seen) return;
+    seen = middle.Inverse() * (in_front * (middle * *seen)).eval();
     ColmapPoint3D point;
     point.xyz = world_from_truth_ * *seen;
     point.rgb = {static_cast<std::uint8_t>(id % 256), 20, 30};
@@ -53,13 +60,31 @@ class RefineModelOfPlanes : public testing::Test {
       const Rigid3 pose = test::PlaneScene::CamFromWorld(i);
       const auto at = clip_.scene().camera().Project(pose * *seen);
       if (!at || !clip_.scene().camera().Contains(*at, 10.0)) continue;
-      if (!clip_.scene().IsVisible(pose, *seen)) continue;
+      if (in_front == 1.0 && !clip_.scene().IsVisible(pose, *seen)) continue;
       auto& image = model_.images.at(static_cast<ColmapImageId>(100 - i));
       point.track.emplace_back(100 - i, static_cast<std::uint32_t>(image.points2d.size()));
       const Eigen::Vector2d off(noise_.Gaussian(), noise_.Gaussian());
       image.points2d.push_back({*at + off + Eigen::Vector2d::Constant(kColmapPixelShift), id});
     }
-    if (point.track.size() >= 3) model_.points[id] = point;
+    if (point.track.size() < 3) return;
+    model_.points[id] = point;
+    in_middle_[id] = xy;
+  }
+
+  // Whose patches show nothing that is nearer or further.
+  std::set<std::uint64_t> PointsOfOneSurface() const {
+    const Rigid3 middle = test::PlaneScene::CamFromWorld(kFrames / 2);
+    const auto depth = [&](const Eigen::Vector2d& xy) {
+      return (middle * *clip_.scene().PointAt(middle, xy)).z();
+    };
+    std::set<std::uint64_t> ids;
+    for (const auto& [id, xy] : in_middle_) {
+      const Eigen::Vector2d half(20.0, 0.0);
+      const bool flat = std::abs(depth(xy - half) - depth(xy)) < 0.1 &&
+                        std::abs(depth(xy + half) - depth(xy)) < 0.1;
+      if (id < 5000 && flat) ids.insert(id);
+    }
+    return ids;
   }
 
   // Root mean square distance of the cameras from where they are in the model's own world.
@@ -81,6 +106,7 @@ class RefineModelOfPlanes : public testing::Test {
       Eigen::Quaterniond(Eigen::AngleAxisd(1.0, Eigen::Vector3d(1.0, 2.0, 3.0).normalized())),
       {10.0, -20.0, 30.0}};
   ColmapModel model_;
+  std::map<std::uint64_t, Eigen::Vector2d> in_middle_;  // where its points are in the middle frame
 };
 
 TEST_F(RefineModelOfPlanes, CamerasGetNearerToTheTruthAndAllElseStays) {
@@ -93,7 +119,7 @@ TEST_F(RefineModelOfPlanes, CamerasGetNearerToTheTruthAndAllElseStays) {
   for (const auto& [id, image] : refined.model.images) {
     EXPECT_EQ(image.name, model_.images.at(id).name);
   }
-  EXPECT_GT(refined.model.points.size(), model_.points.size() * 9 / 10);
+  EXPECT_GT(refined.model.points.size() + refined.contradicted, model_.points.size() * 9 / 10);
   for (const auto& [id, point] : refined.model.points) {
     ASSERT_TRUE(model_.points.contains(id));
     EXPECT_EQ(point.rgb, model_.points.at(id).rgb);
@@ -143,6 +169,44 @@ TEST_F(RefineModelOfPlanes, ImagesThatAreNoFrameAreLeftOutAndSaid) {
   const RefinedModel refined = RefineModel(model_, "sparse", shorter, {});
   EXPECT_THAT(refined.model.images, SizeIs(kFrames - 3));
   EXPECT_THAT(refined.notes, ElementsAre(HasSubstr("3 of its images are no frame of planes")));
+}
+
+TEST_F(RefineModelOfPlanes, PointsThatThePicturesContradictAreDropped) {
+  std::set<std::uint64_t> wrong;
+  for (std::uint64_t id = 5000; id < 5008; ++id) {
+    const auto i = static_cast<double>(id - 5000);
+    AddPoint(id, {110.0 + 14.0 * i, 120.0}, 0.3);
+    ASSERT_TRUE(model_.points.contains(id));
+    wrong.insert(id);
+  }
+  const std::set<std::uint64_t> flat = PointsOfOneSurface();
+  const auto count_wrong = [&](const ColmapModel& model) {
+    return std::count_if(
+        wrong.begin(), wrong.end(), [&](std::uint64_t id) { return model.points.contains(id); });
+  };
+  const RefinedModel refined = RefineModel(model_, "sparse", clip_, {});
+  EXPECT_GE(refined.contradicted, wrong.size() - 1);
+  EXPECT_LE(count_wrong(refined.model), 1) << "one may look alike by chance";
+  const auto stay = std::count_if(flat.begin(), flat.end(), [&](std::uint64_t id) {
+    return refined.model.points.contains(id);
+  });
+  EXPECT_GT(flat.size(), 60U);
+  EXPECT_GT(stay, flat.size() * 95 / 100) << "points whose patches show one surface";
+
+  RefineModelOptions keep;
+  keep.drop_contradicted = false;
+  const RefinedModel kept = RefineModel(model_, "sparse", clip_, {}, keep);
+  EXPECT_EQ(kept.contradicted, 0U);
+  EXPECT_GT(count_wrong(kept.model), count_wrong(refined.model));
+}
+
+TEST_F(RefineModelOfPlanes, AFrameWithFewPointsKeepsThemAll) {
+  std::erase_if(model_.points, [](const auto& point) { return point.first % 11 != 0; });
+  AddPoint(5000, {130.0, 120.0}, 0.3);
+  ASSERT_LT(model_.points.size(), 30U);
+  const RefinedModel refined = RefineModel(model_, "sparse", clip_, {});
+  EXPECT_EQ(refined.contradicted, 0U);
+  EXPECT_THAT(refined.model.images, SizeIs(kFrames));
 }
 
 TEST_F(RefineModelOfPlanes, TheSameTwiceIsTheSame) {
