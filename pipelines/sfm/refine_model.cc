@@ -214,6 +214,8 @@ RefinedModel RefineModel(const ColmapModel& model,
   // Points of a model that did not move gain too: the second time their templates are of all sightings.
   constexpr int kLeastRounds = 2;
   constexpr int kMostRounds = 3;
+  SecondPassOptions measurement = options.second_pass;
+  measurement.measurement.patch.max_distance_px = options.model_max_distance_px;
   ModelOfClip clip = ReadModelOfClip(model, ReadFrames(sequence, progress), path);
   RefinedModel refined;
   NoteWhatIsLeftOut(clip, path, sequence, refined.notes);
@@ -231,8 +233,7 @@ RefinedModel RefineModel(const ColmapModel& model,
   ceres.covariances = false;
   refined.file = clip.file;
   for (int round = 0; round < kMostRounds; ++round) {
-    SecondPass second =
-        MeasureAgain(refined.file, now, sequence, mask, options.second_pass, progress);
+    SecondPass second = MeasureAgain(refined.file, now, sequence, mask, measurement, progress);
     if (round == 0) {
       CheckFound(second.figures, path, sequence);
       refined.found = second.figures;
@@ -247,7 +248,7 @@ RefinedModel RefineModel(const ColmapModel& model,
       adjusted = AdjustAndJudgeWithCeres(refined.file, adjusted.reconstruction, ceres);
     }
     adjusted = InWorldOf(clip.reconstruction, std::move(adjusted));
-    const bool moved = HaveMoved(std::span(&now, 1), adjusted.reconstruction, options.second_pass);
+    const bool moved = HaveMoved(std::span(&now, 1), adjusted.reconstruction, measurement);
     now = std::move(adjusted.reconstruction);
     if (!moved && round + 1 >= kLeastRounds) break;
   }

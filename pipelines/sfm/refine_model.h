@@ -24,10 +24,8 @@ inline constexpr ChoiceNames<IntrinsicsMode, 3> kIntrinsicsModeNames{
 struct RefineModelOptions {
   IntrinsicsMode intrinsics = IntrinsicsMode::kAuto;
   bool drop_contradicted = true;
-  // Somebody else's model is further off than one of these tracks' own: what is found far from it
-  // must count, or the old errors stay.
-  SecondPassOptions second_pass{
-      .measurement = {.patch = {.max_distance_px = 5.0, .warp_noise = 0.05}}};
+  double model_max_distance_px = 5.0;  // in place of the second pass's own
+  SecondPassOptions second_pass;
   MapperOptions ceres = {.covariances = true};
 
   // All but the second pass.
@@ -47,6 +45,13 @@ struct RefineModelOptions {
         "or are not where half of their sightings are. They are on edges of depth, on "
         "reflections, or matched wrongly.",
         Tier::kCommon);
+    v.Number(
+        "model_max_distance_px",
+        o.model_max_distance_px,
+        0.1,
+        50.0,
+        "as --max-distance-px, of a COLMAP model, which is further off than one of the tracks' own "
+        "[px]");
     v.Group("ceres", o.ceres, "the adjustment of a COLMAP model");
   }
 };
