@@ -171,11 +171,22 @@ RefinedModel RefineModel(const ColmapModel& model,
                          const RefineModelOptions& options,
                          const StageProgress& progress) {
   constexpr int kMostRounds = 3;
+  constexpr std::size_t kFewestFrames = 3;
   ModelOfClip clip = ReadModelOfClip(model, ReadFrames(sequence, progress), path);
   RefinedModel refined;
   NoteWhatIsLeftOut(clip, path, sequence, refined.notes);
   if (clip.reconstruction.points.empty()) {
     ThrowError("{}: none of its points is seen in {}", path.string(), sequence.Name());
+  }
+  // COLMAP 4 keeps its first model however small it is, and may write a whole one beside it.
+  if (clip.reconstruction.cam_from_world.size() < kFewestFrames) {
+    ThrowError(
+        "{}: {} of its images are frames of {}, and a refinement takes {}: give COLMAP's largest "
+        "model",
+        path.string(),
+        clip.reconstruction.cam_from_world.size(),
+        sequence.Name(),
+        kFewestFrames);
   }
   refined.before = Summarize(clip.reconstruction, clip.file.frames.size());
   Reconstruction now = clip.reconstruction;
