@@ -77,7 +77,7 @@ Arguments CommonArguments(const TrackFile& file,
   const bool refine = RefinesCamera(file, options);
   return {Required("database_path", workspace.database),
           Required("image_path", workspace.images),
-          Argument("random_seed", options.seed),
+          SeedArgument(options.seed),
           Argument("log_to_stderr", 1),
           Argument("log_target", "stderr"),
           Argument("log_color", 0),
@@ -137,7 +137,7 @@ Arguments MapperArguments(const TrackFile& file,
 
 Arguments AdjusterArguments(const TrackFile& file, const ColmapOptions& options) {
   const bool refine = RefinesCamera(file, options);
-  return {Argument("random_seed", options.seed),
+  return {SeedArgument(options.seed),
           Argument("log_to_stderr", 1),
           Argument("log_target", "stderr"),
           Argument("log_color", 0),
@@ -153,9 +153,11 @@ Arguments AdjusterArguments(const TrackFile& file, const ColmapOptions& options)
 std::string FailureIn(const fs::path& log, std::size_t offset, const ProgramEnd& end) {
   const std::string text = ReadBytes(log).substr(offset);
   constexpr std::pair<const char*, const char*> kPhrases[] = {
-      {"No images with matches found", "no images with matches"},
+      {"No images with matches", "no images with matches"},
       {"No good initial image pair found", "no good initial image pair"},
-      {"Initialization failed", "the initial pair was refused"},
+      {"Initialization failed", "the initial pair was refused"},      // 3.8
+      {"pair is insuitable for in", "the initial pair was refused"},  // 3.10
+      {"pair is unsuitable for in", "the initial pair was refused"},  // 4.2
       {"No matching registered images", "no image could be registered"},
       {"Check failed", "COLMAP aborted on a failed check"},
   };

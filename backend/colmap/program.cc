@@ -30,6 +30,10 @@ std::chrono::duration<double, std::ratio<60>> Minutes(double minutes) {
 
 }  // namespace
 
+ColmapArgument SeedArgument(int seed) {
+  return {{"random_seed", "default_random_seed"}, fmt::format("{}", seed), false};
+}
+
 ColmapProgram::ColmapProgram(const std::string& program, double max_minutes)
     : max_minutes_(max_minutes) {
   const auto found = FindProgram(program);

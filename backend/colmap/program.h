@@ -19,6 +19,9 @@ struct ColmapArgument {
   bool required = false;
 };
 
+// Of all random numbers of a command.
+ColmapArgument SeedArgument(int seed);
+
 // The installed COLMAP, run as child_process.h says.
 class ColmapProgram {
  public:

@@ -94,7 +94,7 @@ Arguments ExtractorArguments(const TrackFile& clip, const SiftOptions& sift, int
 Arguments MatcherArguments(const ColmapOptions& options) {
   constexpr int kOverlap = 10;  // next frames to match with, and so many at doubling distances
   Arguments arguments = LogArguments();
-  arguments.push_back(Argument({"random_seed"}, options.seed));
+  arguments.push_back(SeedArgument(options.seed));
   arguments.push_back(Argument({"SiftMatching.use_gpu", "FeatureMatching.use_gpu"}, 0));
   arguments.push_back(
       Argument({"SiftMatching.num_threads", "FeatureMatching.num_threads"}, options.threads));
@@ -111,7 +111,7 @@ Arguments MapperArguments(const TrackFile& clip, const ColmapOptions& options, b
     arguments.push_back(Argument({std::move(name)}, value));
   };
   const int refine = clip.KnowsCamera() ? 0 : 1;
-  add("random_seed", options.seed);
+  arguments.push_back(SeedArgument(options.seed));
   add("Mapper.num_threads", options.threads);
   add("Mapper.extract_colors", 0);
   // Where the first start leads nowhere, another one is tried; the largest model counts.

@@ -214,6 +214,7 @@ RefinedModel RefineModel(const ColmapModel& model,
   // Points of a model that did not move gain too: the second time their templates are of all sightings.
   constexpr int kLeastRounds = 2;
   constexpr int kMostRounds = 3;
+  constexpr std::size_t kFewestFrames = 3;
   SecondPassOptions measurement = options.second_pass;
   measurement.measurement.patch.max_distance_px = options.model_max_distance_px;
   ModelOfClip clip = ReadModelOfClip(model, ReadFrames(sequence, progress), path);
@@ -221,6 +222,16 @@ RefinedModel RefineModel(const ColmapModel& model,
   NoteWhatIsLeftOut(clip, path, sequence, refined.notes);
   if (clip.reconstruction.points.empty()) {
     ThrowError("{}: none of its points is seen in {}", path.string(), sequence.Name());
+  }
+  // COLMAP 4 keeps its first model however small it is, and may write a whole one beside it.
+  if (clip.reconstruction.cam_from_world.size() < kFewestFrames) {
+    ThrowError(
+        "{}: {} of its images are frames of {}, and a refinement takes {}: give COLMAP's largest "
+        "model",
+        path.string(),
+        clip.reconstruction.cam_from_world.size(),
+        sequence.Name(),
+        kFewestFrames);
   }
   refined.before = Summarize(clip.reconstruction, clip.file.frames.size());
   Reconstruction now = clip.reconstruction;

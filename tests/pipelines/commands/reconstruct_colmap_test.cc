@@ -40,8 +40,9 @@ TEST_F(ReconstructWithColmapCommand, WritesTheModelFolderOfAClip) {
   EXPECT_EQ(figures["registered"], 12);
   EXPECT_EQ(figures["points"], model.points.size());
   EXPECT_EQ(figures["options"]["colmap"]["seed"], 3);
-  EXPECT_THAT(figures["termination"].get<std::string>(), testing::HasSubstr("COLMAP 3.8 done"));
-  EXPECT_THAT(ReadBytes(path("m/colmap/colmap.log")), testing::HasSubstr(" --random_seed 3 "));
+  EXPECT_THAT(figures["termination"].get<std::string>(),
+              testing::MatchesRegex("COLMAP [^ ]+ done.*"));
+  EXPECT_THAT(ReadBytes(path("m/colmap/colmap.log")), testing::HasSubstr("random_seed 3 "));
 }
 
 // Which here is told of no pair of frames.

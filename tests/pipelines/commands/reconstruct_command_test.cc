@@ -23,15 +23,27 @@ class ReconstructCommand : public testing::Test {
     test::SyntheticTracksOptions small;
     small.frames = 6;
     WriteTrackFile(Path("a.tracks"), MakeSyntheticTracks(small).file);
-    // Knows every option that a command of COLMAP may be given, and registers nothing.
+    WriteFake("3.8", "random_seed Mapper.ba_global_images_ratio");
+  }
+
+  // Knows every option that a command of COLMAP may be given, and registers nothing.
+  void WriteFake(const std::string& version,
+                 const std::string& own_options,
+                 const std::string& last_words = "") {
     WriteBytes(Path("fake"),
                "#!/bin/sh\n"
                "case \"$*\" in\n"
-               "'-h') echo COLMAP 3.8 ;;\n"
-               "*-h) for o in database_path image_path output_path random_seed Mapper.num_threads "
-               "Mapper.min_num_matches Mapper.ba_global_images_ratio Mapper.init_image_id1; "
-               "do echo \"  --$o arg\"; done ;;\n"
-               "esac\n");
+               "'-h') echo COLMAP " +
+                   version +
+                   " ;;\n"
+                   "*-h) for o in database_path image_path output_path Mapper.num_threads "
+                   "Mapper.min_num_matches Mapper.init_image_id1 " +
+                   own_options +
+                   "; do echo \"  --$o arg\"; done ;;\n"
+                   "*) echo '" +
+                   last_words +
+                   "' ;;\n"
+                   "esac\n");
     fs::permissions(Path("fake"), fs::perms::owner_all);
   }
 
@@ -73,6 +85,27 @@ TEST_F(ReconstructCommand, ColmapGetsTheOptionsOfTheCommand) {
   // The best pair of ours, and then a pair of COLMAP's own.
   EXPECT_EQ(Count(log, "$ " + Path("fake") + " mapper "), 2);
   EXPECT_EQ(Count(log, "--Mapper.init_image_id1"), 1);
+}
+
+// tests/colmap_versions/check runs the real ones.
+TEST_F(ReconstructCommand, NewerColmapsGetTheOptionsByTheirNewNames) {
+  WriteFake("4.2.1", "default_random_seed Mapper.ba_global_frames_ratio");
+  EXPECT_THAT(Log("--seed 7"),
+              AllOf(HasSubstr(" --default_random_seed 7 "),
+                    HasSubstr(" --Mapper.ba_global_frames_ratio 1.4 ")));
+}
+
+TEST_F(ReconstructCommand, SaysWhatNewerColmapsSay) {
+  for (const auto& [words, meaning] :
+       {std::pair("] No images with matches", "no images with matches"),
+        std::pair("] Provided pair is insuitable for intialization.",
+                  "the initial pair was refused"),
+        std::pair("] => Provided pair is unsuitable for initialization.",
+                  "the initial pair was refused")}) {
+    WriteFake("4.2.1", "", words);
+    Log("");
+    EXPECT_THAT(end_.err, HasSubstr(std::string("registered no frame: ") + meaning)) << words;
+  }
 }
 
 TEST_F(ReconstructCommand, SaysInOneLineThatColmapRegisteredNothingAndWhereItsLogIs) {

@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "backend/colmap/model_io.h"
+#include "backend/colmap/program.h"
 #include "tests/support/program.h"
 #include "tests/support/temp_dir.h"
 
@@ -40,12 +41,15 @@ TEST_F(RefineColmap, AModelOfSiftHasLessErrorAfterwardsAndColmapReadsIt) {
   Run(COHORT_PROGRAM " degrade " + path("clip") + " " + path("dark") + " --level 0.5 --quiet");
   const std::string images = " --image_path " + path("dark/rgb");
   const std::string database = " --database_path " + path("db.db");
-  Run("colmap feature_extractor" + database + images +
-      " --ImageReader.single_camera 1 --SiftExtraction.use_gpu 0 --SiftExtraction.num_threads 2"
-      " --SiftExtraction.peak_threshold 0.002" +
-      kQuiet);
-  Run("colmap exhaustive_matcher" + database +
-      " --SiftMatching.use_gpu 0 --SiftMatching.num_threads 2" + kQuiet);
+  const bool is_old =
+      ColmapProgram().Options("feature_extractor").contains("SiftExtraction.use_gpu");
+  const std::string extraction = is_old ? " --SiftExtraction" : " --FeatureExtraction";
+  const std::string matching = is_old ? " --SiftMatching" : " --FeatureMatching";
+  Run("colmap feature_extractor" + database + images + " --ImageReader.single_camera 1" +
+      extraction + ".use_gpu 0" + extraction + ".num_threads 2" +
+      " --SiftExtraction.peak_threshold 0.002" + kQuiet);
+  Run("colmap exhaustive_matcher" + database + matching + ".use_gpu 0" + matching +
+      ".num_threads 2" + kQuiet);
   Run("mkdir " + path("sparse"));
   Run("colmap mapper" + database + images + " --output_path " + path("sparse") +
       " --Mapper.init_min_tri_angle 4 --Mapper.multiple_models 0 --Mapper.num_threads 2" + kQuiet);

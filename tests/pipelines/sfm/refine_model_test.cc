@@ -151,6 +151,24 @@ TEST_F(RefineModelOfPlanes, ACameraThatColmapFoundIsRefinedAndKeepsItsModel) {
   EXPECT_EQ(kept.model.cameras.at(7), guess);
 }
 
+TEST_F(RefineModelOfPlanes, AModelOfTwoImagesIsRefused) {
+  ColmapModel two = model_;
+  std::erase_if(two.images, [](const auto& image) { return image.first < 99; });
+  for (auto& [id, point] : two.points) {
+    std::erase_if(point.track, [](const auto& view) { return view.first < 99; });
+  }
+  std::erase_if(two.points, [](const auto& point) { return point.second.track.size() < 2; });
+  for (auto& [id, image] : two.images) {
+    for (ColmapPoint2D& at : image.points2d) {
+      if (at.point3d && !two.points.contains(*at.point3d)) at.point3d.reset();
+    }
+  }
+  EXPECT_THAT(
+      [&] { RefineModel(two, "sparse/0", clip_, {}); },
+      ThrowsMessage<Error>(HasSubstr("sparse/0: 2 of its images are frames of planes, and a "
+                                     "refinement takes 3: give COLMAP's largest model")));
+}
+
 TEST_F(RefineModelOfPlanes, OtherPicturesAreRefused) {
   test::PlaneClip other(kFrames);
   for (int i = 0; i < kFrames; ++i) {
