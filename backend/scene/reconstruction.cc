@@ -3,25 +3,57 @@
 #include <fmt/format.h>
 
 #include "backend/scene/row_poses.h"
+#include "frontend/core/statistics.h"
 
 namespace cohort {
 
-void UpdateReprojectionErrors(Reconstruction& reconstruction) {
+namespace {
+
+// Calls back with every point, its view and how far that is from where the point should be seen.
+template <typename Model, typename Use>
+void ForEachError(Model& reconstruction, const Use& use) {
   const RowPoses rows(
       reconstruction.cam_from_world, reconstruction.readout, reconstruction.camera.height_px);
   for (auto& [feature, point] : reconstruction.points) {
-    double sum = 0.0;
     for (const PointView& view : point.views) {
       const Rigid3 cam_from_world = reconstruction.readout == 0.0
                                         ? reconstruction.cam_from_world.at(view.frame)
                                         : rows.CamFromWorld(view.frame, view.xy.y());
       const auto xy = reconstruction.camera.Project(cam_from_world * point.in_world);
       // Behind the camera there is no projection; such a view is a picture's width wrong.
-      sum += xy ? (*xy - view.xy).norm() : reconstruction.camera.width_px;
+      use(point, view, xy ? (*xy - view.xy).norm() : reconstruction.camera.width_px);
     }
-    point.mean_reprojection_px =
-        point.views.empty() ? 0.0 : sum / static_cast<double>(point.views.size());
   }
+}
+
+}  // namespace
+
+void UpdateReprojectionErrors(Reconstruction& reconstruction) {
+  for (auto& [feature, point] : reconstruction.points) point.mean_reprojection_px = 0.0;
+  ForEachError(reconstruction, [](Point3D& point, const PointView&, double error_px) {
+    point.mean_reprojection_px += error_px;
+  });
+  for (auto& [feature, point] : reconstruction.points) {
+    if (!point.views.empty()) point.mean_reprojection_px /= static_cast<double>(point.views.size());
+  }
+}
+
+std::map<FrameIndex, std::vector<double>> ReprojectionErrors(const Reconstruction& reconstruction) {
+  std::map<FrameIndex, std::vector<double>> errors;
+  ForEachError(reconstruction, [&](const Point3D&, const PointView& view, double error_px) {
+    errors[view.frame].push_back(error_px);
+  });
+  return errors;
+}
+
+double MedianDistance(const Reconstruction& reconstruction) {
+  std::vector<double> distances;
+  for (const auto& [feature, point] : reconstruction.points) {
+    for (const PointView& view : point.views) {
+      distances.push_back((reconstruction.cam_from_world.at(view.frame) * point.in_world).norm());
+    }
+  }
+  return Median(std::move(distances));
 }
 
 ReconstructionSummary Summarize(const Reconstruction& reconstruction, std::size_t frames) {

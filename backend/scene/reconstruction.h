@@ -40,6 +40,14 @@ struct Reconstruction {
 // Fills mean_reprojection_px of every point from cameras, points and views.
 void UpdateReprojectionErrors(Reconstruction& reconstruction);
 
+// Of every frame, how far the views are from where their points should be seen [px]; a picture's
+// width behind the camera.
+std::map<FrameIndex, std::vector<double>> ReprojectionErrors(const Reconstruction& reconstruction);
+
+// Median over views of the distance from the camera to the point; 0 without any. The unit of what
+// is said to people: a model has no metres.
+double MedianDistance(const Reconstruction& reconstruction);
+
 // So few frames with a pose that the reconstruction failed: fewer than 80 %.
 constexpr bool TooFewRegistered(std::size_t registered, std::size_t frames) {
   return registered * 10 < frames * 8;

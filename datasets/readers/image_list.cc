@@ -71,6 +71,11 @@ class ImageListSequence final : public Sequence {
 
   void Rewind() override { read_ = 0; }
   std::string Name() const override { return list_.name; }
+  std::vector<std::filesystem::path> Files() const override {
+    std::vector<std::filesystem::path> files;
+    for (std::size_t i = 0; i < list_.images.size(); ++i) files.push_back(ImageFile(i));
+    return files;
+  }
   std::filesystem::path ImageRoot() const override { return list_.root; }
   std::optional<std::size_t> FrameCount() const override { return count_; }
   std::optional<Camera> KnownCamera() const override { return list_.camera; }

@@ -6,6 +6,7 @@
 #include <map>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "frontend/geometry/camera.h"
 #include "frontend/geometry/rigid3.h"
@@ -44,6 +45,9 @@ class Sequence {
   virtual bool AnyThreadMayRead() const { return true; }
 
   virtual std::string Name() const = 0;  // for tables: the folder's or file's name
+  // The files that the frames are read from, those outside of the range too; empty where they come
+  // from elsewhere.
+  virtual std::vector<std::filesystem::path> Files() const { return {}; }
   // Frame names are relative to it; empty for a video.
   virtual std::filesystem::path ImageRoot() const = 0;
   // Frames of the range. A video's is what its header promises until its end is reached.

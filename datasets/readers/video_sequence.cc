@@ -60,6 +60,7 @@ class VideoSequence final : public Sequence {
   }
 
   std::string Name() const override { return name_; }
+  std::vector<std::filesystem::path> Files() const override { return {file_}; }
   std::filesystem::path ImageRoot() const override { return {}; }
   std::optional<std::size_t> FrameCount() const override {
     if (!source_frames_) return std::nullopt;

@@ -150,10 +150,10 @@ void RunImport(const ImportCommandOptions& options) {
     file.camera = imported.camera;
   }
   file.tracks = std::move(imported.tracks);
-  file.meta = {{"program", fmt::format("cohort {}", kVersion)},
-               {"tracker", "import"},
-               {"imported_from", AbsolutePath(options.tracks)},
-               {"frames", options.input.frames}};
+  file.meta["program"] = fmt::format("cohort {}", kVersion);
+  file.meta["tracker"] = "import";
+  file.meta["imported_from"] = AbsolutePath(options.tracks);
+  file.meta["frames"] = options.input.frames;
   WriteTrackFile(options.out, file);
   fmt::print("{}: {} tracks, {} observations in {} frames\n",
              options.out,

@@ -1,5 +1,7 @@
 #include "pipelines/commands/show.h"
 
+#include <spdlog/spdlog.h>
+
 #include <filesystem>
 
 #include "datasets/open_sequence.h"
@@ -7,11 +9,58 @@
 #include "pipelines/console/progress_bar.h"
 #include "pipelines/report/clip_report.h"
 #include "pipelines/report/track_video.h"
+#include "pipelines/sfm/fingerprint.h"
 
 namespace cohort {
 namespace {
 
 namespace fs = std::filesystem;
+
+std::string FingerprintOf(const TrackFile& file) {
+  const auto found = file.meta.find("fingerprint");
+  return found != file.meta.end() ? found->second : "";
+}
+
+// Throws Error where the files are of two clips, as far as they know.
+void CheckOneClip(const ShowOptions& options, const std::vector<TrackFile>& files) {
+  const TrackFile& a = files.front();
+  const TrackFile& b = files.back();
+  if (a.width_px != b.width_px || a.height_px != b.height_px) {
+    ThrowError("the tracks are of clips of {}x{} and {}x{}: give tracks of one clip",
+               a.width_px,
+               a.height_px,
+               b.width_px,
+               b.height_px);
+  }
+  if (!options.images.empty()) return;  // whoever gives them knows
+  const bool both_tell = !FingerprintOf(a).empty() && !FingerprintOf(b).empty();
+  if (both_tell ? FingerprintOf(a) == FingerprintOf(b) : a.source == b.source) return;
+  if (a.source != b.source) {
+    ThrowError(
+        "{} is of {}, {} of {}: give tracks of one clip, or with --images the clip to show both on",
+        options.tracks.front(),
+        a.source,
+        options.tracks.back(),
+        b.source);
+  }
+  ThrowError(
+      "{} and {} are of {}, which was another clip for each: track it again, or give with --images "
+      "the clip to show both on",
+      options.tracks.front(),
+      options.tracks.back(),
+      a.source);
+}
+
+std::unique_ptr<Sequence> OpenClipOf(const ShowOptions& options, const TrackFile& file) {
+  if (!options.images.empty()) return OpenSequence(options.images);
+  auto sequence = OpenSequence(file.source);
+  if (!FingerprintOf(file).empty() && FingerprintOf(file) != FingerprintOfFrames(*sequence)) {
+    spdlog::warn("{} is not what it was when {} was made of it: tracks and pictures may differ",
+                 file.source,
+                 options.tracks.front());
+  }
+  return sequence;
+}
 
 void WritePageOf(const ShowOptions& options, const TrackFile& file, Sequence& sequence) {
   ClipReport report;
@@ -31,8 +80,8 @@ void RunShow(const ShowOptions& options) {
   if (!is_page && !options.model.empty()) {
     ThrowUsageError("--model is for a page: give an --out that ends in .html");
   }
-  const auto sequence =
-      OpenSequence(options.images.empty() ? files.front().source : options.images);
+  CheckOneClip(options, files);
+  const auto sequence = OpenClipOf(options, files.front());
   if (is_page) {
     WritePageOf(options, files.front(), *sequence);
   } else {

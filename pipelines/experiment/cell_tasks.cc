@@ -6,11 +6,11 @@
 
 #include "pipelines/experiment/cell_jobs.h"
 #include "pipelines/experiment/cell_rows.h"
-#include "pipelines/experiment/fingerprint.h"
 #include "pipelines/experiment/named_trackers.h"
 #include "pipelines/jobs/degrade_job.h"
 #include "pipelines/json/json_file.h"
 #include "pipelines/json/option_list.h"
+#include "pipelines/sfm/fingerprint.h"
 
 namespace cohort {
 namespace {

@@ -6,12 +6,12 @@
 #include <set>
 
 #include "datasets/truth/track_truth.h"
-#include "pipelines/experiment/fingerprint.h"
 #include "pipelines/experiment/named_trackers.h"
 #include "pipelines/experiment/parse_unsigned.h"
 #include "pipelines/experiment/tasks.h"
 #include "pipelines/json/json_file.h"
 #include "pipelines/json/option_list.h"
+#include "pipelines/sfm/fingerprint.h"
 
 namespace cohort {
 namespace {

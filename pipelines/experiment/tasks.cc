@@ -19,8 +19,8 @@
 #include "pipelines/console/interrupt.h"
 #include "pipelines/console/progress_bar.h"
 #include "pipelines/experiment/file_lock.h"
-#include "pipelines/experiment/fingerprint.h"
 #include "pipelines/json/json_file.h"
+#include "pipelines/sfm/fingerprint.h"
 
 namespace cohort {
 namespace {

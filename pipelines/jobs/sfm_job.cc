@@ -6,11 +6,13 @@
 #include <nlohmann/json.hpp>
 
 #include "frontend/core/output.h"
+#include "frontend/geometry/camera_text.h"
 #include "pipelines/console/progress_bar.h"
 #include "pipelines/console/version.h"
 #include "pipelines/json/json_file.h"
 #include "pipelines/json/option_list.h"
 #include "pipelines/sfm/film_advice.h"
+#include "pipelines/sfm/fingerprint.h"
 
 namespace cohort {
 namespace {
@@ -33,19 +35,26 @@ TrackJobOptions TrackOptionsOf(const SfmJobOptions& options) {
   return track;
 }
 
-// All that the outcome depends on, as summary.json keeps it: the options, and of the input's files
-// what changes when they do.
-Json MadeOf(SfmJobOptions options) {
+// All that the scene depends on, as summary.json keeps it: the program, the options, and of the
+// input what changes when its files do.
+Json SceneMadeOf(SfmJobOptions options, const Sequence& sequence) {
   options.resume = false;
   options.threads = 0;
   options.out.clear();
   Json made_of{{"program", fmt::format("cohort {}", kVersion)},
                {"input", AbsolutePath(options.input.input)},
+               {"fingerprint", FingerprintOfFrames(sequence)},
                {"options", ToJson(options)}};
-  std::error_code ignored;
-  if (fs::is_regular_file(options.input.input)) {
-    made_of["bytes"] = fs::file_size(options.input.input, ignored);
-  }
+  if (!options.mask.empty()) made_of["mask_fingerprint"] = FingerprintOfClip(options.mask);
+  if (const auto camera = sequence.KnownCamera()) made_of["calibration"] = WordsOfCamera(*camera);
+  return made_of;
+}
+
+// The same of the model, which knows nothing of the scene's options. What the tracks are of stands
+// in clip.tracks, and RunTrackJob compares it.
+Json ModelMadeOf(Json made_of) {
+  const Json of_scene = ToJson(SceneOptions{});
+  for (const auto& [name, value] : of_scene.items()) made_of["options"].erase(name);
   return made_of;
 }
 
@@ -133,27 +142,26 @@ SfmFigures FiguresOfSummary(const fs::path& folder) {
 SfmFigures RunSfmJob(const SfmJobOptions& options) {
   const fs::path folder = options.out;
   const fs::path summary = folder / "summary.json";
-  const Json made_of = MadeOf(options);
+  const auto sequence = OpenInput(options.input);
+  const Json made_of = SceneMadeOf(options, *sequence);
   if (options.resume && IsMadeOf(summary, made_of)) {
     spdlog::info("{} is complete already", options.out);
     return FiguresOfSummary(folder);
   }
-  // Checked before hours of work: the input, and that the folder can be made.
-  OpenInput(options.input);
+  // Checked before hours of work: that the folder can be made.
   std::error_code error;
   fs::create_directories(folder, error);
   if (error) ThrowError("cannot make folder {}: {}", options.out, error.message());
   CheckSceneFolder(folder);
-  fs::remove(summary, error);
 
   RunTrackJob(TrackOptionsOf(options));
+  fs::remove(summary, error);
   const TrackFile file = ReadTrackFile(folder / "clip.tracks");
-  SfmFigures figures = FiguresOf(MakeModel(options, file.frames.size(), made_of));
+  SfmFigures figures = FiguresOf(MakeModel(options, file.frames.size(), ModelMadeOf(made_of)));
   std::vector<double> brightness;
   Reconstruction model;
   if (figures.model.registered > 0) {
     model = ReadModelFolder(folder / "model");
-    const auto sequence = OpenInput(options.input);
     const SceneFigures scene =
         WriteScene(file, model, *sequence, options.scene, folder, ProgressBars());
     figures.images = scene.images.size();

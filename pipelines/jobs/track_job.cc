@@ -8,11 +8,13 @@
 #include <utility>
 
 #include "frontend/core/stopwatch.h"
+#include "frontend/geometry/camera_text.h"
 #include "pipelines/console/interrupt.h"
 #include "pipelines/console/progress_bar.h"
 #include "pipelines/console/version.h"
 #include "pipelines/json/json_file.h"
 #include "pipelines/json/option_list.h"
+#include "pipelines/sfm/fingerprint.h"
 #include "pipelines/sfm/track_sequence.h"
 
 namespace cohort {
@@ -39,7 +41,13 @@ TrackFile DescribeJob(const TrackJobOptions& options,
   header.meta["program"] = fmt::format("cohort {}", kVersion);
   header.meta["frames"] = options.input.frames;
   header.meta["mask"] = AbsolutePath(options.mask);
+  if (!options.mask.empty()) header.meta["mask_fingerprint"] = FingerprintOfClip(options.mask);
   return header;
+}
+
+bool SameCamera(const std::optional<Camera>& a, const std::optional<Camera>& b) {
+  if (!a || !b) return a.has_value() == b.has_value();
+  return a->known == b->known && WordsOfCamera(*a) == WordsOfCamera(*b);
 }
 
 // What an interrupted run of the same job has left.
@@ -60,7 +68,8 @@ EarlierRun FindEarlierRun(const fs::path& out, const TrackFile& header) {
   std::string& second_pass = earlier.meta["second_pass"];
   run.second_pass_ended = second_pass != kSecondPassAsked;
   if (second_pass != kSecondPassOff && asked != kSecondPassOff) second_pass = asked;
-  if (earlier.source != header.source || earlier.meta != header.meta) {
+  if (earlier.source != header.source || earlier.meta != header.meta ||
+      !SameCamera(earlier.camera, header.camera)) {
     ThrowError(
         "cannot resume {}: it was made of another input or with other options; without "
         "--resume it is made anew",

@@ -11,8 +11,10 @@
 
 #include "datasets/readers/text_table.h"
 #include "frontend/core/output.h"
+#include "frontend/core/statistics.h"
 #include "pipelines/console/version.h"
 #include "pipelines/json/json_file.h"
+#include "pipelines/report/brightening.h"
 #include "pipelines/report/report_page.h"
 #include "pipelines/report/track_picture.h"
 #include "pipelines/sfm/reconstruct.h"
@@ -76,10 +78,13 @@ Json TriangleOf(const std::map<Id, Eigen::Matrix3d>& covariances, Id id) {
           Rounded(c(2, 2))};
 }
 
-// Every n-th frame, so that few enough are left.
+// Every n-th frame is shown, so that few enough are left.
+std::size_t FramesAStep(const TrackFile& file) {
+  return std::max<std::size_t>(1, (file.frames.size() + kMostFrames - 1) / kMostFrames);
+}
+
 std::vector<FrameInfo> ShownFrames(const TrackFile& file) {
-  const std::size_t every =
-      std::max<std::size_t>(1, (file.frames.size() + kMostFrames - 1) / kMostFrames);
+  const std::size_t every = FramesAStep(file);
   std::vector<FrameInfo> shown;
   for (std::size_t i = 0; i < file.frames.size(); i += every) shown.push_back(file.frames[i]);
   return shown;
@@ -185,17 +190,54 @@ Json PointsOf(const ClipReport& report, const PointColours& colours) {
   return points;
 }
 
-Json CountsOf(const TrackFile& file) {
-  Json counts{{"frame", Json::array()}, {"observed", Json::array()}, {"predicted", Json::array()}};
-  for (const FrameInfo& frame : file.frames) {
-    const auto in_frame = file.tracks.InFrame(frame.index);
+// Median displacement of the features observed in both frames [px]; null without any.
+Json MotionBetween(const TrackSet& tracks, FrameIndex from, FrameIndex to) {
+  std::vector<double> motions;
+  for (const Observation* o : tracks.InFrame(to)) {
+    const Observation* before = tracks.Find(o->feature, from);
+    if (IsObserved(*o) && before != nullptr && IsObserved(*before)) {
+      motions.push_back((o->xy - before->xy).norm());
+    }
+  }
+  return motions.empty() ? Json() : Json(Rounded(Median(std::move(motions))));
+}
+
+// How far the camera went, in per cent of the distance to the scene; null without both poses.
+Json WayBetween(const Reconstruction& model, double distance, FrameIndex from, FrameIndex to) {
+  const auto a = model.cam_from_world.find(from);
+  const auto b = model.cam_from_world.find(to);
+  if (a == model.cam_from_world.end() || b == model.cam_from_world.end() || distance <= 0.0) {
+    return {};
+  }
+  const double way = (b->second.Inverse().translation - a->second.Inverse().translation).norm();
+  return Rounded(100.0 * way / distance);
+}
+
+// What the page plots, of all frames.
+Json PerFrame(const TrackFile& file, const Reconstruction& model) {
+  Json columns;
+  for (const char* name :
+       {"frame", "observed", "predicted", "motion_px", "way_percent", "residual_px"}) {
+    columns[name] = Json::array();
+  }
+  const double distance = MedianDistance(model);
+  std::map<FrameIndex, std::vector<double>> errors = ReprojectionErrors(model);
+  for (std::size_t i = 0; i < file.frames.size(); ++i) {
+    const FrameIndex frame = file.frames[i].index;
+    const auto in_frame = file.tracks.InFrame(frame);
     const auto observed = std::count_if(
         in_frame.begin(), in_frame.end(), [](const auto* o) { return IsObserved(*o); });
-    counts["frame"].push_back(ToInt(frame.index));
-    counts["observed"].push_back(observed);
-    counts["predicted"].push_back(static_cast<std::ptrdiff_t>(in_frame.size()) - observed);
+    columns["frame"].push_back(ToInt(frame));
+    columns["observed"].push_back(observed);
+    columns["predicted"].push_back(static_cast<std::ptrdiff_t>(in_frame.size()) - observed);
+    const bool first = i == 0;
+    const FrameIndex before = file.frames[first ? 0 : i - 1].index;
+    columns["motion_px"].push_back(first ? Json() : MotionBetween(file.tracks, before, frame));
+    columns["way_percent"].push_back(first ? Json() : WayBetween(model, distance, before, frame));
+    std::vector<double>& of_frame = errors[frame];
+    columns["residual_px"].push_back(of_frame.empty() ? Json() : Json(Rounded(Median(of_frame))));
   }
-  return counts;
+  return columns;
 }
 
 }  // namespace
@@ -235,8 +277,9 @@ void WriteClipReport(const fs::path& path,
   const std::vector<FrameInfo> shown = ShownFrames(file);
   const std::set<FeatureId> features = ShownTracks(file.tracks);
   PointColours colours(report.model);
-  Json frames = Json::array();
-  double scale = 1.0;
+  std::vector<cv::Mat> pictures;  // CV_32FC1
+  std::vector<IntensityRange> ranges;
+  const double scale = std::min(1.0, static_cast<double>(kPictureWidthPx) / file.width_px);
   sequence.Rewind();
   for (std::size_t i = 0; i < shown.size(); ++i) {
     std::optional<Frame> frame = sequence.Next();
@@ -247,14 +290,20 @@ void WriteClipReport(const fs::path& path,
                  ToInt(shown[i].index));
     }
     colours.See(*frame);
-    cv::Mat small;
-    scale = std::min(1.0, static_cast<double>(kPictureWidthPx) / frame->gray.cols);
-    cv::resize(Brightened(frame->gray), small, {}, scale, scale, cv::INTER_AREA);
+    cv::Mat picture;
+    frame->gray.convertTo(picture, CV_32F);
+    cv::resize(picture, picture, {}, scale, scale, cv::INTER_AREA);
+    ranges.push_back(IntensityRangeOf(picture));
+    pictures.push_back(std::move(picture));
+    if (progress) progress("report", i + 1, shown.size());
+  }
+  ranges = Steadied(ranges, kSteadyFrames / static_cast<double>(FramesAStep(file)));
+  Json frames = Json::array();
+  for (std::size_t i = 0; i < shown.size(); ++i) {
     frames.push_back({{"frame", ToInt(shown[i].index)},
                       {"name", shown[i].name},
-                      {"picture", JpegDataUri(small, kPictureQuality)},
+                      {"picture", JpegDataUri(Brightened(pictures[i], ranges[i]), kPictureQuality)},
                       {"positions", PositionsIn(file.tracks, shown[i].index, features, scale)}});
-    if (progress) progress("report", i + 1, shown.size());
   }
   Json facts = Json::array();
   for (const auto& [name, value] : report.facts) facts.push_back({name, value});
@@ -267,7 +316,7 @@ void WriteClipReport(const fs::path& path,
              {"units_per_px", kUnitsPerPx},
              {"frames", frames},
              {"tracks", {{"all", file.tracks.features().size()}, {"shown", features.size()}}},
-             {"counts", CountsOf(file)},
+             {"per_frame", PerFrame(file, report.model)},
              {"cameras", CamerasOf(report)},
              {"points", PointsOf(report, colours)},
              {"points_in_all", report.model.points.size()}});

@@ -8,6 +8,7 @@
 #include "datasets/degrade/degrade.h"
 #include "datasets/truth/track_truth.h"
 #include "frontend/tracks/track_store.h"
+#include "pipelines/report/brightening.h"
 #include "pipelines/report/track_picture.h"
 
 namespace cohort {
@@ -63,10 +64,11 @@ Json TrackPicturesToJson(const std::vector<const TrackCell*>& cells) {
   const auto truth = OpenTrackTruth(*sequence, first.frames.input);
   const auto frame = DarkestFrame(*sequence);
   if (!frame) return nullptr;
+  const cv::Mat brightened = Brightened(frame->gray, IntensityRangeOf(frame->gray));
   for (const TrackCell* cell : cells) {
     if (!fs::exists(cell->Tracks())) continue;
     const TrackFile file = ReadTrackFile(cell->Tracks());
-    const TrackPicture picture = DrawTracks(*frame, file.tracks, truth.get());
+    const TrackPicture picture = DrawTracks(brightened, frame->index, file.tracks, truth.get());
     trackers.push_back({{"tracker", cell->tracker.name},
                         {"observed", picture.observed},
                         {"predicted", picture.predicted},

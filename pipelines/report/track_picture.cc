@@ -7,7 +7,6 @@
 #include <vector>
 
 #include "frontend/core/error.h"
-#include "frontend/core/statistics.h"
 
 namespace cohort {
 namespace {
@@ -43,26 +42,15 @@ std::optional<Eigen::Vector2d> TruePositionOf(std::span<const Observation> track
 
 }  // namespace
 
-cv::Mat Brightened(const cv::Mat& gray) {
-  cv::Mat values;
-  gray.reshape(1, 1).convertTo(values, CV_64F);
-  const std::vector<double> list(values.begin<double>(), values.end<double>());
-  const double low = Quantile(list, 0.005);
-  const double high = std::max(Quantile(list, 0.995), low + 1.0);
-  cv::Mat eight_bit;
-  // Not to white: the marks must show.
-  gray.convertTo(eight_bit, CV_8U, 190.0 / (high - low), -low * 190.0 / (high - low));
-  cv::Mat color;
-  cv::cvtColor(eight_bit, color, cv::COLOR_GRAY2BGR);
-  return color;
-}
-
-TrackPicture DrawTracks(const Frame& frame, const TrackSet& tracks, TrackTruth* truth) {
+TrackPicture DrawTracks(const cv::Mat& picture,
+                        FrameIndex frame,
+                        const TrackSet& tracks,
+                        TrackTruth* truth) {
   TrackPicture result;
-  result.picture = Brightened(frame.gray);
-  for (const Observation* o : tracks.InFrame(frame.index)) {
+  result.picture = picture.clone();
+  for (const Observation* o : tracks.InFrame(frame)) {
     const auto track = tracks.Track(o->feature);
-    const auto true_xy = TruePositionOf(track, frame.index, truth);
+    const auto true_xy = TruePositionOf(track, frame, truth);
     const bool is_observed = o->state == ObservationState::kObserved;
     ++(is_observed ? result.observed : result.predicted);
     cv::Scalar color = is_observed ? kUnknownColor : kPredictedColor;
@@ -74,8 +62,8 @@ TrackPicture DrawTracks(const Frame& frame, const TrackSet& tracks, TrackTruth* 
     }
     const Observation* before = nullptr;
     for (const Observation& other : track) {
-      if (other.frame > frame.index) break;
-      const bool is_recent = ToInt(other.frame) + kTailFrames >= ToInt(frame.index);
+      if (other.frame > frame) break;
+      const bool is_recent = ToInt(other.frame) + kTailFrames >= ToInt(frame);
       if (before != nullptr && is_recent) {
         cv::line(result.picture,
                  FixedPoint(before->xy),

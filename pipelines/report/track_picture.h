@@ -4,7 +4,6 @@
 #include <string>
 
 #include "datasets/truth/track_truth.h"
-#include "frontend/image/frame.h"
 #include "frontend/tracks/track_set.h"
 
 namespace cohort {
@@ -18,13 +17,13 @@ struct TrackPicture {
   std::size_t far = 0;         // observed, more than 3 px from it
 };
 
-// To colour, with the contrast stretched; the darkest and brightest 0.5 % are cut.
-cv::Mat Brightened(const cv::Mat& gray);
-
-// The frame brightened, and of every track its last positions as a line and the
-// present one as a dot: observed ones filled, predicted ones as a ring of another colour. With truth the colour tells
-// the error (up to 1 px, up to 3 px, beyond) and a white cross marks the true position.
-TrackPicture DrawTracks(const Frame& frame, const TrackSet& tracks, TrackTruth* truth);
+// The picture of a frame (CV_8UC3), and of every track its last positions as a line and the present
+// one as a dot: observed ones filled, predicted ones as a ring of another colour. With truth the
+// colour tells the error (up to 1 px, up to 3 px, beyond) and a white cross marks the true position.
+TrackPicture DrawTracks(const cv::Mat& picture,
+                        FrameIndex frame,
+                        const TrackSet& tracks,
+                        TrackTruth* truth);
 
 // As the value of an HTML image's src.
 std::string JpegDataUri(const cv::Mat& picture, int quality = 80);

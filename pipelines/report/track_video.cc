@@ -13,6 +13,7 @@
 #include "frontend/core/child_process.h"
 #include "frontend/core/error.h"
 #include "frontend/core/output.h"
+#include "pipelines/report/brightening.h"
 #include "pipelines/report/track_picture.h"
 
 namespace cohort {
@@ -30,11 +31,16 @@ std::string TrackerOf(const TrackFile& file) {
   return tracker->second + (refined ? ", both passes" : "");
 }
 
-cv::Mat Panel(const TrackFile& file, Frame frame, int width_px) {
-  // Noise hides from people what they look for, and takes most of a video's bytes.
+// Noise hides from people what they look for, and takes most of a video's bytes.
+cv::Mat Smooth(const cv::Mat& gray) {
   constexpr double kSigmaPx = 1.0;
-  cv::GaussianBlur(frame.gray, frame.gray, {}, kSigmaPx);
-  TrackPicture drawn = DrawTracks(frame, file.tracks, nullptr);
+  cv::Mat smooth;
+  cv::GaussianBlur(gray, smooth, {}, kSigmaPx);
+  return smooth;
+}
+
+cv::Mat Panel(const TrackFile& file, const cv::Mat& picture, FrameIndex frame, int width_px) {
+  TrackPicture drawn = DrawTracks(picture, frame, file.tracks, nullptr);
   if (width_px > 0 && width_px != drawn.picture.cols) {
     const double scale = static_cast<double>(width_px) / drawn.picture.cols;
     cv::resize(drawn.picture, drawn.picture, {}, scale, scale, cv::INTER_AREA);
@@ -53,17 +59,16 @@ cv::Mat Panel(const TrackFile& file, Frame frame, int width_px) {
               cv::Scalar::all(20),
               1,
               cv::LINE_AA);
-  cv::putText(panel,
-              fmt::format("frame {}: {} observed, {} predicted",
-                          ToInt(frame.index),
-                          drawn.observed,
-                          drawn.predicted),
-              {4, 37},
-              cv::FONT_HERSHEY_DUPLEX,
-              0.45,
-              cv::Scalar::all(90),
-              1,
-              cv::LINE_AA);
+  cv::putText(
+      panel,
+      fmt::format(
+          "frame {}: {} observed, {} predicted", ToInt(frame), drawn.observed, drawn.predicted),
+      {4, 37},
+      cv::FONT_HERSHEY_DUPLEX,
+      0.45,
+      cv::Scalar::all(90),
+      1,
+      cv::LINE_AA);
   return panel;
 }
 
@@ -71,19 +76,38 @@ std::set<FrameIndex> FramesOfAll(const std::vector<TrackFile>& files) {
   std::set<FrameIndex> common;
   for (const FrameInfo& frame : files.front().frames) common.insert(frame.index);
   for (const TrackFile& file : files) {
-    if (file.width_px != files.front().width_px || file.height_px != files.front().height_px) {
-      ThrowError("the tracks are of clips of {}x{} and {}x{}: give tracks of one clip",
-                 files.front().width_px,
-                 files.front().height_px,
-                 file.width_px,
-                 file.height_px);
-    }
     std::set<FrameIndex> own;
     for (const FrameInfo& frame : file.frames) own.insert(frame.index);
     std::erase_if(common, [&](FrameIndex frame) { return !own.contains(frame); });
   }
   if (common.empty()) ThrowError("the tracks have no frame in common: give tracks of one clip");
   return common;
+}
+
+// Calls back for every wanted frame of the clip, in order, with how many came before.
+template <typename Use>
+void ForEachFrame(const std::set<FrameIndex>& wanted,
+                  const TrackFile& file,
+                  Sequence& sequence,
+                  const Use& use) {
+  std::size_t done = 0;
+  sequence.Rewind();
+  while (const auto frame = sequence.Next()) {
+    if (!wanted.contains(frame->index)) continue;
+    if (frame->gray.cols != file.width_px || frame->gray.rows != file.height_px) {
+      ThrowError("the pictures of {} are {}x{}, the tracks are of {}x{}: give --images",
+                 sequence.Name(),
+                 frame->gray.cols,
+                 frame->gray.rows,
+                 file.width_px,
+                 file.height_px);
+    }
+    use(*frame, done++);
+  }
+  if (done < wanted.size()) {
+    ThrowError(
+        "the clip has {} of the {} frames of the tracks: give --images", done, wanted.size());
+  }
 }
 
 void WriteMp4(const fs::path& path,
@@ -93,13 +117,19 @@ void WriteMp4(const fs::path& path,
               int width_px,
               const StageProgress& progress) {
   const std::set<FrameIndex> wanted = FramesOfAll(files);
+  std::vector<IntensityRange> ranges;
+  ForEachFrame(wanted, files.front(), sequence, [&](const Frame& frame, std::size_t i) {
+    ranges.push_back(IntensityRangeOf(Smooth(frame.gray)));
+    if (progress) progress("look", i + 1, wanted.size());
+  });
+  ranges = Steadied(ranges, kSteadyFrames);
   cv::VideoWriter writer;
-  std::size_t done = 0;
-  sequence.Rewind();
-  while (const auto frame = sequence.Next()) {
-    if (!wanted.contains(frame->index)) continue;
+  ForEachFrame(wanted, files.front(), sequence, [&](const Frame& frame, std::size_t i) {
+    const cv::Mat bright = Brightened(Smooth(frame.gray), ranges[i]);
     std::vector<cv::Mat> panels;
-    for (const TrackFile& file : files) panels.push_back(Panel(file, *frame, width_px));
+    for (const TrackFile& file : files) {
+      panels.push_back(Panel(file, bright, frame.index, width_px));
+    }
     cv::Mat picture;
     cv::hconcat(panels, picture);
     if (!writer.isOpened() && !writer.open(path.string(),
@@ -110,13 +140,9 @@ void WriteMp4(const fs::path& path,
       ThrowError("cannot write {}: OpenCV's FFmpeg has no H.264 here", path.string());
     }
     writer.write(picture);
-    if (progress) progress("show", ++done, wanted.size());
-  }
+    if (progress) progress("show", i + 1, wanted.size());
+  });
   writer.release();
-  if (done < wanted.size()) {
-    ThrowError(
-        "the clip has {} of the {} frames of the tracks: give --images", done, wanted.size());
-  }
   if (!fs::exists(path) || fs::file_size(path) == 0) {
     ThrowError("cannot write {}: is the disk full?", path.string());
   }

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "frontend/geometry/camera_text.h"
+#include "pipelines/sfm/fingerprint.h"
 
 namespace cohort {
 namespace {
@@ -45,6 +46,8 @@ std::optional<Camera> KnownCamera(const InputOptions& options,
 void DescribeInput(const InputOptions& options, const Sequence& sequence, TrackFile& file) {
   file.source = AbsolutePath(options.input);
   file.image_root = AbsolutePath(sequence.ImageRoot());
+  const std::string fingerprint = FingerprintOfFrames(sequence);
+  if (!fingerprint.empty()) file.meta["fingerprint"] = fingerprint;
   file.camera = KnownCamera(options, sequence, file.width_px, file.height_px);
 }
 

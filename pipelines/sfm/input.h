@@ -55,8 +55,8 @@ std::optional<Camera> KnownCamera(const InputOptions& options,
                                   int width_px,
                                   int height_px);
 
-// Fills in where the frames of `file`, whose picture size is set, come from: source, image_root and
-// camera.
+// Fills in where the frames of `file`, whose picture size is set, come from: source, image_root,
+// camera and, of files, meta["fingerprint"] (FingerprintOfFrames).
 void DescribeInput(const InputOptions& options, const Sequence& sequence, TrackFile& file);
 
 // Absolute and without dots, as a .tracks file names input; empty stays empty.

@@ -230,13 +230,7 @@ std::vector<std::string> OwnImages(const fs::path& folder) {
 // points are seen becomes ten.
 double ScaleOf(const Reconstruction& model) {
   constexpr double kDistance = 10.0;
-  std::vector<double> distances;
-  for (const auto& [feature, point] : model.points) {
-    for (const PointView& view : point.views) {
-      distances.push_back((model.cam_from_world.at(view.frame) * point.in_world).norm());
-    }
-  }
-  const double median = distances.empty() ? 0.0 : Median(std::move(distances));
+  const double median = MedianDistance(model);
   return median > 0.0 ? kDistance / median : 1.0;
 }
 

@@ -51,14 +51,9 @@ std::optional<double> CameraUncertainty(const CeresFindings& findings,
   for (const auto& [frame, covariance] : findings.camera_covariances) {
     deviations.push_back(std::sqrt(covariance.bottomRightCorner<3, 3>().trace() / 3.0));
   }
-  std::vector<double> distances;
-  for (const auto& [feature, point] : reconstruction.points) {
-    for (const PointView& view : point.views) {
-      distances.push_back((reconstruction.cam_from_world.at(view.frame) * point.in_world).norm());
-    }
-  }
-  if (deviations.empty() || distances.empty()) return std::nullopt;
-  return Median(std::move(deviations)) / Median(std::move(distances));
+  const double distance = MedianDistance(reconstruction);
+  if (deviations.empty() || distance <= 0.0) return std::nullopt;
+  return Median(std::move(deviations)) / distance;
 }
 
 Json FindingsToJson(const CeresFindings& findings, const Reconstruction& reconstruction) {

@@ -22,6 +22,7 @@
 #include "frontend/core/error.h"
 #include "frontend/core/statistics.h"
 #include "frontend/tracks/track_store.h"
+#include "pipelines/report/brightening.h"
 #include "pipelines/report/track_picture.h"
 
 namespace cohort {
@@ -50,7 +51,8 @@ cv::Mat Panel(const Frame& frame,
     if (o->state != ObservationState::kObserved) continue;
     ages.push_back(ToInt(frame.index) - ToInt(tracks.Track(o->feature).front().frame));
   }
-  const TrackPicture drawn = DrawTracks(frame, tracks, truth);
+  const TrackPicture drawn =
+      DrawTracks(Brightened(frame.gray, IntensityRangeOf(frame.gray)), frame.index, tracks, truth);
   return Captioned(drawn.picture,
                    title,
                    fmt::format("{} points seen, half of them for {:.0f} frames or more",

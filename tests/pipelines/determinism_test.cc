@@ -20,10 +20,9 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
-// What has to differ, by its name in JSON and in the rows of results: how long something took, and
-// of the clip's files, when they were written. docs/files.md says so too.
-const std::set<std::string> kTimings{
-    "seconds", "ms_per_frame", "detect_time", "track_time", "fingerprint"};
+// What has to differ, by its name in JSON and in the rows of results: how long something took.
+// docs/files.md says so too.
+const std::set<std::string> kTimings{"seconds", "ms_per_frame", "detect_time", "track_time"};
 
 Json WithoutTimings(const Json& json) {
   if (json.is_array()) {

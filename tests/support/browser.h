@@ -34,6 +34,27 @@ inline ProgramEnd Browse(const std::filesystem::path& page,
                   page.string()));
 }
 
+// A page that shows another one in a frame of this size: headless Chromium takes no window narrower
+// than 500 px, phones have 360. The page within is of the same origin: its script reaches `top`.
+inline std::string Framed(const std::string& html, int width_px, int height_px) {
+  std::string escaped;
+  for (const char c : html) {
+    if (c == '&') {
+      escaped += "&amp;";
+    } else if (c == '"') {
+      escaped += "&quot;";
+    } else {
+      escaped += c;
+    }
+  }
+  return fmt::format(
+      "<!doctype html><meta charset=\"utf-8\"><body style=\"margin:0\"><iframe width=\"{}\" "
+      "height=\"{}\" style=\"border:0;display:block\" srcdoc=\"{}\"></iframe></body>",
+      width_px,
+      height_px,
+      escaped);
+}
+
 // What a page's script left in <pre id="probe"> of a dumped page, unescaped; none: it left nothing.
 inline std::optional<std::string> Probe(const std::string& dumped) {
   const std::string open = "<pre id=\"probe\">";

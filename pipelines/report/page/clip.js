@@ -40,6 +40,7 @@ if (data.sentences.length) {
 const pair = el('div', {class: 'pair'});
 page.append(pair);
 const redraws = [];  // when the theme or the size changes
+const frames = data.per_frame.frame;  // all, also those that are not shown
 
 // ---- the clip, with its tracks ----
 
@@ -67,6 +68,8 @@ const pictures = data.frames.map(({picture}) => {
   return image;
 });
 let current = 0;
+let markCamera = () => {};
+let markPlots = () => {};
 
 const drawFrame = () => {
   const image = pictures[current];
@@ -107,6 +110,7 @@ const show = (i) => {
   slider.value = current;
   drawFrame();
   markCamera();
+  markPlots();
 };
 let timer = null;
 const stop = () => {
@@ -130,13 +134,14 @@ for (const input of [observedBox, predictedBox, tailsBox]) input.addEventListene
 pair.append(el('section', {}, el('h2', {}, 'The clip'), player,
   el('div', {class: 'bar'}, play, slider), el('div', {class: 'bar'}, observedLabel, predictedLabel, tailsLabel),
   el('p', {}, frameText),
-  el('p', {class: 'soft'}, `${data.tracks.shown} of ${data.tracks.all} tracks, the longest; every picture brightened by itself.`)));
+  el('p', {class: 'soft', id: 'thinned'}, [
+    frames.length > data.frames.length ? `${data.frames.length} of ${frames.length} frames, so that the page stays small.` : null,
+    data.tracks.all > data.tracks.shown ? `The ${data.tracks.shown} longest of ${data.tracks.all} tracks.` : `All ${data.tracks.all} tracks.`,
+    'Brightened for the eye.'].filter((text) => text).join(' '))));
 for (const image of pictures) image.addEventListener('load', () => { if (image === pictures[current]) drawFrame(); });
 redraws.push(drawFrame);
 
 // ---- the model ----
-
-let markCamera = () => {};
 
 const median = (values) => [...values].sort((a, b) => a - b)[values.length >> 1] || 0;
 const vectors = (flat) => {
@@ -248,14 +253,13 @@ const modelSection = () => {
   scene.add(now);
 
   // Deviations as they are would be too small to see.
-  const sure = [
-    ...data.points.covariances.map((covariance, i) => ({at: points[i], covariance})),
-    ...data.cameras.map((camera, i) => ({at: centers[i], covariance: camera.covariance})),
-  ].filter(({covariance}) => covariance);
+  const known = ({covariance}) => covariance;
+  const surePoints = data.points.covariances.map((covariance, i) => ({at: points[i], covariance})).filter(known);
+  const pointsShown = surePoints.filter((_, i) => i % Math.ceil(surePoints.length / 4000) === 0);
+  const shown = [...pointsShown, ...data.cameras.map((camera, i) => ({at: centers[i], covariance: camera.covariance})).filter(known)];
   let blobs = null;
   let factor = 1;
-  if (sure.length) {
-    const shown = sure.slice(-4000);
+  if (shown.length) {
     const deviation = median(shown.map(({covariance: [xx, , , yy, , zz]}) => Math.sqrt((xx + yy + zz) / 3)));
     factor = deviation > 0 ? Math.max(1, 10 ** Math.floor(Math.log10(0.02 * span / deviation))) : 1;
     blobs = ellipsoids(shown, factor, new MeshBasicMaterial({transparent: true, opacity: 0.35, depthWrite: false}));
@@ -264,8 +268,12 @@ const modelSection = () => {
   } else {
     sigmaBox.disabled = true;
   }
-  note.textContent = `${points.length} of ${data.points_in_all} points, ${centers.length} cameras. Drag to turn, scroll or pinch to come nearer, click a camera for its frame.` +
-    (sure.length ? ` Uncertainty: standard deviations${factor > 1 ? `, drawn ${factor} times as large` : ''}.` : ' Its uncertainty is not known.');
+  const outOf = (some, all) => (some < all ? `${some} of ${all}` : `${all}`);
+  note.textContent = [
+    `${outOf(points.length, data.points_in_all)} points, ${centers.length} cameras${every > 1 ? `, every ${every}th drawn` : ''}.`,
+    'Drag to turn, scroll or pinch to come nearer, click a camera for its frame.',
+    shown.length ? `Uncertainty: standard deviations of ${outOf(pointsShown.length, surePoints.length)} points and the cameras` +
+      `${factor > 1 ? `, drawn ${factor} times as large` : ''}.` : 'Its uncertainty is not known.'].join(' ');
 
   holder.append(renderer.domElement);
   const render = () => renderer.render(scene, eye);
@@ -326,30 +334,68 @@ const modelSection = () => {
 };
 modelSection();
 
-// ---- how many features ----
+// ---- frame by frame ----
 
-const holder = el('div', {class: 'plot', id: 'plot'});
-page.append(el('section', {}, el('h2', {}, 'Features in a frame'), holder,
-  el('p', {class: 'soft'}, 'Observed: the picture confirms them. Predicted: held by the other features. Click for a frame.')));
-let plot = null;
-redraws.push(() => {
-  if (plot) plot.destroy();
-  const axis = {stroke: css('--soft'), grid: {stroke: css('--line')}, ticks: {stroke: css('--line')}};
-  plot = new uPlot({
-    width: holder.clientWidth,
-    height: 200,
-    scales: {x: {time: false}, y: {range: (u, min, max) => [0, Math.max(max, 1)]}},
-    axes: [axis, {...axis, size: 46}],
-    series: [{label: 'frame'}, {label: 'observed', stroke: css('--observed'), width: 2},
-      {label: 'predicted', stroke: css('--predicted'), width: 2, dash: [6, 4]}],
-  }, [data.counts.frame, data.counts.observed, data.counts.predicted], holder);
-  plot.over.addEventListener('click', () => {
-    const frame = data.counts.frame[plot.cursor.idx];
-    if (frame === undefined) return;
-    stop();
-    show(data.frames.findLastIndex((candidate) => candidate.frame <= frame));
-  });
-});
+const {observed: observedCounts, predicted: predictedCounts, motion_px: motion, way_percent: way, residual_px: residual} = data.per_frame;
+const perFrame = [
+  {id: 'features', title: 'Features', lines: [[observedCounts, 'observed', '--observed'], [predictedCounts, 'predicted', '--predicted']],
+    note: 'Observed: the picture confirms them. Predicted: held by the other features.'},
+  {id: 'motion', title: 'Motion of the picture', lines: [[motion, 'px', '--observed']],
+    note: 'How far the features moved since the frame before, median.'},
+  {id: 'way', title: 'Way of the camera', lines: [[way, '% of the distance to the scene', '--observed']],
+    note: 'Since the frame before. Gaps: frames without a pose.'},
+  {id: 'residual', title: 'What the model leaves', lines: [[residual, 'px', '--observed']],
+    note: 'How far the features are from where the model puts them, median.'},
+].filter(({lines: [[values]]}) => values.some((value) => value !== null));
+const plots = [];  // with what marks the frame shown
+markPlots = () => {
+  const {frame} = data.frames[current];
+  const i = frames.indexOf(frame);
+  for (const {plot, mark, texts, lines} of plots) {
+    mark.style.left = `${plot.valToPos(frame, 'x')}px`;
+    texts.forEach((text, k) => {
+      const value = lines[k][0][i];
+      text.textContent = `${value === null ? '\u2013' : +value.toPrecision(3)} ${lines[k][1]}`;
+    });
+  }
+};
+page.append(el('section', {}, el('h2', {}, 'Frame by frame'),
+  el('p', {class: 'soft'}, 'The upright line is the frame shown above, the figures are its own. Click for another frame.'),
+  el('div', {class: 'plots'}, perFrame.map(({id, title, note, lines}) => {
+    const holder = el('div', {class: 'plot', id});
+    const texts = lines.map(() => el('span', {}));
+    const key = lines.map(([, , color], k) => el('span', {}, lines.length > 1
+      ? el('i', {class: 'line', style: `border-color:var(${color});border-top-style:${k ? 'dashed' : 'solid'}`}) : null, texts[k]));
+    let shown = null;
+    redraws.push(() => {
+      if (shown) {
+        shown.plot.destroy();
+        plots.splice(plots.indexOf(shown), 1);
+      }
+      const axis = {stroke: css('--soft'), grid: {stroke: css('--line'), width: 1}, ticks: {stroke: css('--line'), width: 1}};
+      const plot = new uPlot({
+        width: holder.clientWidth,
+        height: 160,
+        legend: {show: false},
+        cursor: {drag: {x: false, y: false, click: () => {}}, sync: {key: 'frames'}, y: false},
+        scales: {x: {time: false}, y: {range: (u, min, max) => [0, 1.05 * max || 1]}},
+        axes: [axis, {...axis, size: 46}],
+        series: [{}, ...lines.map(([, , color], k) => ({stroke: css(color), width: 2, dash: k ? [6, 4] : undefined}))],
+        hooks: {draw: [() => markPlots()]},
+      }, [frames, ...lines.map(([values]) => values)], holder);
+      const mark = el('div', {class: 'mark'});
+      plot.over.append(mark);
+      shown = {plot, mark, texts, lines};
+      plots.push(shown);
+      plot.over.addEventListener('click', () => {
+        const frame = frames[plot.cursor.idx];
+        if (frame === undefined) return;
+        stop();
+        show(data.frames.findLastIndex((candidate) => candidate.frame <= frame));
+      });
+    });
+    return el('div', {}, el('div', {class: 'over'}, el('h3', {}, title), el('span', {class: 'soft key'}, key)), holder, el('p', {class: 'soft'}, note));
+  }))));
 page.append(el('p', {class: 'soft'}, `Written by ${data.program}.`));
 
 // ---- theme and size ----

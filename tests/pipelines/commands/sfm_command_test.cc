@@ -148,6 +148,66 @@ TEST_F(Sfm, GoesOnWhereItWasKilled) {
   EXPECT_NE(fs::last_write_time(killed / "transforms.json"), written) << "it is another scene";
 }
 
+TEST_F(Sfm, KeepsWhatIsBeforeTheOptionsThatChanged) {
+  const fs::path scene = *dir_ / "kept";
+  ASSERT_EQ(RunSfm(scene).exit_code, 0);
+  const auto written = [&](const char* name) { return fs::last_write_time(scene / name); };
+  const auto tracks = written("clip.tracks");
+  const auto model = written("model/images.bin");
+
+  ASSERT_EQ(RunSfm(scene, "--resume --max-images 5").exit_code, 0);
+  EXPECT_EQ(written("clip.tracks"), tracks);
+  EXPECT_EQ(written("model/images.bin"), model) << "only the scene's options changed";
+  EXPECT_EQ(Json(scene / "transforms.json").at("frames").size(), 5u);
+  EXPECT_EQ(Validate(scene).exit_code, 0);
+  const fs::path anew = *dir_ / "anew";
+  ASSERT_EQ(RunSfm(anew, "--max-images 5").exit_code, 0);
+  for (const char* file : {"transforms.json", "sparse/0/points3D.bin", "sparse_pc.ply"}) {
+    EXPECT_EQ(ReadBytes(scene / file), ReadBytes(anew / file)) << file;
+  }
+
+  ASSERT_EQ(RunSfm(scene, "--resume --brighten").exit_code, 0);
+  EXPECT_EQ(written("model/images.bin"), model);
+
+  ASSERT_EQ(RunSfm(scene, "--resume --model.ceres.min-track-length 5").exit_code, 0);
+  EXPECT_EQ(written("clip.tracks"), tracks);
+  EXPECT_NE(written("model/images.bin"), model) << "the model's options changed";
+
+  // Of the first stage: tracks take the time, so they are not lost by a slip of the hand.
+  const test::ProgramEnd other = RunSfm(scene, "--resume --track.detector.max-features 90");
+  EXPECT_EQ(other.exit_code, 1);
+  EXPECT_THAT(other.err, HasSubstr("cannot resume"));
+  EXPECT_EQ(written("clip.tracks"), tracks);
+  EXPECT_TRUE(fs::exists(scene / "summary.json")) << "the scene is still whole";
+}
+
+// Pictures without compression: as large whatever they show.
+TEST_F(Sfm, KnowsAnotherClipOfEqualSizeAndACopyOfTheSame) {
+  const fs::path clip = *dir_ / "bitmaps";
+  fs::create_directory(clip);
+  const auto write = [&](bool mirrored) {
+    for (const auto& entry : fs::directory_iterator(*dir_ / "clip")) {
+      cv::Mat picture = cv::imread(entry.path().string());
+      if (mirrored) cv::flip(picture, picture, 1);
+      cv::imwrite((clip / entry.path().stem()).string() + ".bmp", picture);
+    }
+  };
+  const std::string command = "sfm " + clip.string() +
+                              " --camera 260,260,159.5,119.5 --features 100 --quiet --resume "
+                              "--second-pass off --out " +
+                              (*dir_ / "bitmap_scene").string();
+  write(false);
+  ASSERT_EQ(test::RunCohort(command).exit_code, 0);
+  const auto written = fs::last_write_time(*dir_ / "bitmap_scene" / "transforms.json");
+  write(false);  // the same bytes, another time
+  ASSERT_EQ(test::RunCohort(command).exit_code, 0);
+  EXPECT_EQ(fs::last_write_time(*dir_ / "bitmap_scene" / "transforms.json"), written);
+  write(true);
+  const test::ProgramEnd end = test::RunCohort(command);
+  EXPECT_EQ(end.exit_code, 1);
+  EXPECT_THAT(end.err, HasSubstr("was made of another input"));
+}
+
 TEST_F(Sfm, ThatHasNoModelSaysWhatToDo) {
   fs::create_directory(*dir_ / "black");
   for (int i = 0; i < 5; ++i) {

@@ -4,11 +4,15 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cmath>
 #include <filesystem>
 #include <nlohmann/json.hpp>
+#include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 #include <opencv2/videoio.hpp>
 #include <string>
+#include <vector>
 
 #include "frontend/core/output.h"
 #include "frontend/tracks/track_store.h"
@@ -20,8 +24,10 @@ namespace cohort {
 namespace {
 
 namespace fs = std::filesystem;
+using testing::AllOf;
 using testing::HasSubstr;
 using testing::IsEmpty;
+using testing::Not;
 
 class Show : public testing::Test {
  protected:
@@ -100,6 +106,90 @@ TEST_F(Show, OfClipsThatAreNotOneSaysSoAndLeavesNothing) {
       test::RunCohort("show " + Path("a.tracks") + " --quiet --out " + Path("v.xyz")).exit_code, 2);
 }
 
+TEST_F(Show, TellsClipsOfOneSizeApart) {
+  Run("synth " + Path("second") +
+      " --seed 2 --frames 20 --width-px 320 --height-px 240 --focal-px 260 --quiet");
+  Run("track " + Path("second") + " --tracker klt --features 30 --quiet --out " +
+      Path("second.tracks"));
+  const std::string both = "show " + Path("a.tracks") + " " + Path("second.tracks") + " --quiet ";
+  const test::ProgramEnd end = test::RunCohort(both + "--out " + Path("never.mp4"));
+  EXPECT_EQ(end.exit_code, 1);
+  EXPECT_THAT(end.err, AllOf(HasSubstr("a.tracks is of "), HasSubstr("second.tracks of ")));
+  EXPECT_EQ(std::count(end.err.begin(), end.err.end(), '\n'), 1) << end.err;
+  EXPECT_FALSE(fs::exists(Path("never.mp4")));
+  // Who says which clip to show knows: such as one clip in daylight and in the dark.
+  Run(both + "--images " + Path("second") + " --out " + Path("said.mp4"));
+
+  // The same clip under another name is the same clip.
+  fs::copy(clip_, Path("copy"), fs::copy_options::recursive);
+  Run("track " + Path("copy") + " --tracker klt --features 30 --quiet --out " +
+      Path("copy.tracks"));
+  Run("show " + Path("a.tracks") + " " + Path("copy.tracks") + " --quiet --out " + Path("c.mp4"));
+
+  // And another one under the same name is not.
+  fs::remove_all(Path("copy"));
+  fs::rename(Path("second"), Path("copy"));
+  const test::ProgramEnd changed =
+      test::RunCohort("show " + Path("copy.tracks") + " --quiet --out " + Path("d.mp4"));
+  EXPECT_EQ(changed.exit_code, 0) << changed.err;
+  EXPECT_THAT(changed.err, HasSubstr("is not what it was"));
+}
+
+// A static picture in the dark, for which any track will do.
+class ShowLight : public testing::Test {
+ protected:
+  // The mean of the film's frames where the blinking lamp is not.
+  std::vector<double> Film(const std::vector<double>& light, bool lamp) {
+    fs::remove_all(dir_ / "clip");
+    fs::create_directory(dir_ / "clip");
+    cv::Mat picture(120, 160, CV_8UC1);
+    cv::RNG random(1);
+    random.fill(picture, cv::RNG::UNIFORM, 20, 200);
+    cv::GaussianBlur(picture, picture, {}, 2.0);
+    std::string csv = "track_id,frame,x,y\n";
+    for (std::size_t i = 0; i < light.size(); ++i) {
+      cv::Mat frame = picture * light[i];
+      if (lamp && i % 2 == 1) frame(cv::Rect(0, 0, 20, 20)) = cv::Scalar(250);
+      cv::imwrite(dir_ / fmt::format("clip/{:03}.png", i), frame);
+      csv += fmt::format("0,{},80,60\n", i);
+    }
+    WriteBytes(dir_ / "t.csv", csv);
+    for (const std::string& command :
+         {"import " + (dir_ / "t.csv").string() + " --images " + (dir_ / "clip").string() +
+              " --quiet --out " + (dir_ / "t.tracks").string(),
+          "show " + (dir_ / "t.tracks").string() + " --quiet --out " + (dir_ / "t.mp4").string()}) {
+      const test::ProgramEnd end = test::RunCohort(command);
+      EXPECT_EQ(end.exit_code, 0) << end.err;
+    }
+    cv::VideoCapture video(dir_ / "t.mp4");
+    std::vector<double> means;
+    cv::Mat shown;
+    while (video.read(shown)) means.push_back(cv::mean(shown(cv::Rect(40, 80, 110, 80)))[0]);
+    return means;
+  }
+
+  test::TempDir dir_;
+};
+
+TEST_F(ShowLight, ALampThatBlinksMakesNoPictureFlicker) {
+  const std::vector<double> means = Film(std::vector<double>(40, 0.1), true);
+  ASSERT_EQ(means.size(), 40u);
+  for (std::size_t i = 1; i < means.size(); ++i) {
+    EXPECT_NEAR(means[i], means[i - 1], 0.1 * means[i]) << "frame " << i;
+  }
+}
+
+TEST_F(ShowLight, ADarkClipIsVisibleAndSoIsOneThatGrowsLight) {
+  for (const double mean : Film(std::vector<double>(10, 0.04), false)) EXPECT_GT(mean, 50.0);
+  std::vector<double> light;
+  for (int i = 0; i < 120; ++i) light.push_back(0.02 * std::pow(40.0, i / 120.0));
+  const std::vector<double> means = Film(light, false);
+  for (std::size_t i = 0; i < means.size(); ++i) {
+    EXPECT_GT(means[i], 40.0) << "frame " << i;
+    EXPECT_LT(means[i], 180.0) << "frame " << i;
+  }
+}
+
 // Uses every control and says what it did.
 constexpr const char* kUse = R"(<script>
 window.complaints = [];
@@ -119,9 +209,24 @@ addEventListener('load', () => setTimeout(async () => {
     changes[name] = before !== see();
   };
   const toggle = (id) => () => get(id).click();
+  const marks = () => [...document.querySelectorAll('.mark')].map((mark) => mark.style.left).join();
+  const press = (plot) => () => {
+    const over = plot.querySelector('.u-over');
+    const area = over.getBoundingClientRect();
+    for (const kind of ['mouseenter', 'mousemove', 'click']) {
+      over.dispatchEvent(new MouseEvent(kind, {bubbles: true, clientX: area.left + 0.75 * area.width, clientY: area.top + 20}));
+    }
+  };
   await wait(300);
   await change('slider', player, () => { get('slider').value = 12; get('slider').dispatchEvent(new Event('input')); });
   await change('slider marks the camera', view, () => { get('slider').value = 3; get('slider').dispatchEvent(new Event('input')); });
+  await change('slider marks the plots', marks, () => { get('slider').value = 4; get('slider').dispatchEvent(new Event('input')); });
+  const apart = new Set(marks().split(',').map(parseFloat)).size;
+  for (const plot of document.querySelectorAll('.plot')) {
+    await change(`plot ${plot.id}`, () => get('frame').textContent, press(plot));
+    get('slider').value = 3;
+    get('slider').dispatchEvent(new Event('input'));
+  }
   const frame = get('frame').textContent;
   for (const id of ['observed', 'tails']) await change(id, player, toggle(id));
   get('observed').click();
@@ -140,24 +245,29 @@ addEventListener('load', () => setTimeout(async () => {
   const out = document.createElement('pre');
   out.id = 'probe';
   out.textContent = JSON.stringify({
-    complaints, changes, reset, frame,
+    complaints, changes, reset, frame, apart,
+    plots: [...document.querySelectorAll('.plot')].map((plot) => plot.id),
+    said: [get('thinned').textContent, get('note').textContent],
+    shown: Number(get('slider').max) + 1,
+    tall: document.documentElement.scrollHeight,
     ready: document.body.dataset.ready || null,
     title: document.querySelector('h1').textContent,
     pictures: document.images.length,
     fetched: performance.getEntriesByType('resource').map((r) => r.name.slice(0, 80)).filter((name) => !name.startsWith('data:')),
     wider: document.documentElement.scrollWidth - innerWidth,
   });
-  document.body.append(out);
+  top.document.body.append(out);
 }, 300));
 </script>)";
 
-nlohmann::json Use(const std::string& page, const std::string& window) {
+nlohmann::json Use(const std::string& page, int width_px) {
   std::string html = ReadBytes(page);
   html.insert(html.find("<style>"), kUse);
+  html = test::Framed(html, width_px, 900);
   const std::string copy = page + ".used.html";
   WriteBytes(copy, html);
   const test::ProgramEnd end =
-      test::Browse(copy, "--window-size=" + window + " --dump-dom", fs::path(page).parent_path());
+      test::Browse(copy, "--window-size=1200,900 --dump-dom", fs::path(page).parent_path());
   const auto probe = test::Probe(end.out);
   if (!probe)
     throw std::runtime_error("the page did not come to its end: " + end.err.substr(0, 500));
@@ -168,7 +278,7 @@ TEST_F(Show, MakesAPageOfWhichEveryControlDoesSomething) {
   if (test::Browser().empty()) GTEST_SKIP() << "no chromium";
   Run("show " + Path("a.tracks") + " --model " + Path("model") + " --quiet --out " +
       Path("page.html"));
-  const nlohmann::json used = Use(Path("page.html"), "1200,900");
+  const nlohmann::json used = Use(Path("page.html"), 1200);
   EXPECT_EQ(used.at("ready"), "yes");
   EXPECT_THAT(used.at("complaints"), IsEmpty()) << used.dump();
   EXPECT_THAT(used.at("fetched"), IsEmpty()) << "the page opens offline";
@@ -176,9 +286,27 @@ TEST_F(Show, MakesAPageOfWhichEveryControlDoesSomething) {
   EXPECT_TRUE(used.at("reset")) << "the view is where it was at first";
   EXPECT_THAT(used.at("frame").get<std::string>(), HasSubstr("frame 3: "));
   for (const auto& [control, changed] : used.at("changes").items()) EXPECT_TRUE(changed) << control;
-  EXPECT_EQ(used.at("changes").size(), 11u);
+  EXPECT_EQ(used.at("changes").size(), 16u);
+  EXPECT_EQ(used.at("plots"), nlohmann::json({"features", "motion", "way", "residual"}));
+  EXPECT_EQ(used.at("apart"), 1) << "all plots mark the same frame";
   EXPECT_LE(used.at("wider"), 0);
-  EXPECT_LE(Use(Path("page.html"), "500,900").at("wider"), 0) << "on a phone";
+  EXPECT_EQ(used.at("shown"), 20);
+  EXPECT_THAT(used.at("said").dump(), AllOf(Not(HasSubstr("frames")), HasSubstr("points")))
+      << "nothing was left out";
+}
+
+TEST_F(Show, MakesAPageThatFitsAPhone) {
+  if (test::Browser().empty()) GTEST_SKIP() << "no chromium";
+  Run("show " + Path("a.tracks") + " --model " + Path("model") + " --quiet --out " +
+      Path("phone.html"));
+  for (const int width_px : {360, 500}) {
+    const nlohmann::json used = Use(Path("phone.html"), width_px);
+    EXPECT_LE(used.at("wider"), 0) << width_px;
+    EXPECT_THAT(used.at("complaints"), IsEmpty()) << used.dump();
+    for (const auto& [control, changed] : used.at("changes").items()) {
+      EXPECT_TRUE(changed) << control << " at " << width_px;
+    }
+  }
 }
 
 TEST_F(Show, MakesAPageWithoutAModelToo) {
@@ -196,8 +324,17 @@ TEST_F(Show, KeepsThePageOfALongClipSmall) {
   Run("degrade " + Path("long") + " " + Path("dark") + " --level hard --quiet");
   Run("track " + Path("dark") + " --tracker klt --features 400 --quiet --out " +
       Path("long.tracks"));
-  Run("show " + Path("long.tracks") + " --quiet --out " + Path("long.html"));
+  Run("reconstruct " + Path("long.tracks") + " --ceres.covariances --quiet --out " +
+      Path("long_model"));
+  Run("show " + Path("long.tracks") + " --model " + Path("long_model") + " --quiet --out " +
+      Path("long.html"));
   EXPECT_LT(fs::file_size(Path("long.html")), 8'000'000u);
+  if (test::Browser().empty()) return;
+  const nlohmann::json used = Use(Path("long.html"), 1200);
+  EXPECT_EQ(used.at("shown"), 150);
+  EXPECT_THAT(used.at("said").at(0).get<std::string>(), HasSubstr("150 of 300 frames"));
+  EXPECT_THAT(used.at("said").at(0).get<std::string>(), HasSubstr("The 300 longest of "));
+  EXPECT_THAT(used.at("complaints"), IsEmpty());
 }
 
 }  // namespace

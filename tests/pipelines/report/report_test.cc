@@ -70,7 +70,7 @@ addEventListener('load', () => setTimeout(() => {
   const out = document.createElement('pre');
   out.id = 'probe';
   out.textContent = JSON.stringify(probe);
-  document.body.append(out);
+  top.document.body.append(out);
 }, 500));
 </script>)";
 
@@ -99,13 +99,13 @@ class Report : public testing::Test {
            Path(out);
   }
 
-  static nlohmann::json Probe(const std::string& window) {
+  static nlohmann::json Probe(int width_px) {
     std::string page = ReadBytes(Path("out/report.html"));
     page.replace(page.find("<head>"), 6, std::string("<head>") + kProbeHead);
     page.replace(page.rfind("</body>"), 7, std::string(kProbeFoot) + "</body>");
-    WriteBytes(Path("probed.html"), page);
+    WriteBytes(Path("probed.html"), test::Framed(page, width_px, 900));
     const test::ProgramEnd end =
-        test::Browse(Path("probed.html"), "--window-size=" + window + " --dump-dom", dir_->path());
+        test::Browse(Path("probed.html"), "--window-size=1200,900 --dump-dom", dir_->path());
     const auto json = test::Probe(end.out);
     if (!json) {
       ADD_FAILURE() << "the page did not come to its end\n" << end.err;
@@ -137,7 +137,7 @@ Figures ReadCsv(const fs::path& path) {
 
 TEST_F(Report, OpensOfflineAndDrawsEverythingWithoutComplaint) {
   if (test::Browser().empty()) GTEST_SKIP() << "no chromium";
-  const auto probe = Probe("1200,900");
+  const auto probe = Probe(1200);
   ASSERT_FALSE(probe.is_null());
   EXPECT_EQ(probe["ready"], "true");
   EXPECT_THAT(probe["complaints"].get<std::vector<std::string>>(), IsEmpty());
@@ -166,7 +166,7 @@ TEST_F(Report, OpensOfflineAndDrawsEverythingWithoutComplaint) {
 
 TEST_F(Report, ShowsWhatResultsCsvHas) {
   if (test::Browser().empty()) GTEST_SKIP() << "no chromium";
-  const auto probe = Probe("1200,900");
+  const auto probe = Probe(1200);
   ASSERT_FALSE(probe.is_null());
   const Figures figures = ReadCsv(Path("out/results.csv"));
   EXPECT_EQ(probe["cells"].size(), 2u * 2u * 5u);
@@ -192,14 +192,17 @@ TEST_F(Report, ShowsWhatResultsCsvHas) {
 
 TEST_F(Report, FitsAPhoneAndIsNotBlankThere) {
   if (test::Browser().empty()) GTEST_SKIP() << "no chromium";
-  const auto probe = Probe("500,900");  // the least that headless Chromium takes
-  ASSERT_FALSE(probe.is_null());
-  EXPECT_LE(probe["wider"], 0);
-  test::Browse(Path("out/report.html"),
-               "--window-size=500,3000 --screenshot=" + Path("phone.png"),
-               dir_->path());
-  const cv::Mat picture = cv::imread(Path("phone.png"), cv::IMREAD_GRAYSCALE);
+  for (const int width_px : {360, 500}) {
+    const auto probe = Probe(width_px);
+    ASSERT_FALSE(probe.is_null());
+    EXPECT_LE(probe["wider"], 0) << width_px;
+  }
+  WriteBytes(Path("phone.html"), test::Framed(ReadBytes(Path("out/report.html")), 360, 3000));
+  test::Browse(
+      Path("phone.html"), "--window-size=500,3000 --screenshot=" + Path("phone.png"), dir_->path());
+  cv::Mat picture = cv::imread(Path("phone.png"), cv::IMREAD_GRAYSCALE);
   ASSERT_FALSE(picture.empty());
+  picture = picture(cv::Rect(0, 0, 360, picture.rows));
   for (int y = 0; y + 600 <= picture.rows; y += 600) {
     cv::Scalar mean;
     cv::Scalar deviation;

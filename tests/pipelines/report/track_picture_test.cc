@@ -41,16 +41,12 @@ TrackSet FourTracks() {
   return TrackSet::Build(std::move(all));
 }
 
-Frame SecondFrame() {
-  Frame frame;
-  frame.index = FrameIndex{1};
-  frame.gray = cv::Mat(120, 160, CV_8U, cv::Scalar(7));
-  return frame;
-}
+const cv::Mat kPicture(120, 160, CV_8UC3, cv::Scalar::all(7));
+constexpr FrameIndex kSecond{1};
 
 TEST(TrackPicture, CountsAndColoursBySizeOfTheError) {
   MovingTruth truth;
-  const TrackPicture picture = DrawTracks(SecondFrame(), FourTracks(), &truth);
+  const TrackPicture picture = DrawTracks(kPicture, kSecond, FourTracks(), &truth);
   EXPECT_EQ(picture.observed, 3u);
   EXPECT_EQ(picture.predicted, 1u);
   EXPECT_EQ(picture.near_truth, 1u);
@@ -64,7 +60,7 @@ TEST(TrackPicture, CountsAndColoursBySizeOfTheError) {
 }
 
 TEST(TrackPicture, WithoutTruthNothingIsJudged) {
-  const TrackPicture picture = DrawTracks(SecondFrame(), FourTracks(), nullptr);
+  const TrackPicture picture = DrawTracks(kPicture, kSecond, FourTracks(), nullptr);
   EXPECT_EQ(picture.observed, 3u);
   EXPECT_EQ(picture.near_truth, 0u);
   EXPECT_EQ(picture.far, 0u);

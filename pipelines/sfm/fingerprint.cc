@@ -1,0 +1,85 @@
+#include "pipelines/sfm/fingerprint.h"
+
+#include <fmt/format.h>
+
+#include <array>
+#include <cstdint>
+#include <filesystem>
+#include <fstream>
+#include <set>
+#include <string_view>
+#include <vector>
+
+#include "frontend/core/output.h"
+
+namespace cohort {
+namespace {
+
+namespace fs = std::filesystem;
+
+class Fnv1a {
+ public:
+  Fnv1a& operator<<(std::string_view bytes) {
+    for (const char c : bytes) {
+      hash_ = (hash_ ^ static_cast<unsigned char>(c)) * 1099511628211ULL;
+    }
+    return *this;
+  }
+  std::string Digits() const { return fmt::format("{:016x}", hash_); }
+
+ private:
+  std::uint64_t hash_ = 14695981039346656037ULL;
+};
+
+// A file's size and, spread over it, some of its bytes; nothing of one that cannot be read.
+void AddFile(const fs::path& path, Fnv1a& hash) {
+  constexpr std::uint64_t kBlocks = 8;
+  constexpr std::uint64_t kBlockBytes = 1024;
+  std::error_code error;
+  const std::uint64_t size = fs::file_size(path, error);
+  if (error) return;
+  hash << fmt::format("{} {}\n", path.filename().string(), size);
+  std::ifstream file(path, std::ios::binary);
+  std::array<char, kBlockBytes> block{};
+  for (std::uint64_t i = 0; i < kBlocks && file; ++i) {
+    if (size > kBlocks * kBlockBytes) {
+      file.seekg(static_cast<std::streamoff>(i * (size - kBlockBytes) / (kBlocks - 1)));
+    }
+    file.read(block.data(), kBlockBytes);
+    hash << std::string_view(block.data(), static_cast<std::size_t>(file.gcount()));
+  }
+}
+
+}  // namespace
+
+std::string FingerprintOfFrames(const Sequence& sequence) {
+  const std::vector<fs::path> files = sequence.Files();
+  if (files.empty()) return "";
+  Fnv1a hash;
+  for (const fs::path& file : files) AddFile(file, hash);
+  return hash.Digits();
+}
+
+std::string FingerprintOfClip(const std::string& input) {
+  Fnv1a hash;
+  if (fs::is_regular_file(input)) {
+    AddFile(input, hash);
+    return hash.Digits();
+  }
+  fs::path folder = fs::absolute(input);  // of a glob that which holds it
+  while (!fs::is_directory(folder)) folder = folder.parent_path();
+  std::set<fs::path> files;
+  for (const auto& entry : fs::recursive_directory_iterator(folder)) files.insert(entry.path());
+  for (const fs::path& file : files) {
+    hash << file.lexically_relative(folder).string();
+    AddFile(file, hash);
+  }
+  return hash.Digits();
+}
+
+const std::string& FingerprintOfProgram() {
+  static const std::string kFingerprint = (Fnv1a() << ReadBytes("/proc/self/exe")).Digits();
+  return kFingerprint;
+}
+
+}  // namespace cohort
