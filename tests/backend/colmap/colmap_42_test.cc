@@ -2,6 +2,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <map>
+#include <optional>
+
 #include "backend/colmap/colmap_tracks.h"
 #include "frontend/core/sqlite.h"
 #include "frontend/tracks/track_csv.h"
@@ -36,15 +40,17 @@ void ExpectTheCamera(const Camera& camera) {
   EXPECT_FALSE(camera.HasDistortion());
 }
 
-class Database : public testing::TestWithParam<const char*> {};
-
-TEST_P(Database, OfColmap42HasTheTracks) {
-  // Opened for reading it still gets files beside it: its journal is a log.
+// Opened for reading a database still gets files beside it, since its journal is a log: a copy.
+ColmapDatabase ReadGolden(const char* name) {
   const test::TempDir dir;
-  const fs::path path = dir / "a.db";
-  fs::copy_file(Golden(GetParam()), path);
-  EXPECT_EQ(SqliteDatabase::Open(path, SqliteDatabase::Mode::kRead).UserVersion(), 4020000);
-  const ColmapDatabase database = ReadColmapDatabase(path);
+  const fs::path path = dir / name;
+  fs::copy_file(Golden(name), path);
+  EXPECT_EQ(SqliteDatabase::Open(path, SqliteDatabase::Mode::kRead).UserVersion(), 4020100);
+  return ReadColmapDatabase(path);
+}
+
+TEST(Colmap42Database, MigratedFromOursHasOurTracks) {
+  const ColmapDatabase database = ReadGolden("migrated_from_3.8.db");
   EXPECT_EQ(database.images.size(), 12u);
   std::size_t with_pose = 0;
   for (const auto& [images, pair] : database.pairs) {
@@ -57,7 +63,7 @@ TEST_P(Database, OfColmap42HasTheTracks) {
   }
   EXPECT_EQ(with_pose, 5u);
 
-  const ImportedTracks imported = TracksOfColmapDatabase(database, Frames(), path);
+  const ImportedTracks imported = TracksOfColmapDatabase(database, Frames(), "a.db");
   ExpectTheCamera(imported.camera.value());
   EXPECT_EQ(imported.left_out, 0u);
   EXPECT_EQ(imported.unknown_images, 0u);
@@ -83,54 +89,78 @@ TEST_P(Database, OfColmap42HasTheTracks) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(
-    Made, Database, testing::Values("database.db", "migrated_from_3.8.db"), [](const auto& info) {
-      return std::string(info.param).starts_with("migrated") ? "MigratedByIt" : "ByIt";
-    });
-
-class Model : public testing::TestWithParam<const char*> {};
-
-TEST_P(Model, OfColmap42HasTheTracks) {
-  const ColmapModel model = ReadColmapModel(Golden(GetParam()));
-  EXPECT_EQ(model.images.size(), 12u);
-  EXPECT_EQ(model.points.size(), 52u);
-  const ImportedTracks imported = TracksOfColmapModel(model, Frames(), Golden(GetParam()));
-  ExpectTheCamera(imported.camera.value());
-  EXPECT_EQ(imported.tracks.observations().size(), 555u);
-  const TrackSet ours = TracksOfTheFile();
-  for (const Observation& o : imported.tracks.observations()) {
-    const Observation* before = ours.Find(o.feature, o.frame);
-    ASSERT_NE(before, nullptr);
-    EXPECT_LT((before->xy - o.xy).norm(), 1e-9);
+TEST(Colmap42Database, OfItsOwnFeaturesAndMatchesIsJoined) {
+  const ColmapDatabase database = ReadGolden("database.db");
+  EXPECT_EQ(database.images.size(), 12u);
+  EXPECT_EQ(database.pairs.size(), 29u);
+  for (const auto& [images, pair] : database.pairs) {
+    ASSERT_TRUE(pair.geometry);
+    EXPECT_TRUE(pair.geometry->fundamental);
+    EXPECT_FALSE(pair.geometry->cam2_from_cam1) << "NULL, since nobody asked for it";
   }
-  // The path is 12 frames to the side; the poses are those of the images, not of the frames' file.
-  EXPECT_EQ(model.images.at(1).cam_from_world.translation.norm(), 0.0);
-  EXPECT_GT(model.images.at(12).cam_from_world.translation.norm(), 0.01);
+  const ImportedTracks imported = TracksOfColmapDatabase(database, Frames(), "a.db");
+  ExpectTheCamera(imported.camera.value());
+  EXPECT_EQ(imported.left_out, 3u);
+  EXPECT_EQ(imported.unknown_images, 0u);
+  EXPECT_EQ(imported.tracks.features().size(), 61u);
+  EXPECT_EQ(imported.tracks.observations().size(), 529u);
+  // The camera moves slowly: a wrong join would jump through the picture of 160 px.
+  for (const FeatureId feature : imported.tracks.features()) {
+    const auto track = imported.tracks.Track(feature);
+    for (std::size_t i = 1; i < track.size(); ++i) {
+      EXPECT_LT((track[i].xy - track[i - 1].xy).norm(),
+                4.0 * (ToInt(track[i].frame) - ToInt(track[i - 1].frame)));
+    }
+  }
 }
 
-INSTANTIATE_TEST_SUITE_P(In,
-                         Model,
-                         testing::Values("model_binary", "model_text"),
-                         [](const auto& info) {
-                           return std::string(info.param) == "model_text" ? "Text" : "Binary";
-                         });
+class Colmap42Model : public testing::TestWithParam<const char*> {};
 
-// What its global mapper made of the database: its points see keypoints of ours.
-TEST(GlobalModel, OfColmap42SeesOurPositions) {
-  const ColmapModel model = ReadColmapModel(Golden("model_global"));
-  const ImportedTracks imported = TracksOfColmapModel(model, Frames(), "model_global");
-  EXPECT_NEAR(imported.camera.value().fx, 131.0, 6.0);  // it refines the camera
+TEST_P(Colmap42Model, SeesOurPositions) {
+  const ColmapModel model = ReadColmapModel(Golden(GetParam()));
+  EXPECT_EQ(model.images.size(), 12u);
+  const ImportedTracks imported = TracksOfColmapModel(model, Frames(), Golden(GetParam()));
+  if (GetParam() == std::string("model_global")) {
+    EXPECT_NEAR(imported.camera.value().fx, 131.0, 6.0);  // it refines the camera
+  } else {
+    ExpectTheCamera(imported.camera.value());
+  }
   EXPECT_EQ(imported.tracks.frames().size(), 12u);
   EXPECT_EQ(imported.tracks.features().size(), 39u);
   EXPECT_EQ(imported.tracks.observations().size(), 447u);
+  // All views of a point are of one track.
   const TrackSet ours = TracksOfTheFile();
+  std::map<FeatureId, FeatureId> ours_of_point;
   for (const Observation& o : imported.tracks.observations()) {
-    double nearest_px = 1e9;
-    for (const Observation* before : ours.InFrame(o.frame)) {
-      nearest_px = std::min(nearest_px, (before->xy - o.xy).norm());
-    }
-    EXPECT_LT(nearest_px, 1e-4);
+    const auto all = ours.InFrame(o.frame);
+    const auto nearest =
+        *std::min_element(all.begin(), all.end(), [&](const Observation* a, const Observation* b) {
+          return (a->xy - o.xy).norm() < (b->xy - o.xy).norm();
+        });
+    EXPECT_LT((nearest->xy - o.xy).norm(), 1e-4);
+    EXPECT_EQ(ours_of_point.emplace(o.feature, nearest->feature).first->second, nearest->feature);
   }
+}
+
+INSTANTIATE_TEST_SUITE_P(Made,
+                         Colmap42Model,
+                         testing::Values("model_binary", "model_text", "model_global"),
+                         [](const auto& info) { return std::string(info.param).substr(6); });
+
+// Poses are the images', not the frames', of which newer models have a file, too.
+TEST(Colmap42Models, TextAndBinaryAreTheSame) {
+  const ColmapModel binary = ReadColmapModel(Golden("model_binary"));
+  const ColmapModel text = ReadColmapModel(Golden("model_text"));
+  ASSERT_EQ(binary.images.size(), text.images.size());
+  for (const auto& [id, image] : binary.images) {
+    const Rigid3& pose = text.images.at(id).cam_from_world;
+    EXPECT_EQ(image.name, text.images.at(id).name);
+    EXPECT_LT(AngleBetween(image.cam_from_world.rotation, pose.rotation), 1e-12);
+    EXPECT_LT((image.cam_from_world.translation - pose.translation).norm(), 1e-12);
+  }
+  const auto moved =
+      binary.images.at(1).cam_from_world * binary.images.at(12).cam_from_world.Inverse();
+  EXPECT_GT(moved.translation.norm(), 1.0);
 }
 
 }  // namespace
