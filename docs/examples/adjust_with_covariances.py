@@ -2,12 +2,13 @@
 """Adjusts a COLMAP model with the covariance of every keypoint, by pycolmap and pyceres.
 
     cohort export clip.tracks --colmap-database clip.db --covariances clip.npz
+    mkdir models adjusted
     colmap mapper --database_path clip.db --image_path images --output_path models
     python3 adjust_with_covariances.py models/0 clip.npz adjusted
 
-`adjust` is NOT TESTED: where cohort is tested there is no pycolmap. It was written from the sources of pycolmap 4.2
-(August 2026: ReprojErrorCost takes point, pose of 7 numbers, camera) and pyceres (April 2026, with ProductManifold).
-Older ones split the pose into rotation and translation. `covariances` and `covariance_of` are tested.
+Run by hand with pycolmap 4.2 (August 2026: ReprojErrorCost takes point, pose of 7 numbers, camera) and pyceres 2.7
+(April 2026, with ProductManifold). Older ones split the pose into rotation and translation. Tested with every change:
+`covariances` and `covariance_of`.
 """
 import sys
 
@@ -35,6 +36,7 @@ def covariance_of(measured, name, k, xy):
 def adjust(model, measured):
     import pyceres
     import pycolmap
+    import pycolmap.cost_functions
     problem, loss = pyceres.Problem(), pyceres.HuberLoss(3.0)  # three standard deviations
     for image in model.images.values():
         camera, pose = model.cameras[image.camera_id], model.frames[image.frame_id].rig_from_world.params
@@ -47,8 +49,10 @@ def adjust(model, measured):
             problem.set_manifold(pose, pyceres.ProductManifold(pyceres.EigenQuaternionManifold(),
                                                                pyceres.EuclideanManifold(3)))
     for camera in model.cameras.values():
-        problem.set_parameter_block_constant(camera.params)  # known; leave out to refine it
+        if problem.has_parameter_block(camera.params):
+            problem.set_parameter_block_constant(camera.params)  # known; leave out to refine it
     options, summary = pyceres.SolverOptions(), pyceres.SolverSummary()
+    options.function_tolerance, options.max_num_iterations = 1e-9, 100
     options.linear_solver_type = pyceres.LinearSolverType.SPARSE_SCHUR
     pyceres.solve(options, problem, summary)
     print(summary.BriefReport())

@@ -223,7 +223,7 @@ RefinedModel RefineModel(const ColmapModel& model,
   if (clip.reconstruction.points.empty()) {
     ThrowError("{}: none of its points is seen in {}", path.string(), sequence.Name());
   }
-  // COLMAP 4 keeps its first model however small it is, and may write a whole one beside it.
+  // COLMAP keeps its first model however small it is, and may write a whole one beside it.
   if (clip.reconstruction.cam_from_world.size() < kFewestFrames) {
     ThrowError(
         "{}: {} of its images are frames of {}, and a refinement takes {}: give COLMAP's largest "
