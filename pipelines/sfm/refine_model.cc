@@ -112,6 +112,19 @@ std::set<FeatureId> FindContradicted(const TrackSet& tracks, const Reconstructio
   return contradicted;
 }
 
+// COLMAP keeps its first model however small it is, and may write a whole one beside it.
+void CheckPointsAreLeft(const Reconstruction& adjusted,
+                        const ReconstructionSummary& before,
+                        const fs::path& path) {
+  if (!adjusted.points.empty()) return;
+  ThrowError(
+      "{}: none of its {} points is left by an adjustment of its {} images: give COLMAP's largest "
+      "model",
+      path.string(),
+      before.points,
+      before.registered);
+}
+
 void NoteWhatIsLeftOut(const ModelOfClip& clip,
                        const fs::path& path,
                        const Sequence& sequence,
@@ -214,7 +227,6 @@ RefinedModel RefineModel(const ColmapModel& model,
   // Points of a model that did not move gain too: the second time their templates are of all sightings.
   constexpr int kLeastRounds = 2;
   constexpr int kMostRounds = 3;
-  constexpr std::size_t kFewestFrames = 3;
   SecondPassOptions measurement = options.second_pass;
   measurement.measurement.patch.max_distance_px = options.model_max_distance_px;
   ModelOfClip clip = ReadModelOfClip(model, ReadFrames(sequence, progress), path);
@@ -222,16 +234,6 @@ RefinedModel RefineModel(const ColmapModel& model,
   NoteWhatIsLeftOut(clip, path, sequence, refined.notes);
   if (clip.reconstruction.points.empty()) {
     ThrowError("{}: none of its points is seen in {}", path.string(), sequence.Name());
-  }
-  // COLMAP keeps its first model however small it is, and may write a whole one beside it.
-  if (clip.reconstruction.cam_from_world.size() < kFewestFrames) {
-    ThrowError(
-        "{}: {} of its images are frames of {}, and a refinement takes {}: give COLMAP's largest "
-        "model",
-        path.string(),
-        clip.reconstruction.cam_from_world.size(),
-        sequence.Name(),
-        kFewestFrames);
   }
   refined.before = Summarize(clip.reconstruction, clip.file.frames.size());
   Reconstruction now = clip.reconstruction;
@@ -261,6 +263,7 @@ RefinedModel RefineModel(const ColmapModel& model,
     adjusted = InWorldOf(clip.reconstruction, std::move(adjusted));
     const bool moved = HaveMoved(std::span(&now, 1), adjusted.reconstruction, measurement);
     now = std::move(adjusted.reconstruction);
+    CheckPointsAreLeft(now, refined.before, path);
     if (!moved && round + 1 >= kLeastRounds) break;
   }
   if (options.drop_contradicted) {
@@ -271,6 +274,7 @@ RefinedModel RefineModel(const ColmapModel& model,
   }
   refined.adjusted = ToReconstructResult(
       InWorldOf(clip.reconstruction, AdjustAndJudgeWithCeres(refined.file, now, with_covariances)));
+  CheckPointsAreLeft(refined.adjusted.reconstruction, refined.before, path);
   refined.camera_refined = !now.camera.known;
   refined.model =
       ReplaceInModel(model, clip, refined.adjusted.reconstruction, refined.camera_refined);
