@@ -337,6 +337,10 @@ void Describe(JudgedParts& judged,
     }
   }
   result.reconstruction = ToReconstruction(model, observed, judged.readout);
+  const auto uncertainty = CameraUncertainty(result.camera_covariances, result.reconstruction);
+  if (std::string doubt = DescribeUncertainCameras(uncertainty.value_or(0.0)); !doubt.empty()) {
+    result.summary.reasons.push_back(std::move(doubt));
+  }
 }
 
 MapperEnd EndOfModel(const MapperResult& described, std::size_t frames) {

@@ -21,7 +21,7 @@ void PrintFigures(const SfmFigures& figures, const std::string& out) {
       {"points", fmt::format("{}", figures.points)}};
   if (!figures.quality.empty()) rows.push_back({"quality", figures.quality});
   if (figures.camera_uncertainty) {
-    rows.push_back({"expected error of the cameras",
+    rows.push_back({"error of the cameras by noise",
                     fmt::format("{:.2g} % of the distance to the scene",
                                 100.0 * *figures.camera_uncertainty)});
   }
@@ -52,12 +52,12 @@ void RunSfm(const SfmJobOptions& options) {
   PrintFigures(figures, options.out);
   if (figures.model.Failed()) {
     ThrowError(
-        "the reconstruction failed: {} of {} frames registered, fewer than 80 % ({}); what "
-        "there is lies in {}",
+        "the reconstruction failed: {} of {} frames have a pose, fewer than 80 % ({}); how to film "
+        "better is said above and in {}",
         figures.model.registered,
         figures.model.frames,
         figures.model.termination,
-        options.out);
+        (fs::path(options.out) / "report.html").string());
   }
 }
 

@@ -11,7 +11,6 @@
 #include "pipelines/console/version.h"
 #include "pipelines/json/json_file.h"
 #include "pipelines/json/option_list.h"
-#include "pipelines/sfm/film_advice.h"
 #include "pipelines/sfm/fingerprint.h"
 
 namespace cohort {
@@ -112,7 +111,17 @@ SfmFigures FiguresOf(const Json& model) {
   return figures;
 }
 
-Json SummaryOf(const SfmFigures& figures, const Json& made_of) {
+Json ClipToJson(const ClipMeasures& clip) {
+  const auto or_null = [](const std::optional<double>& value) {
+    return value ? Json(*value) : Json();
+  };
+  return {{"observed", clip.observed},
+          {"parallax_deg", or_null(clip.parallax_deg)},
+          {"moving_share", or_null(clip.moving_share)},
+          {"brightness", {clip.dark, clip.brightness, clip.bright}}};
+}
+
+Json SummaryOf(const SfmFigures& figures, const ClipMeasures& clip, const Json& made_of) {
   Json json{{"registered", figures.model.registered},
             {"frames", figures.model.frames},
             {"images", figures.images},
@@ -124,6 +133,7 @@ Json SummaryOf(const SfmFigures& figures, const Json& made_of) {
             {"camera_uncertainty",
              figures.camera_uncertainty ? Json(*figures.camera_uncertainty) : Json()},
             {"film_better", figures.film_better},
+            {"clip", ClipToJson(clip)},
             {"made_of", made_of}};
   return json;
 }
@@ -169,9 +179,17 @@ SfmFigures RunSfmJob(const SfmJobOptions& options) {
     brightness = scene.brightness;
   } else {
     RemoveScene(folder);  // that of an earlier run would not be of these tracks
+    brightness = BrightnessOfFrames(file, *sequence, ProgressBars());
   }
-  figures.film_better = FilmAdvice(file, model, brightness);
-  WriteJsonFile(summary, SummaryOf(figures, made_of));
+  const FilmedClip clip{
+      .file = file,
+      .model = model,
+      .termination = figures.model.termination,
+      .brightness = brightness,
+      .features_wanted = static_cast<std::size_t>(options.tracker.detector.max_features)};
+  const ClipMeasures measures = MeasureClip(clip);
+  figures.film_better = FilmAdvice(clip, measures);
+  WriteJsonFile(summary, SummaryOf(figures, measures, made_of));
   return figures;
 }
 

@@ -7,6 +7,7 @@
 
 #include "pipelines/jobs/reconstruct_job.h"
 #include "pipelines/jobs/track_job.h"
+#include "pipelines/sfm/film_advice.h"
 #include "pipelines/sfm/scene.h"
 
 namespace cohort {

@@ -51,11 +51,20 @@ std::vector<double> Smoothed(const std::vector<double>& values, double sigma) {
 
 std::vector<IntensityRange> Steadied(const std::vector<IntensityRange>& of_frames,
                                      double sigma_frames) {
+  // The darkest and the brightest of the neighbours: no frame is whiter than by itself for the sake
+  // of a dull one beside it.
+  const auto count = static_cast<int>(of_frames.size());
+  const int reach = static_cast<int>(std::ceil(1.5 * sigma_frames));
   std::vector<double> dark;
   std::vector<double> span;
-  for (const IntensityRange& range : of_frames) {
-    dark.push_back(std::log(range.dark + 1.0));
-    span.push_back(std::log(range.bright - range.dark));
+  for (int i = 0; i < count; ++i) {
+    IntensityRange widest = of_frames[static_cast<std::size_t>(i)];
+    for (int j = std::max(0, i - reach); j <= std::min(count - 1, i + reach); ++j) {
+      widest.dark = std::min(widest.dark, of_frames[static_cast<std::size_t>(j)].dark);
+      widest.bright = std::max(widest.bright, of_frames[static_cast<std::size_t>(j)].bright);
+    }
+    dark.push_back(std::log(widest.dark + 1.0));
+    span.push_back(std::log(widest.bright - widest.dark));
   }
   dark = Smoothed(dark, sigma_frames);
   span = Smoothed(span, sigma_frames);
@@ -69,9 +78,15 @@ std::vector<IntensityRange> Steadied(const std::vector<IntensityRange>& of_frame
 
 cv::Mat Brightened(const cv::Mat& gray, const IntensityRange& range) {
   constexpr double kBrightest = 190.0;  // not to white: marks must show
-  const double factor = kBrightest / (range.bright - range.dark);
+  constexpr double kMostBeyond = 1.15;  // of the brightest 0.5 %
+  constexpr double kGamma = 0.75;       // lamps leave little of the range to what they do not light
+  const double factor = 1.0 / (range.bright - range.dark);
+  cv::Mat share;
+  gray.convertTo(share, CV_32F, factor, -range.dark * factor);
+  share = cv::min(cv::max(share, 0.0), kMostBeyond);
+  cv::pow(share, kGamma, share);
   cv::Mat eight_bit;
-  gray.convertTo(eight_bit, CV_8U, factor, -range.dark * factor);
+  share.convertTo(eight_bit, CV_8U, kBrightest);
   cv::Mat color;
   cv::cvtColor(eight_bit, color, cv::COLOR_GRAY2BGR);
   return color;

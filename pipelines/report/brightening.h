@@ -16,7 +16,7 @@ IntensityRange IntensityRangeOf(const cv::Mat& gray);
 
 // Of consecutive frames, each by its neighbours within some `sigma_frames`, in the logarithm: a film
 // does not flicker where the noise or a lamp does, and follows where the light grows or fades.
-inline constexpr double kSteadyFrames = 15.0;  // half a second of most video
+inline constexpr double kSteadyFrames = 8.0;  // follows within half a second of most video
 std::vector<IntensityRange> Steadied(const std::vector<IntensityRange>& of_frames,
                                      double sigma_frames);
 

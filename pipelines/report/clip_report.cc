@@ -26,7 +26,8 @@ namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
 constexpr std::size_t kMostFrames = 150;
-constexpr std::size_t kMostTracks = 300;
+constexpr std::size_t kMostTracks = 300;    // and beside them, of every frame shown
+constexpr std::size_t kFewestInFrame = 60;  // so many of the longest
 constexpr std::size_t kMostPoints = 20000;
 constexpr int kPictureWidthPx = 320;
 constexpr int kPictureQuality = 60;
@@ -90,14 +91,25 @@ std::vector<FrameInfo> ShownFrames(const TrackFile& file) {
   return shown;
 }
 
-// The longest tracks: those that there is most to see of.
-std::set<FeatureId> ShownTracks(const TrackSet& tracks) {
-  std::vector<FeatureId> features(tracks.features().begin(), tracks.features().end());
-  std::stable_sort(features.begin(), features.end(), [&](FeatureId a, FeatureId b) {
-    return tracks.Track(a).size() > tracks.Track(b).size();
-  });
-  features.resize(std::min(features.size(), kMostTracks));
-  return {features.begin(), features.end()};
+// The longest tracks, as there is most to see of them, and of every frame some.
+std::set<FeatureId> ShownTracks(const TrackSet& tracks, const std::vector<FrameInfo>& frames) {
+  const auto length = [&](FeatureId feature) { return tracks.Track(feature).size(); };
+  const auto longest = [&](std::vector<FeatureId> features, std::size_t most) {
+    std::stable_sort(features.begin(), features.end(), [&](FeatureId a, FeatureId b) {
+      return length(a) > length(b);
+    });
+    features.resize(std::min(features.size(), most));
+    return features;
+  };
+  const auto all = longest({tracks.features().begin(), tracks.features().end()}, kMostTracks);
+  std::set<FeatureId> shown(all.begin(), all.end());
+  for (const FrameInfo& frame : frames) {
+    std::vector<FeatureId> alive;
+    for (const Observation* o : tracks.InFrame(frame.index)) alive.push_back(o->feature);
+    const auto some = longest(std::move(alive), kFewestInFrame);
+    shown.insert(some.begin(), some.end());
+  }
+  return shown;
 }
 
 // x, y, observed of every shown track in a frame: flat, with the track's id in front.
@@ -255,11 +267,15 @@ ClipReport ReadClipReport(const fs::path& model_folder) {
   }
   if (summary.contains("camera_uncertainty")) {
     report.facts.emplace_back(
-        "error of the cameras, of the distance to the scene",
+        "error of the cameras by noise, of the distance to the scene",
         fmt::format("{:.2g} %", 100.0 * summary["camera_uncertainty"].get<double>()));
   }
   if (summary.contains("reasons")) {
     report.sentences = summary["reasons"].get<std::vector<std::string>>();
+  }
+  if (summary.at("registered") == 0) {
+    report.sentences.push_back("There is no model: " +
+                               summary.at("termination").get<std::string>());
   }
   if (fs::exists(model_folder / "images.bin")) report.model = ReadModelFolder(model_folder);
   report.camera_covariances =
@@ -275,7 +291,7 @@ void WriteClipReport(const fs::path& path,
                      Sequence& sequence,
                      const StageProgress& progress) {
   const std::vector<FrameInfo> shown = ShownFrames(file);
-  const std::set<FeatureId> features = ShownTracks(file.tracks);
+  const std::set<FeatureId> features = ShownTracks(file.tracks, shown);
   PointColours colours(report.model);
   std::vector<cv::Mat> pictures;  // CV_32FC1
   std::vector<IntensityRange> ranges;

@@ -30,7 +30,8 @@ ClipReport ReadClipReport(const std::filesystem::path& model_folder);
 
 // One HTML page that opens offline: the words, the model in 3-D, the clip with its tracks and a
 // slider, and how many features it held. `sequence`: the clip, rewound here. So that a page stays
-// small, at most 150 frames and 300 tracks of it are shown, and 20000 points. Whole or not at all.
+// small, at most 150 frames of it are shown, 300 tracks (and of every frame 60) and 20000 points, and
+// it says so. Whole or not at all.
 void WriteClipReport(const std::filesystem::path& path,
                      const ClipReport& report,
                      const TrackFile& file,

@@ -110,6 +110,11 @@ cv::Mat TableOf(const ToneCurve& tone) {
   return table;
 }
 
+double BrightnessOf(const cv::Mat& bgr) {
+  const cv::Scalar mean = cv::mean(bgr);
+  return (0.114 * mean[0] + 0.587 * mean[1] + 0.299 * mean[2]) / 255.0;
+}
+
 // What is learnt of the clip before any picture is written.
 struct Survey {
   std::vector<SceneCandidate> candidates;
@@ -179,8 +184,7 @@ Survey SurveyClip(const TrackFile& file,
                  model.camera.width_px,
                  model.camera.height_px);
     }
-    const cv::Scalar mean = cv::mean(bgr);
-    survey.brightness.push_back((0.114 * mean[0] + 0.587 * mean[1] + 0.299 * mean[2]) / 255.0);
+    survey.brightness.push_back(BrightnessOf(bgr));
     if (!model.cam_from_world.contains(frame.index)) return;
     Count(bgr, survey.histogram);
     const auto seen = views.find(frame.index);
@@ -483,6 +487,16 @@ void RemoveScene(const fs::path& folder) {
   for (const char* name : {"images", "sparse", "sparse_pc.ply", "transforms.json"}) {
     fs::remove_all(folder / name, ignored);
   }
+}
+
+std::vector<double> BrightnessOfFrames(const TrackFile& file,
+                                       Sequence& sequence,
+                                       const StageProgress& progress) {
+  std::vector<double> brightness;
+  ForEachFrameOf(file, sequence, "look", progress, [&](const Frame& frame) {
+    brightness.push_back(BrightnessOf(BgrOf(frame)));
+  });
+  return brightness;
 }
 
 double ToneCurve::operator()(double value) const {

@@ -81,6 +81,12 @@ struct ToneCurve {
   double operator()(double value) const;
 };
 
+// Mean intensity 0..1 of each of the file's frames, where there is no scene that would tell it.
+// `sequence`: the clip, rewound here.
+std::vector<double> BrightnessOfFrames(const TrackFile& file,
+                                       Sequence& sequence,
+                                       const StageProgress& progress = {});
+
 struct SceneFigures {
   std::vector<FrameIndex> images;
   std::size_t points = 0;

@@ -9,7 +9,7 @@
 #include <optional>
 #include <string>
 
-#include "frontend/core/statistics.h"
+#include "backend/scene/judgement.h"
 #include "pipelines/json/option_list.h"
 
 namespace cohort {
@@ -43,19 +43,6 @@ Json CameraToJson(const Camera& c) {
           {"k6", c.k6}};
 }
 
-// Median standard deviation of a coordinate of the cameras' centres, as a share of the median
-// distance from which points are seen; none without covariances.
-std::optional<double> CameraUncertainty(const CeresFindings& findings,
-                                        const Reconstruction& reconstruction) {
-  std::vector<double> deviations;
-  for (const auto& [frame, covariance] : findings.camera_covariances) {
-    deviations.push_back(std::sqrt(covariance.bottomRightCorner<3, 3>().trace() / 3.0));
-  }
-  const double distance = MedianDistance(reconstruction);
-  if (deviations.empty() || distance <= 0.0) return std::nullopt;
-  return Median(std::move(deviations)) / distance;
-}
-
 Json FindingsToJson(const CeresFindings& findings, const Reconstruction& reconstruction) {
   Json json{{"tracks_without_point", findings.without_point.size()}};
   if (!reconstruction.cam_from_world.empty()) {
@@ -64,7 +51,7 @@ Json FindingsToJson(const CeresFindings& findings, const Reconstruction& reconst
     json["noise"] = findings.noise;
     json["camera"] = CameraToJson(reconstruction.camera);
   }
-  if (const auto uncertainty = CameraUncertainty(findings, reconstruction)) {
+  if (const auto uncertainty = CameraUncertainty(findings.camera_covariances, reconstruction)) {
     json["camera_uncertainty"] = *uncertainty;
   }
   if (findings.better_camera) json["better_camera"] = CameraToJson(*findings.better_camera);

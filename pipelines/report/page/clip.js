@@ -101,9 +101,12 @@ const drawFrame = () => {
     if (observed) context.fill();
     else context.stroke();
   }
-  const counts = [...positions[current].values()];
-  const observed = counts.filter((position) => position[2]).length;
-  frameText.textContent = `frame ${data.frames[current].frame}: ${observed} observed, ${counts.length - observed} predicted`;
+  const {frame} = data.frames[current];
+  const observed = data.per_frame.observed[frames.indexOf(frame)];
+  const predicted = data.per_frame.predicted[frames.indexOf(frame)];
+  const drawn = positions[current].size;
+  frameText.textContent = `frame ${frame}: ${observed} observed, ${predicted} predicted` +
+    (drawn < observed + predicted ? `, ${drawn} of them drawn` : '');
 };
 const show = (i) => {
   current = Math.max(0, Math.min(data.frames.length - 1, i));
@@ -136,7 +139,7 @@ pair.append(el('section', {}, el('h2', {}, 'The clip'), player,
   el('p', {}, frameText),
   el('p', {class: 'soft', id: 'thinned'}, [
     frames.length > data.frames.length ? `${data.frames.length} of ${frames.length} frames, so that the page stays small.` : null,
-    data.tracks.all > data.tracks.shown ? `The ${data.tracks.shown} longest of ${data.tracks.all} tracks.` : `All ${data.tracks.all} tracks.`,
+    data.tracks.all > data.tracks.shown ? `${data.tracks.shown} of ${data.tracks.all} tracks, the longest.` : `All ${data.tracks.all} tracks.`,
     'Brightened for the eye.'].filter((text) => text).join(' '))));
 for (const image of pictures) image.addEventListener('load', () => { if (image === pictures[current]) drawFrame(); });
 redraws.push(drawFrame);
@@ -195,7 +198,7 @@ const modelSection = () => {
   const centers = data.cameras.map((camera) => new Vector3(...camera.center));
   const points = vectors(data.points.xyz);
   if (!centers.length) {
-    holder.append(el('p', {}, 'There is no model of this clip.'));
+    section.replaceChildren(el('h2', {}, 'The model'), el('p', {}, 'There is no model of this clip.'));
     return;
   }
   let renderer;
@@ -270,7 +273,7 @@ const modelSection = () => {
   }
   const outOf = (some, all) => (some < all ? `${some} of ${all}` : `${all}`);
   note.textContent = [
-    `${outOf(points.length, data.points_in_all)} points, ${centers.length} cameras${every > 1 ? `, every ${every}th drawn` : ''}.`,
+    `${outOf(points.length, data.points_in_all)} points, ${centers.length} cameras${every > 1 ? `, one in ${every} drawn` : ''}.`,
     'Drag to turn, scroll or pinch to come nearer, click a camera for its frame.',
     shown.length ? `Uncertainty: standard deviations of ${outOf(pointsShown.length, surePoints.length)} points and the cameras` +
       `${factor > 1 ? `, drawn ${factor} times as large` : ''}.` : 'Its uncertainty is not known.'].join(' ');
@@ -375,11 +378,11 @@ page.append(el('section', {}, el('h2', {}, 'Frame by frame'),
       const axis = {stroke: css('--soft'), grid: {stroke: css('--line'), width: 1}, ticks: {stroke: css('--line'), width: 1}};
       const plot = new uPlot({
         width: holder.clientWidth,
-        height: 160,
+        height: 150,
         legend: {show: false},
         cursor: {drag: {x: false, y: false, click: () => {}}, sync: {key: 'frames'}, y: false},
         scales: {x: {time: false}, y: {range: (u, min, max) => [0, 1.05 * max || 1]}},
-        axes: [axis, {...axis, size: 46}],
+        axes: [{...axis, size: 30}, {...axis, size: 46}],
         series: [{}, ...lines.map(([, , color], k) => ({stroke: css(color), width: 2, dash: k ? [6, 4] : undefined}))],
         hooks: {draw: [() => markPlots()]},
       }, [frames, ...lines.map(([values]) => values)], holder);

@@ -19,6 +19,7 @@ namespace {
 
 namespace fs = std::filesystem;
 using testing::HasSubstr;
+using testing::Not;
 
 class Sfm : public testing::Test {
  protected:
@@ -220,7 +221,61 @@ TEST_F(Sfm, ThatHasNoModelSaysWhatToDo) {
   EXPECT_EQ(end.exit_code, 1);
   EXPECT_THAT(end.err, HasSubstr("cohort: error: the reconstruction failed: 0 of 5"));
   EXPECT_TRUE(Json(scene / "summary.json").at("failed"));
-  EXPECT_THAT(end.out, HasSubstr("To film better: "));
+  EXPECT_THAT(end.out, HasSubstr("To film better: Hardly a point can be followed"));
+  EXPECT_THAT(end.out, HasSubstr("The pictures are dark, 0 of 255"));
+  EXPECT_THAT(ReadBytes(scene / "report.html"), HasSubstr("Hardly a point can be followed"));
+}
+
+// Pieces of one picture: what a camera sees that stands still or turns before things far away.
+TEST_F(Sfm, OfACameraThatStandsOrTurnsSaysSo) {
+  cv::Mat wall(400, 600, CV_8UC1);
+  cv::RNG random(7);
+  random.fill(wall, cv::RNG::UNIFORM, 0, 255);
+  cv::GaussianBlur(wall, wall, {}, 3.0);
+  cv::normalize(wall, wall, 0, 255, cv::NORM_MINMAX);
+  const auto film = [&](const std::string& name, double yaw) {
+    fs::create_directory(*dir_ / name);
+    for (int i = 0; i < 16; ++i) {
+      // What 260 px of focal length see after a turn, in the wall's pixels.
+      const double angle = yaw * i;
+      const cv::Matx33d k(260, 0, 160, 0, 260, 120, 0, 0, 1);
+      const cv::Matx33d turn(
+          std::cos(angle), 0, std::sin(angle), 0, 1, 0, -std::sin(angle), 0, std::cos(angle));
+      const cv::Matx33d shift(1, 0, 140, 0, 1, 80, 0, 0, 1);
+      cv::Mat picture;
+      cv::warpPerspective(wall,
+                          picture,
+                          shift * k * turn * k.inv(),
+                          {320, 240},
+                          cv::INTER_LINEAR | cv::WARP_INVERSE_MAP);
+      cv::imwrite((*dir_ / name / (std::to_string(100 + i) + ".png")).string(), picture);
+    }
+    const test::ProgramEnd end =
+        test::RunCohort("sfm " + (*dir_ / name).string() + " --features 150 --quiet --out " +
+                        (*dir_ / (name + "_scene")).string());
+    EXPECT_EQ(end.exit_code, 1);
+    EXPECT_THAT(end.err, HasSubstr("0 of 16 frames have a pose"));
+    return end.out;
+  };
+  EXPECT_THAT(film("stands", 0.0), HasSubstr("To film better: The camera stood still"));
+  EXPECT_THAT(film("turns", 0.01), HasSubstr("To film better: The camera only turned"));
+}
+
+// A toy castle that is turned before a room that stays, and the castle alone.
+TEST_F(Sfm, SaysThatSomethingMoves) {
+  const std::string castle = "/usr/share/visp-images-data/ViSP-images/mbt-depth/castel/castel";
+  if (!fs::exists(castle)) GTEST_SKIP() << "needs Debian's visp-images-data";
+  const std::string command = "sfm " + castle +
+                              " --camera 615.167,615.168,312.189,243.437 --features 200 "
+                              "--second-pass off --quiet --out ";
+  const test::ProgramEnd both = test::RunCohort(command + (*dir_ / "both").string());
+  ASSERT_EQ(both.exit_code, 0) << both.err;
+  EXPECT_THAT(both.out, HasSubstr("To film better: Something moves in the picture"));
+  const test::ProgramEnd one =
+      test::RunCohort(command + (*dir_ / "one").string() + " --mask " +
+                      (test::SourceDir() / "tests/benchmark/castle_mask.png").string());
+  ASSERT_EQ(one.exit_code, 0) << one.err;
+  EXPECT_THAT(one.out, Not(HasSubstr("Something moves")));
 }
 
 TEST_F(Sfm, ReplacesASceneOfOtherFramesWhole) {

@@ -3,7 +3,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <map>
+#include <string>
 #include <vector>
 
 #include "pipelines/sfm/film_advice.h"
@@ -129,48 +132,134 @@ TEST(ToneCurve, SpreadsWhatIsThereOverTheWholeRange) {
   EXPECT_EQ(tone(0.5), 1.0);
 }
 
-// 20 features on a line of frames; `lost`: nearly all end between frames 9 and 10.
-TrackFile Clip(bool lost) {
-  std::vector<Observation> observations;
+// A picture of 640 x 480 px whose camera goes 0.1 to the right a frame, 10 before a wall of points.
+constexpr int kFrames = 20;
+constexpr int kPoints = 150;
+
+Camera Pinhole() { return Lens(0.0); }
+
+Reconstruction Walk(double step, int frames = kFrames) {
+  Reconstruction model;
+  model.camera = Pinhole();
+  for (int f = 0; f < frames; ++f) {
+    model.cam_from_world[FrameIndex(f)].translation = Eigen::Vector3d(-step * f, 0.0, 0.0);
+  }
+  for (int i = 0; i < kPoints; ++i) {
+    Point3D& point = model.points[FeatureId(i)];
+    point.in_world = Eigen::Vector3d(0.25 * (i % 15) - 1.0, 0.3 * (i / 15) - 1.5, 10.0 + i % 3);
+    for (const auto& [frame, cam_from_world] : model.cam_from_world) {
+      point.views.push_back({frame, *model.camera.Project(cam_from_world * point.in_world)});
+    }
+  }
+  return model;
+}
+
+// Tracks of the model's points in kFrames frames, all observed. Of the last `moving` features the
+// points move up and down, and the model has none.
+TrackFile Clip(Reconstruction& model, int moving = 0) {
   TrackFile file;
-  for (std::uint32_t f = 0; f < 20; ++f) {
-    file.frames.push_back({FrameIndex{f}, "", 0});
-    for (std::uint32_t i = 0; i < 150; ++i) {
-      Observation o;
-      o.feature = FeatureId{lost && f >= 10 && i > 20 ? 1000 + i : i};
-      o.frame = FrameIndex{f};
-      o.xy = {1.0 * i + f, 2.0 * i};
+  std::vector<Observation> observations;
+  for (int f = 0; f < kFrames; ++f) {
+    file.frames.push_back({FrameIndex(f), "", 0});
+    for (int i = 0; i < kPoints; ++i) {
+      const auto& point = model.points.at(FeatureId(i));
+      Observation o{FeatureId(i), FrameIndex(f)};
+      o.xy = point.views[std::min<std::size_t>(f, point.views.size() - 1)].xy;
+      if (i >= kPoints - moving) o.xy.y() += 20.0 * std::sin(0.9 * f);
       observations.push_back(o);
     }
   }
+  for (int i = kPoints - moving; i < kPoints; ++i) model.points.erase(FeatureId(i));
   file.tracks = TrackSet::Build(std::move(observations));
   return file;
 }
 
-Reconstruction Posed(std::uint32_t frames) {
-  Reconstruction model;
-  for (std::uint32_t f = 0; f < frames; ++f) model.cam_from_world[FrameIndex{f}] = {};
-  return model;
+std::vector<std::string> Advice(const TrackFile& file,
+                                const Reconstruction& model,
+                                const std::vector<double>& brightness,
+                                const std::string& termination = "") {
+  const FilmedClip clip{file, model, termination, brightness};
+  return FilmAdvice(clip, MeasureClip(clip));
 }
 
+const std::vector<double> kDaylight(kFrames, 0.4);
+
 TEST(FilmAdvice, SaysNothingOfAGoodClip) {
-  EXPECT_THAT(FilmAdvice(Clip(false), Posed(20), std::vector<double>(20, 0.4)), IsEmpty());
+  Reconstruction model = Walk(0.1);
+  const TrackFile file = Clip(model);
+  EXPECT_THAT(Advice(file, model, kDaylight), IsEmpty());
 }
 
 TEST(FilmAdvice, NamesTheFramesWithoutAPoseAndThoseThatLostMost) {
-  const auto advice = FilmAdvice(Clip(true), Posed(18), std::vector<double>(20, 0.4));
+  Reconstruction model = Walk(0.1, 18);
+  TrackFile file = Clip(model);
+  std::vector<Observation> observations(file.tracks.observations().begin(),
+                                        file.tracks.observations().end());
+  for (Observation& o : observations) {  // nearly all end between frames 9 and 10
+    if (ToInt(o.frame) >= 10 && ToInt(o.feature) > 20)
+      o.feature = FeatureId{1000 + ToInt(o.feature)};
+  }
+  file.tracks = TrackSet::Build(std::move(observations));
+  const auto advice = Advice(file, model, kDaylight);
   ASSERT_THAT(advice, SizeIs(2));
   EXPECT_THAT(advice[0], HasSubstr("frames 18 to 19"));
   EXPECT_THAT(advice[1], HasSubstr("frames 9 to 10"));
 }
 
-TEST(FilmAdvice, SaysThatItIsDarkAndThatTheLightJumps) {
-  std::vector<double> brightness(20, 0.03);
+TEST(FilmAdvice, SaysThatItIsDarkAndThatTheLightJumpsOrChanges) {
+  Reconstruction model = Walk(0.1);
+  const TrackFile file = Clip(model);
+  std::vector<double> brightness(kFrames, 0.03);
   brightness[7] = 0.1;
-  const auto advice = FilmAdvice(Clip(false), Posed(20), brightness);
+  const auto advice = Advice(file, model, brightness);
   ASSERT_THAT(advice, SizeIs(2));
   EXPECT_THAT(advice[0], HasSubstr("8 of 255"));
   EXPECT_THAT(advice[1], HasSubstr("frames 7 to 8"));
+  for (int f = 0; f < kFrames; ++f) brightness[f] = 0.02 * std::pow(1.3, f);
+  EXPECT_THAT(Advice(file, model, brightness), ElementsAre(HasSubstr("The light changes from")));
+}
+
+TEST(FilmAdvice, KnowsACameraThatHardlyMoved) {
+  Reconstruction model = Walk(0.01);  // 0.19 of 11: a degree
+  const TrackFile file = Clip(model);
+  EXPECT_THAT(Advice(file, model, kDaylight), ElementsAre(HasSubstr("hardly left its place")));
+}
+
+TEST(FilmAdvice, KnowsThingsThatMoveFromPointsThatAreMerelyMissing) {
+  Reconstruction model = Walk(0.1);
+  const TrackFile moving = Clip(model, 30);
+  const auto advice = Advice(moving, model, kDaylight);
+  ASSERT_THAT(advice, SizeIs(1));
+  EXPECT_THAT(advice[0], HasSubstr("Something moves in the picture: 20 %"));
+  Reconstruction sparse = Walk(0.1);
+  const TrackFile still = Clip(sparse);
+  for (int i = 0; i < 60; ++i) sparse.points.erase(FeatureId(i));
+  EXPECT_THAT(Advice(still, sparse, kDaylight), IsEmpty());
+}
+
+TEST(FilmAdvice, CountsFewPointsByWhatWasAskedFor) {
+  Reconstruction model = Walk(0.1);
+  TrackFile file = Clip(model);
+  file.tracks = file.tracks.Select([](FeatureId feature) { return ToInt(feature) < 60; });
+  EXPECT_THAT(Advice(file, model, kDaylight), ElementsAre(HasSubstr("Only 60 points")));
+  const FilmedClip clip{file, model, "", kDaylight, 80};
+  EXPECT_THAT(FilmAdvice(clip, MeasureClip(clip)), IsEmpty());
+}
+
+TEST(FilmAdvice, OfAClipWithoutAModelSaysWhatToDoByHowItEnded) {
+  Reconstruction model = Walk(0.1);
+  const TrackFile file = Clip(model);
+  for (const auto& [termination, words] : std::map<std::string, std::string>{
+           {"static camera: the tracks move by no more than their noise", "stood still"},
+           {"pure rotation: a rotation explains", "only turned on its spot"},
+           {"not rigid: no rigid scene", "moves on its own"},
+           {"weak depth: depths are known to 120 % only", "too little way"},
+           {"too few tracks: no two frames", "Hardly a point"},
+           {"no start: there is parallax", "walk slowly past it"},
+           {"what another program says", "walk slowly past it"}}) {
+    EXPECT_THAT(Advice(file, {}, kDaylight, termination), ElementsAre(HasSubstr(words)))
+        << termination;
+  }
 }
 
 }  // namespace
