@@ -2,7 +2,8 @@
 # root are the same everywhere:
 #   cohort_add_library(tracks SOURCES a.cc PUBLIC cohort::core PRIVATE SQLite::SQLite3
 #                      PRECOMPILE <opencv2/core.hpp>)
-# With INSTALL it is among those of cmake/install.cmake; so must be what it links of ours.
+# With INSTALL it is among those of cmake/install.cmake; so must be what it links of ours. LIGHT: it
+# knows no Eigen, and no headers that are worth to be precompiled.
 add_library(cohort_build_flags INTERFACE)
 # Multiply-adds are not fused where the machine could (arm64): the same bytes on every one.
 target_compile_options(cohort_build_flags INTERFACE -Wall -Wextra -ffp-contract=off)
@@ -39,7 +40,7 @@ function(cohort_precompile target)
 endfunction()
 
 function(cohort_add_library name)
-  cmake_parse_arguments(ARG "INSTALL" "" "SOURCES;PUBLIC;PRIVATE;PRECOMPILE" ${ARGN})
+  cmake_parse_arguments(ARG "INSTALL;LIGHT" "" "SOURCES;PUBLIC;PRIVATE;PRECOMPILE" ${ARGN})
   add_library(cohort_${name} STATIC ${ARG_SOURCES})
   add_library(cohort::${name} ALIAS cohort_${name})
   target_compile_features(cohort_${name} PUBLIC cxx_std_20)
@@ -49,7 +50,9 @@ function(cohort_add_library name)
   target_link_libraries(cohort_${name} PUBLIC ${ARG_PUBLIC}
                         PRIVATE $<BUILD_INTERFACE:cohort_build_flags> ${ARG_PRIVATE})
   set_target_properties(cohort_${name} PROPERTIES EXPORT_NAME ${name})
-  cohort_precompile(cohort_${name} ${ARG_PRECOMPILE})
+  if(NOT ARG_LIGHT)
+    cohort_precompile(cohort_${name} ${ARG_PRECOMPILE})
+  endif()
   if(ARG_INSTALL)
     if(COHORT_BUILD_PYTHON)
       # For a shared object, at the speed of a program: calls within a library stay inlined.

@@ -31,12 +31,16 @@ ColmapArgument Required(std::string name, const fs::path& value) {
 
 // The folder that COLMAP works in, emptied of what an earlier run left.
 struct Workspace {
+  fs::path folder;
   fs::path database;
   fs::path log;
   fs::path images;  // COLMAP wants an existing folder even if it reads no image
 
-  Workspace(const fs::path& folder, const TrackFile& file)
-      : database(folder / "database.db"), log(folder / "colmap.log") {
+  // Absolute: COLMAP takes a path that begins with a dash for an option.
+  Workspace(const fs::path& work_dir, const TrackFile& file)
+      : folder(fs::absolute(work_dir)),
+        database(folder / "database.db"),
+        log(folder / "colmap.log") {
     std::error_code error;
     fs::create_directories(folder, error);
     if (error) ThrowError("cannot make folder {}: {}", folder.string(), error.message());
@@ -52,9 +56,8 @@ struct Workspace {
   }
 
   fs::path MakeFolder(const std::string& name) const {
-    const fs::path folder = database.parent_path() / name;
-    fs::create_directories(folder);
-    return folder;
+    fs::create_directories(folder / name);
+    return folder / name;
   }
 };
 

@@ -8,6 +8,7 @@
 #include <set>
 #include <span>
 
+#include "frontend/core/input_file.h"
 #include "frontend/core/output.h"
 #include "frontend/core/sqlite.h"
 #include "frontend/geometry/camera_fault.h"
@@ -279,6 +280,9 @@ std::map<ColmapImageId, ColmapImage> ReadImages(SqliteDatabase& db,
   while (images.Step()) {
     ColmapImage& image = result[static_cast<ColmapImageId>(images.Int(0))];
     image.name = images.Text(1);
+    if (const std::string fault = FaultOfPictureName(image.name); !fault.empty()) {
+      ThrowError("COLMAP database {}: the name of image '{}' {}", path.string(), image.name, fault);
+    }
     const std::int64_t rows = images.Int(2);
     const std::int64_t cols = images.Int(3);
     if (rows != 0 && (cols < 2 || cols > 6)) {
@@ -415,8 +419,8 @@ void WriteColmapDatabase(const std::filesystem::path& path, const ColmapDatabase
     WriteRows(db, database);
     transaction.Commit();
   }
-  // A write-ahead log that a colmap run left beside the old file would be replayed into the new.
-  for (const char* suffix : {"-wal", "-shm"}) {
+  // A log or journal that a colmap run left beside the old file would be replayed into the new.
+  for (const char* suffix : {"-wal", "-shm", "-journal"}) {
     std::filesystem::remove(path.string() + suffix);
   }
   out.Commit();

@@ -13,6 +13,7 @@
 #include <sstream>
 
 #include "backend/colmap/tracks_to_database.h"
+#include "frontend/core/input_file.h"
 #include "frontend/core/output.h"
 
 namespace cohort {
@@ -364,6 +365,9 @@ void CheckReferences(const fs::path& folder, const ColmapModel& model) {
                  folder.string(),
                  image.name,
                  image.camera_id);
+    }
+    if (const std::string fault = FaultOfPictureName(image.name); !fault.empty()) {
+      ThrowError("model {}: the name of image '{}' {}", folder.string(), image.name, fault);
     }
     const Eigen::Quaterniond& q = image.cam_from_world.rotation;
     const double norm = q.norm();

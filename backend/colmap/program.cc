@@ -97,7 +97,8 @@ ProgramEnd ColmapProgram::Run(const std::string& command,
       unknown += " --" + argument.names.front();
     }
   }
-  const Descriptor file(open(log.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0666));
+  const Descriptor file(
+      open(log.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_NOFOLLOW | O_CLOEXEC, 0666));
   if (file.get() < 0) ThrowError("cannot write {}: {}", log.string(), std::strerror(errno));
   std::string header = fmt::format("$ {} {}\n", path_.string(), fmt::join(line, " "));
   if (!unknown.empty()) header += fmt::format("(not known to this COLMAP:{})\n", unknown);

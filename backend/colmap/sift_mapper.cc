@@ -10,6 +10,7 @@
 #include "backend/colmap/camera_model.h"
 #include "backend/colmap/model_io.h"
 #include "backend/colmap/program.h"
+#include "frontend/core/input_file.h"
 #include "frontend/core/output.h"
 #include "frontend/core/statistics.h"
 #include "frontend/core/stopwatch.h"
@@ -48,6 +49,7 @@ void WriteFrames(const TrackFile& clip, const SiftOptions& options, const fs::pa
   fs::create_directories(folder);
   for (const FrameInfo& frame : clip.frames) {
     const fs::path path = fs::path(clip.image_root) / frame.name;
+    CheckInputFile(path);
     cv::Mat picture = cv::imread(path.string(), cv::IMREAD_GRAYSCALE | cv::IMREAD_ANYDEPTH);
     if (picture.empty()) ThrowError("cannot read frame {}", path.string());
     picture.convertTo(picture, CV_32F, picture.depth() == CV_16U ? 255.0 / 65535.0 : 1.0);
@@ -173,9 +175,10 @@ std::string DescribeFailure(const std::string& version,
 ColmapResult ReconstructWithSift(const TrackFile& clip,
                                  const SiftOptions& sift,
                                  const ColmapOptions& options,
-                                 const fs::path& work_dir) {
+                                 const fs::path& work_folder) {
   ValidateOptions(sift);
   ValidateOptions(options);
+  const fs::path work_dir = fs::absolute(work_folder);  // a dash would begin an option
   const Stopwatch stopwatch;
   ColmapProgram program(options.program, options.max_minutes);
   fs::remove_all(work_dir);

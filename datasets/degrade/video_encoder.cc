@@ -7,6 +7,7 @@
 
 #include "frontend/core/child_process.h"
 #include "frontend/core/error.h"
+#include "frontend/core/output.h"
 
 namespace cohort {
 namespace {
@@ -51,6 +52,7 @@ VideoEncoder::VideoEncoder(fs::path file, cv::Size size)
         file_.string());
   }
   ffmpeg_ = *ffmpeg;
+  MakeNewFile(raw_file_);
   raw_.open(raw_file_, std::ios::binary);
   if (!raw_) ThrowError("cannot write {}", raw_file_.string());
 }

@@ -4,11 +4,12 @@
 #include <optional>
 #include <stdexcept>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "datasets/readers/text_table.h"
 #include "frontend/core/error.h"
-#include "frontend/core/output.h"
+#include "frontend/core/input_file.h"
 #include "frontend/geometry/camera_fault.h"
 #include "frontend/geometry/camera_text.h"
 
@@ -42,13 +43,38 @@ std::vector<double> Numbers(const cv::FileNode& node,
   return numbers;
 }
 
+// The text of a calibration. OpenCV's parser calls itself for what is within another, and the stack
+// of a program ends: so this says how much of that there may be, comments left out.
+std::string ReadShallowYaml(const fs::path& path) {
+  constexpr std::uint64_t kMaxBytes = 1 << 16;
+  constexpr std::ptrdiff_t kMostMarks =
+      1000;  // a real one has a hundred, signs of numbers included
+  const std::string text = ReadBytes(path, kMaxBytes);
+  std::ptrdiff_t marks = 0;
+  bool in_comment = false;
+  for (const char c : text) {
+    if (c == '#') in_comment = true;
+    if (c == '\n') in_comment = false;
+    if (!in_comment && std::string_view("-:[{").find(c) != std::string_view::npos) ++marks;
+  }
+  if (marks > kMostMarks) {
+    ThrowError(
+        "{} is no calibration: it has {} of the marks - : [ {{ that nest YAML, up to {} are read",
+        path.string(),
+        marks,
+        kMostMarks);
+  }
+  return text;
+}
+
 CameraSensor ReadSensor(const fs::path& path) {
   const std::string file = path.string();
   CameraSensor sensor;
+  const std::string text = ReadShallowYaml(path);
   try {
     // OpenCV wants a line that the data set's files do not have.
     const cv::FileStorage yaml(
-        "%YAML:1.0\n---\n" + ReadBytes(path),
+        "%YAML:1.0\n---\n" + text,
         cv::FileStorage::READ | cv::FileStorage::MEMORY | cv::FileStorage::FORMAT_YAML);
     const auto model = static_cast<std::string>(yaml["camera_model"]);
     const auto distortion = static_cast<std::string>(yaml["distortion_model"]);

@@ -1,13 +1,14 @@
 #include "datasets/readers/gray_image.h"
 
-#include <opencv2/imgcodecs.hpp>
+#include <climits>
+#include <cstdint>
 #include <opencv2/imgproc.hpp>
 #include <string>
 #include <string_view>
 #include <utility>
 
 #include "frontend/core/error.h"
-#include "frontend/core/output.h"
+#include "frontend/core/input_file.h"
 
 namespace cohort {
 
@@ -28,14 +29,15 @@ bool IsCutJpeg(std::string_view bytes) {
 
 }  // namespace
 
-cv::Mat ReadImage(const std::filesystem::path& file) {
-  std::string bytes = ReadBytes(file);
+cv::Mat ReadImage(const std::filesystem::path& file, int flags) {
+  constexpr std::uint64_t kMaxBytes = INT_MAX;  // OpenCV's
+  std::string bytes = ReadBytes(file, kMaxBytes);
   if (bytes.empty()) ThrowError("cannot decode {}: the file is empty", file.string());
   cv::Mat picture;
   if (!IsCutJpeg(bytes)) {
     try {
-      picture = cv::imdecode(cv::Mat(1, static_cast<int>(bytes.size()), CV_8UC1, bytes.data()),
-                             cv::IMREAD_UNCHANGED);
+      picture =
+          cv::imdecode(cv::Mat(1, static_cast<int>(bytes.size()), CV_8UC1, bytes.data()), flags);
     } catch (const cv::Exception& e) {
       ThrowError("cannot decode {}: {}", file.string(), e.err);
     }

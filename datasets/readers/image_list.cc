@@ -4,6 +4,7 @@
 
 #include "datasets/readers/gray_image.h"
 #include "frontend/core/error.h"
+#include "frontend/core/input_file.h"
 
 namespace cohort {
 namespace {
@@ -21,14 +22,9 @@ class ImageListSequence final : public Sequence {
                  list_.images.size(),
                  range.first);
     }
-    // Tables and models hold the names as text, a line each.
     for (const ImageList::Image& image : list_.images) {
-      if (OneLine(image.name) != image.name) {
-        ThrowError(
-            "{}: the name of picture '{}' has a line break or another control character: "
-            "rename it",
-            list_.name,
-            image.name);
+      if (const std::string fault = FaultOfPictureName(image.name); !fault.empty()) {
+        ThrowError("{}: the name of picture '{}' {}: rename it", list_.name, image.name, fault);
       }
     }
     size_ = ReadImage(ImageFile(range.first)).size();

@@ -1,24 +1,24 @@
 #include "datasets/readers/text_table.h"
 
-#include <cerrno>
 #include <charconv>
 #include <cmath>
-#include <cstring>
-#include <fstream>
 #include <utility>
 
 #include "frontend/core/error.h"
+#include "frontend/core/line_reader.h"
 
 namespace cohort {
 
 TextTable::TextTable(const std::filesystem::path& file) : file_(file.string()) {
-  std::ifstream stream(file);
-  if (!stream) ThrowError("cannot read {}: {}", file_, std::strerror(errno));
+  constexpr std::uint64_t kMaxBytes = std::uint64_t{1} << 28;  // in memory some 30 times as many
+  LineReader reader(file);
+  if (std::filesystem::file_size(file) > kMaxBytes) {
+    ThrowError("cannot read {}: tables of up to {} bytes are read", file_, kMaxBytes);
+  }
   constexpr std::string_view kSeparators = " \t,\r";
-  std::string line;
-  for (std::size_t number = 1; std::getline(stream, line); ++number) {
-    const std::string_view text = std::string_view(line).substr(0, line.find('#'));
-    Row row{number, {}};
+  while (reader.Next()) {
+    const std::string_view text = reader.line().substr(0, reader.line().find('#'));
+    Row row{reader.number(), {}};
     for (std::size_t begin = text.find_first_not_of(kSeparators); begin < text.size();) {
       const std::size_t end = std::min(text.find_first_of(kSeparators, begin), text.size());
       row.fields.emplace_back(text.substr(begin, end - begin));
@@ -26,7 +26,6 @@ TextTable::TextTable(const std::filesystem::path& file) : file_(file.string()) {
     }
     if (!row.fields.empty()) rows_.push_back(std::move(row));
   }
-  if (stream.bad()) ThrowError("cannot read {}: {}", file_, std::strerror(errno));
 }
 
 void TextTable::Fail(std::size_t row, std::string_view why) const {

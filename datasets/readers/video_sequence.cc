@@ -1,11 +1,17 @@
 #include "datasets/readers/video_sequence.h"
 
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <cctype>
 #include <cmath>
 #include <opencv2/videoio.hpp>
 #include <utility>
 
 #include "datasets/readers/gray_image.h"
 #include "frontend/core/error.h"
+#include "frontend/core/input_file.h"
 
 namespace cohort {
 namespace {
@@ -18,6 +24,20 @@ bool EndsEarly(std::size_t decoded, std::size_t promised) {
   return decoded + 2 <= promised || decoded * 1.02 < promised;
 }
 
+// Lists of other files, and scripts that make them up, that FFmpeg takes for videos: what it would then
+// read is not the file that was given, and a list without an end is waited for. Its own test looks at
+// the first MiB, so these marks, of any case, are looked for there.
+bool NamesOtherFiles(const Descriptor& file) {
+  constexpr std::array<std::string_view, 4> kMarks{
+      "#extm3u", "ffconcat version", "dash:profile", "<compositionplaylist"};
+  std::string start(1 << 20, '\0');
+  const ssize_t n = pread(file.get(), start.data(), start.size(), 0);
+  start.resize(n > 0 ? static_cast<std::size_t>(n) : 0);
+  for (char& c : start) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  return std::ranges::any_of(
+      kMarks, [&start](std::string_view mark) { return start.find(mark) != std::string::npos; });
+}
+
 class VideoSequence final : public Sequence {
  public:
   VideoSequence(const std::filesystem::path& file, const FrameRange& range)
@@ -27,7 +47,12 @@ class VideoSequence final : public Sequence {
 
   // Seeking is not exact in every container: opening again is.
   void Rewind() override {
-    if (!capture_.open(file_, cv::CAP_FFMPEG)) {
+    const Descriptor file = OpenInputDescriptor(file_);
+    if (NamesOtherFiles(file)) {
+      ThrowError("{} is a list of other files: give the video that it names", file_);
+    }
+    // Opened by its number: in names FFmpeg sees protocols (`http:`), patterns (`%d`) and scripts.
+    if (!capture_.open(fmt::format("file:/proc/self/fd/{}", file.get()), cv::CAP_FFMPEG)) {
       ThrowError(
           "cannot open {} as a video: FFmpeg finds no video in it (an MP4 that was cut short has "
           "lost its index)",

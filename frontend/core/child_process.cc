@@ -75,11 +75,6 @@ ProgramEnd WaitFor(pid_t child, std::chrono::duration<double> time_limit) {
 
 }  // namespace
 
-void Descriptor::Close() {
-  if (fd_ >= 0) close(fd_);
-  fd_ = -1;
-}
-
 std::string ProgramEnd::Brief() const {
   if (out_of_time) return "killed at its time limit";
   return signal != 0 ? fmt::format("killed by signal {}", signal)

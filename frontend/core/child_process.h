@@ -6,21 +6,9 @@
 #include <string>
 #include <vector>
 
+#include "frontend/core/descriptor.h"
+
 namespace cohort {
-
-// A file descriptor, closed at the end of the scope.
-class Descriptor {
- public:
-  explicit Descriptor(int fd) : fd_(fd) {}
-  Descriptor(const Descriptor&) = delete;
-  Descriptor& operator=(const Descriptor&) = delete;
-  ~Descriptor() { Close(); }
-  int get() const { return fd_; }
-  void Close();
-
- private:
-  int fd_;
-};
 
 struct ProgramEnd {
   int exit_code = 0;

@@ -9,12 +9,21 @@
 
 namespace cohort {
 
-// The text with a space for every control character: names and values out of files may hold line
-// breaks, and codes that a terminal would obey.
+// The text with spaces for every control character, those of UTF-8 (C1, line and paragraph
+// separators) included: names and values out of files may hold line breaks, and codes that a terminal
+// would obey.
 inline std::string OneLine(std::string_view text) {
   std::string line(text);
-  for (char& c : line) {
-    if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) c = ' ';
+  const auto byte = [&line](std::size_t i) {
+    return i < line.size() ? static_cast<unsigned char>(line[i]) : 0U;
+  };
+  for (std::size_t i = 0; i < line.size(); ++i) {
+    std::size_t bytes = byte(i) < 0x20 || byte(i) == 0x7f ? 1 : 0;
+    if (byte(i) == 0xc2 && byte(i + 1) >= 0x80 && byte(i + 1) < 0xa0) bytes = 2;
+    if (byte(i) == 0xe2 && byte(i + 1) == 0x80 && (byte(i + 2) == 0xa8 || byte(i + 2) == 0xa9)) {
+      bytes = 3;
+    }
+    line.replace(i, bytes, bytes, ' ');
   }
   return line;
 }
@@ -23,7 +32,14 @@ inline std::string OneLine(std::string_view text) {
 // The commands print it as `cohort: error: ...` and exit 1.
 class Error : public std::runtime_error {
  public:
-  explicit Error(std::string_view what) : std::runtime_error(OneLine(what)) {}
+  explicit Error(std::string_view what) : std::runtime_error(Shown(what)) {}
+
+ private:
+  // What a message quotes of a file may have any length.
+  static std::string Shown(std::string_view what) {
+    constexpr std::size_t kMostBytes = 8192;
+    return OneLine(what.substr(0, kMostBytes)) + (what.size() > kMostBytes ? " ..." : "");
+  }
 };
 
 // A wrong flag, option name or value: exit 2.

@@ -15,6 +15,7 @@
 #include <optional>
 
 #include "frontend/core/error.h"
+#include "frontend/core/input_file.h"
 #include "frontend/core/output.h"
 
 namespace cohort {
@@ -27,6 +28,7 @@ static_assert(std::endian::native == std::endian::little, "NumPy's files are rea
 constexpr std::string_view kMagic = "\x93NUMPY";
 constexpr std::string_view kSuffix = ".npy";
 constexpr std::size_t kMaxHeaderBytes = 1 << 16;
+constexpr std::size_t kMaxDimensions = 64;                // NumPy's
 constexpr std::size_t kMaxValues = std::size_t{1} << 30;  // 8 GB in memory
 constexpr std::size_t kChunkBytes = 1 << 20;
 constexpr std::uint64_t kMaxDeflateRatio = 1040;  // what deflate can reach, and a little more
@@ -151,6 +153,7 @@ class HeaderParser {
       const auto [end, error] = std::from_chars(text_.data(), text_.data() + text_.size(), size);
       if (error != std::errc()) return false;
       text_.remove_prefix(static_cast<std::size_t>(end - text_.data()));
+      if (shape.size() == kMaxDimensions) return false;
       shape.push_back(size);
       if (!Take(",") && !Next(")")) return false;
     }
@@ -300,6 +303,7 @@ struct NpzReader::Impl {
 
 NpzReader::NpzReader(const fs::path& path) : impl_(std::make_unique<Impl>()) {
   impl_->path = path;
+  CheckInputFile(path);
   std::error_code error;
   impl_->bytes = fs::file_size(path, error);
   if (error) ThrowError("cannot read {}: {}", path.string(), error.message());

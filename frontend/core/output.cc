@@ -1,11 +1,13 @@
 #include "frontend/core/output.h"
 
 #include <fcntl.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <cerrno>
 #include <cstdio>
+#include <cstdlib>
 #include <cstring>
 #include <memory>
 
@@ -51,11 +53,12 @@ struct CloseFile {
 OutputFile::OutputFile(fs::path path)
     : path_(std::move(path)), partial_(path_.string() + ".partial") {
   CheckOutputPath(path_);
-  RemoveQuietly(partial_);
+  MakeNewFile(partial_);
 }
 
 OutputFile::~OutputFile() {
-  if (!committed_) RemoveQuietly(partial_);
+  std::error_code ignored;
+  if (!committed_) fs::remove(partial_, ignored);
 }
 
 void OutputFile::Commit() {
@@ -80,9 +83,10 @@ OutputFolder::OutputFolder(fs::path path, const std::vector<std::string>& own_na
     }
   }
   RemoveQuietly(partial_);
-  std::error_code error;
-  fs::create_directory(partial_, error);
-  if (error) ThrowError("cannot make folder {}: {}", partial_.string(), error.message());
+  // Fails where there is one already, or a link to one: what is put there is ours alone.
+  if (mkdir(partial_.c_str(), 0777) != 0) {
+    ThrowError("cannot make folder {}: {}", partial_.string(), std::strerror(errno));
+  }
 }
 
 OutputFolder::~OutputFolder() {
@@ -96,9 +100,11 @@ void OutputFolder::Commit() {
     if (renameat2(AT_FDCWD, partial_.c_str(), AT_FDCWD, path_.c_str(), RENAME_EXCHANGE) == 0) {
       RemoveQuietly(partial_);
     } else {
-      const fs::path old = path_.string() + ".old";
-      RemoveQuietly(old);
-      Rename(path_, old);
+      std::string old = path_.string() + ".old-XXXXXX";
+      if (mkdtemp(old.data()) == nullptr) {
+        ThrowError("cannot write {}: {}", path_.string(), std::strerror(errno));
+      }
+      Rename(path_, fs::path(old) / "old");
       Rename(partial_, path_);
       RemoveQuietly(old);
     }
@@ -113,26 +119,26 @@ void CheckOutputPath(const fs::path& path) {
   CheckParent(path);
 }
 
+void MakeNewFile(const fs::path& path) {
+  const int found = unlink(path.c_str());
+  const int fd =
+      found == 0 || errno == ENOENT
+          ? open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0666)
+          : -1;
+  if (fd < 0) {
+    ThrowError("cannot write {}: {}",
+               path.string(),
+               errno == EISDIR ? "a folder is in its place, remove it" : std::strerror(errno));
+  }
+  close(fd);
+}
+
 void WriteBytes(const fs::path& path, std::string_view bytes) {
   std::unique_ptr<std::FILE, CloseFile> file(std::fopen(path.c_str(), "wb"));
   const bool written = file != nullptr &&
                        std::fwrite(bytes.data(), 1, bytes.size(), file.get()) == bytes.size() &&
                        std::fflush(file.get()) == 0;
   if (!written) ThrowError("cannot write {}: {}", path.string(), std::strerror(errno));
-}
-
-std::string ReadBytes(const fs::path& path) {
-  std::unique_ptr<std::FILE, CloseFile> file(std::fopen(path.c_str(), "rb"));
-  if (file == nullptr) ThrowError("cannot read {}: {}", path.string(), std::strerror(errno));
-  std::string bytes;
-  char buffer[1 << 16];
-  while (const std::size_t n = std::fread(buffer, 1, sizeof(buffer), file.get())) {
-    bytes.append(buffer, n);
-  }
-  if (std::ferror(file.get())) {
-    ThrowError("cannot read {}: {}", path.string(), std::strerror(errno));
-  }
-  return bytes;
 }
 
 }  // namespace cohort

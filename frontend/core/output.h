@@ -5,10 +5,12 @@
 #include <string_view>
 #include <vector>
 
+#include "frontend/core/input_file.h"
+
 namespace cohort {
 
-// Outputs are written whole or not at all: into a partial file or folder beside the final path,
-// renamed at the end. Until Commit the old one stays; without Commit (an exception) the partial one
+// Outputs are written whole or not at all: into a new file or folder, PATH.partial, beside the final
+// path, renamed at the end. Until Commit the old one stays; without Commit (an exception) the partial one
 // is removed. Throws Error naming the path.
 //
 //   OutputFile out("a.csv");
@@ -51,9 +53,11 @@ class OutputFolder {
 
 // What OutputFile checks at once, for those who write a file in another way.
 void CheckOutputPath(const std::filesystem::path& path);
+// An empty file in the place of what was there (no folder): made by us, never reached by a link that
+// somebody else has put there, as one may in /tmp. Throws Error naming the path.
+void MakeNewFile(const std::filesystem::path& path);
 
 // Writes bytes to a file in place; for whole or not at all write OutputFile's partial().
 void WriteBytes(const std::filesystem::path& path, std::string_view bytes);
-std::string ReadBytes(const std::filesystem::path& path);
 
 }  // namespace cohort

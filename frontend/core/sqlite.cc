@@ -1,14 +1,34 @@
 #include "frontend/core/sqlite.h"
 
+#include <fcntl.h>
 #include <sqlite3.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <limits>
 
 #include "frontend/core/error.h"
+#include "frontend/core/input_file.h"
 
 namespace cohort {
 namespace {
 
+namespace fs = std::filesystem;
+
+constexpr std::uint64_t kUnlimited = std::numeric_limits<std::uint64_t>::max();
+constexpr int kInstructionsACall = 1000;  // of the progress handler
+// A row has at least four bytes in a page; a byte of a real table costs one instruction or two.
+constexpr std::uint64_t kBytesARow = 4;
+constexpr std::uint64_t kInstructionsAByte = 32;
+constexpr std::uint64_t kReadings = 4;  // of a text or blob by one statement
+
 // What to do about it, where the message alone does not say.
 const char* Advice(int code) {
+  if (code == SQLITE_READONLY_ROLLBACK) {
+    return " (a program died while it wrote it: open it by that program once)";
+  }
+  if (code == SQLITE_INTERRUPT) return " (it is damaged: it has more rows than it has room for)";
   switch (code & 0xFF) {
     case SQLITE_FULL:
     case SQLITE_IOERR:
@@ -20,6 +40,59 @@ const char* Advice(int code) {
     default:
       return "";
   }
+}
+
+int CountInstructions(void* step) {
+  std::uint64_t& left = static_cast<SqliteWork*>(step)->instructions;
+  if (left < kInstructionsACall) return 1;  // interrupts the statement
+  left -= kInstructionsACall;
+  return 0;
+}
+
+fs::path Beside(const fs::path& path, const char* suffix) { return path.string() + suffix; }
+
+// Of a file; 0 if it is not there.
+std::uint64_t BytesOf(const fs::path& path) {
+  std::error_code error;
+  const std::uintmax_t bytes = fs::file_size(path, error);
+  return error ? 0 : bytes;
+}
+
+// A journal's last bytes may name a "super-journal", which SQLite deletes when it has undone what
+// was half written: any file of the user's. Those of one database, as cohort's are, name none.
+void CheckJournal(const fs::path& path) {
+  const fs::path journal = Beside(path, "-journal");
+  constexpr std::array<unsigned char, 8> kMagic{0xd9, 0xd5, 0x05, 0xf9, 0x20, 0xa1, 0x63, 0xd7};
+  const std::uint64_t bytes = BytesOf(journal);
+  if (bytes < 16) return;
+  const Descriptor file = OpenInputDescriptor(journal);
+  std::array<unsigned char, 8> last{};
+  if (pread(file.get(), last.data(), last.size(), static_cast<off_t>(bytes - last.size())) ==
+          static_cast<ssize_t>(last.size()) &&
+      last == kMagic) {
+    ThrowError("database {}: its journal {} names another file, that it would delete: remove it",
+               path.string(),
+               journal.string());
+  }
+}
+
+// Does the database say of itself that it has a write-ahead log?
+bool SaysItHasALog(const fs::path& path) {
+  const Descriptor file = OpenInputDescriptor(path);
+  std::array<unsigned char, 20> head{};
+  constexpr std::size_t kReadVersion = 19;
+  return pread(file.get(), head.data(), head.size(), 0) == static_cast<ssize_t>(head.size()) &&
+         head[kReadVersion] == 2;
+}
+
+std::string UriOf(const fs::path& path) {
+  std::string uri = "file:";
+  for (const char c : fs::absolute(path).string()) {
+    const bool plain = (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') ||
+                       c == '/' || c == '.' || c == '_' || c == '-';
+    uri += plain ? std::string(1, c) : fmt::format("%{:02X}", static_cast<unsigned char>(c));
+  }
+  return uri;
 }
 
 [[noreturn]] void ThrowSqlite(sqlite3* db) {
@@ -38,8 +111,11 @@ void SqliteStatement::Finalize::operator()(sqlite3_stmt* statement) const {
 
 void SqliteDatabase::Close::operator()(sqlite3* db) const { sqlite3_close_v2(db); }
 
-SqliteStatement::SqliteStatement(sqlite3* db, sqlite3_stmt* statement)
-    : db_(db), statement_(statement) {}
+SqliteStatement::SqliteStatement(sqlite3* db,
+                                 SqliteWork* step,
+                                 const SqliteWork* most,
+                                 sqlite3_stmt* statement)
+    : db_(db), step_(step), most_(most), statement_(statement) {}
 
 void SqliteStatement::CheckBound(int result) const {
   if (result != SQLITE_OK) ThrowSqlite(db_);
@@ -76,8 +152,15 @@ SqliteStatement& SqliteStatement::BindNull(int parameter) {
 }
 
 bool SqliteStatement::Step() {
+  const std::uint64_t left = most_->instructions - done_.instructions;
+  step_->instructions = left;
   const int result = sqlite3_step(statement_.get());
-  if (result == SQLITE_ROW) return true;
+  done_.instructions += left - step_->instructions;
+  if (result == SQLITE_ROW) {
+    CountRow();
+    return true;
+  }
+  done_ = {};
   if (result == SQLITE_DONE) {
     sqlite3_reset(statement_.get());
     return false;
@@ -85,6 +168,20 @@ bool SqliteStatement::Step() {
   // Resetting repeats the step's error in the database, so the message survives it.
   sqlite3_reset(statement_.get());
   ThrowSqlite(db_);
+}
+
+void SqliteStatement::CountRow() {
+  ++done_.rows;
+  for (int column = 0; column < sqlite3_column_count(statement_.get()); ++column) {
+    const int type = sqlite3_column_type(statement_.get(), column);
+    if (type != SQLITE_TEXT && type != SQLITE_BLOB) continue;
+    done_.bytes += static_cast<std::uint64_t>(sqlite3_column_bytes(statement_.get(), column));
+  }
+  if (done_.rows <= most_->rows && done_.bytes <= most_->bytes) return;
+  done_ = {};
+  sqlite3_reset(statement_.get());
+  ThrowError("database {} is damaged: it has more rows than it has room for",
+             sqlite3_db_filename(db_, "main"));
 }
 
 void SqliteStatement::Run() {
@@ -116,12 +213,37 @@ std::span<const std::byte> SqliteStatement::Blob(int column) const {
   return {static_cast<const std::byte*>(data), static_cast<std::size_t>(size)};
 }
 
-SqliteDatabase SqliteDatabase::Open(const std::filesystem::path& path, Mode mode) {
-  int flags = SQLITE_OPEN_READONLY;
-  if (mode == Mode::kWrite) flags = SQLITE_OPEN_READWRITE;
-  if (mode == Mode::kCreate) flags = SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE;
+SqliteDatabase::SqliteDatabase(sqlite3* db) : work_(std::make_unique<Work>()), db_(db) {
+  work_->most = {kUnlimited, kUnlimited, kUnlimited};
+}
+
+SqliteDatabase SqliteDatabase::Open(const fs::path& path, Mode mode) {
+  std::string uri = UriOf(path);
+  int flags = SQLITE_OPEN_URI | SQLITE_OPEN_READWRITE;
+  const char* vfs = nullptr;
+  const bool may_be_foreign = mode != Mode::kCreate || BytesOf(path) > 0;
+  if (may_be_foreign) {
+    CheckInputFile(path);
+    for (const char* suffix : {"-wal", "-journal"}) {
+      if (fs::exists(Beside(path, suffix))) CheckInputFile(Beside(path, suffix));
+    }
+    CheckJournal(path);
+  }
+  const bool has_log = BytesOf(Beside(path, "-wal")) > 0;
+  if (mode == Mode::kCreate) flags |= SQLITE_OPEN_CREATE;
+  if (mode == Mode::kRead) {
+    flags = SQLITE_OPEN_URI | SQLITE_OPEN_READONLY;
+    // SQLite shares its index of a log by a file beside it, unless it has the database for itself, by
+    // locks that take the right to write. Without locks the index is in memory.
+    if (has_log) vfs = "unix-none";
+    if (!has_log && SaysItHasALog(path)) uri += "?immutable=1";
+  } else if (may_be_foreign && (has_log || SaysItHasALog(path))) {
+    // SQLite would write beside it and clear it up. What cohort writes has none.
+    ThrowError("database {} has a write-ahead log, which cohort writes to none: it is not ours",
+               path.string());
+  }
   sqlite3* raw = nullptr;
-  const int result = sqlite3_open_v2(path.c_str(), &raw, flags, nullptr);
+  const int result = sqlite3_open_v2(uri.c_str(), &raw, flags, vfs);
   SqliteDatabase db(raw);
   if (result != SQLITE_OK) {
     ThrowError("database {}: {}",
@@ -135,13 +257,40 @@ SqliteDatabase SqliteDatabase::Open(const std::filesystem::path& path, Mode mode
                                    SQLITE_DBCONFIG_TRUSTED_SCHEMA}) {
     sqlite3_db_config(raw, code_in_schema, 0, nullptr);
   }
+  sqlite3_db_config(raw, SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, 1, nullptr);
+  if (has_log) db.Execute("PRAGMA locking_mode = EXCLUSIVE");
   db.Execute("PRAGMA cell_size_check = ON");
+  if (may_be_foreign) db.LimitWork(BytesOf(path) + BytesOf(Beside(path, "-wal")));
   // Opening reads nothing: this says at once that the file is no database, or damaged.
   db.Execute("PRAGMA schema_version");
+  if (may_be_foreign) db.CheckTables();
   return db;
 }
 
+void SqliteDatabase::LimitWork(std::uint64_t file_bytes) {
+  constexpr std::uint64_t kLeast = 1 << 19;  // of a small file
+  const std::uint64_t bytes = std::max(file_bytes, kLeast);
+  work_->most = {kInstructionsAByte * bytes, bytes / kBytesARow, kReadings * bytes};
+  work_->step = work_->most;
+  sqlite3_progress_handler(db_.get(), kInstructionsACall, CountInstructions, &work_->step);
+  constexpr std::uint64_t kLongest = 1'000'000'000;  // SQLite's own
+  sqlite3_limit(db_.get(), SQLITE_LIMIT_LENGTH, static_cast<int>(std::min(bytes, kLongest)));
+}
+
+// Columns that are computed may be as large as they like, and virtual tables are code.
+void SqliteDatabase::CheckTables() {
+  auto table = Prepare(
+      "SELECT name FROM sqlite_master WHERE type = 'table' AND (rootpage = 0 OR EXISTS "
+      "(SELECT 1 FROM pragma_table_xinfo(sqlite_master.name) WHERE hidden > 0)) LIMIT 1");
+  if (table.Step()) {
+    ThrowError("database {}: its table {} is virtual or has computed columns, which are not read",
+               sqlite3_db_filename(db_.get(), "main"),
+               table.Text(0));
+  }
+}
+
 void SqliteDatabase::Execute(const std::string& sql) {
+  work_->step = work_->most;
   if (sqlite3_exec(db_.get(), sql.c_str(), nullptr, nullptr, nullptr) != SQLITE_OK) {
     ThrowSqlite(db_.get());
   }
@@ -149,11 +298,12 @@ void SqliteDatabase::Execute(const std::string& sql) {
 
 SqliteStatement SqliteDatabase::Prepare(std::string_view sql) {
   sqlite3_stmt* statement = nullptr;
+  work_->step = work_->most;
   if (sqlite3_prepare_v2(
           db_.get(), sql.data(), static_cast<int>(sql.size()), &statement, nullptr) != SQLITE_OK) {
     ThrowSqlite(db_.get());
   }
-  return SqliteStatement(db_.get(), statement);
+  return SqliteStatement(db_.get(), &work_->step, &work_->most, statement);
 }
 
 bool SqliteDatabase::HasTable(std::string_view name) {

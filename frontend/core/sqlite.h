@@ -13,6 +13,15 @@ struct sqlite3_stmt;
 
 namespace cohort {
 
+// What a statement may do from its first Step to its last, in instructions of SQLite's machine, in
+// rows, and in bytes of their texts and blobs: in proportion to the file. Pages of a damaged one may be
+// each other's children many times, and 50 KB then have 10^16 rows.
+struct SqliteWork {
+  std::uint64_t instructions = 0;
+  std::uint64_t rows = 0;
+  std::uint64_t bytes = 0;
+};
+
 // A prepared statement. Parameters count from 1, columns from 0, as in SQLite.
 //
 //   auto insert = db.Prepare("INSERT INTO t VALUES(?, ?)");
@@ -41,20 +50,29 @@ class SqliteStatement {
 
  private:
   friend class SqliteDatabase;
-  SqliteStatement(sqlite3* db, sqlite3_stmt* statement);
+  SqliteStatement(sqlite3* db, SqliteWork* step, const SqliteWork* most, sqlite3_stmt* statement);
   void CheckBound(int result) const;
+  void CountRow();
 
   struct Finalize {
     void operator()(sqlite3_stmt* statement) const;
   };
   sqlite3* db_;
+  SqliteWork* step_;        // what the Step that runs may still do, of the database
+  const SqliteWork* most_;  // of a statement
+  SqliteWork done_;         // since the first Step
   std::unique_ptr<sqlite3_stmt, Finalize> statement_;
 };
 
-// An open SQLite file, closed at the end of the scope.
+// An open SQLite file, closed at the end of the scope. It may be anybody's: no code that it brings is
+// run; what its pages claim costs no more work, and no more rows, than a file of its size can hold;
+// and a journal beside it touches no other file.
 class SqliteDatabase {
  public:
-  enum class Mode { kRead, kWrite, kCreate };  // kWrite: must exist; kCreate: made if missing
+  // kRead: nothing is written, nor beside it; a write-ahead log is read where it lies. kWrite: must
+  // exist; what a program that died has left half written in it is undone. kCreate: kWrite, and made
+  // if missing. Throws Error naming the path.
+  enum class Mode { kRead, kWrite, kCreate };
   static SqliteDatabase Open(const std::filesystem::path& path, Mode mode);
 
   void Execute(const std::string& sql);  // one or more statements without results
@@ -66,7 +84,14 @@ class SqliteDatabase {
   struct Close {
     void operator()(sqlite3* db) const;
   };
-  explicit SqliteDatabase(sqlite3* db) : db_(db) {}
+  explicit SqliteDatabase(sqlite3* db);
+  void LimitWork(std::uint64_t file_bytes);
+  void CheckTables();
+  struct Work {
+    SqliteWork most;  // of a statement
+    SqliteWork step;  // what the call that runs may still do
+  };
+  std::unique_ptr<Work> work_;  // before db_, which points to it
   std::unique_ptr<sqlite3, Close> db_;
 };
 

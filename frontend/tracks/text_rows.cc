@@ -16,31 +16,6 @@ constexpr std::size_t kBlock = 1 << 16;
 
 }  // namespace
 
-LineReader::LineReader(const fs::path& path) : path_(path), stream_(path, std::ios::binary) {
-  if (!stream_ || fs::is_directory(path)) {
-    ThrowError("cannot read {}: {}",
-               path.string(),
-               fs::is_directory(path) ? "it is a folder" : std::strerror(errno));
-  }
-}
-
-bool LineReader::Next() {
-  stream_.getline(buffer_.data(), static_cast<std::streamsize>(buffer_.size()));
-  const auto count = static_cast<std::size_t>(stream_.gcount());
-  if (stream_.bad()) ThrowError("cannot read {}: {}", path_.string(), std::strerror(errno));
-  if (stream_.fail() && count == 0) return false;
-  ++number_;
-  if (stream_.fail()) Throw("longer than {} characters: this is no table", buffer_.size());
-  // getline counts the line's end, except at the end of the file.
-  line_ = {buffer_.data(), stream_.eof() ? count : count - 1};
-  if (line_.ends_with('\r')) line_.remove_suffix(1);
-  return true;
-}
-
-void LineReader::ThrowAt(std::size_t number, const std::string& what) const {
-  ThrowError("{}, line {}: {}", path_.string(), number, what);
-}
-
 std::string_view Trim(std::string_view text) {
   const auto first = text.find_first_not_of(" \t");
   if (first == std::string_view::npos) return {};

@@ -15,35 +15,11 @@
 #include <vector>
 
 #include "frontend/core/error.h"
+#include "frontend/core/line_reader.h"
 #include "frontend/core/output.h"
 #include "frontend/tracks/track_set.h"
 
 namespace cohort {
-
-// Lines of a text file, one at a time; the longest allowed line bounds the memory. Throws Error
-// naming path and line.
-class LineReader {
- public:
-  explicit LineReader(const std::filesystem::path& path);
-
-  bool Next();
-  std::string_view line() const { return line_; }
-
-  template <typename... Args>
-  [[noreturn]] void Throw(fmt::format_string<Args...> text, Args&&... args) const {
-    ThrowAt(number_, fmt::format(text, std::forward<Args>(args)...));
-  }
-  [[noreturn]] void ThrowAt(std::size_t number, const std::string& what) const;
-  const std::filesystem::path& path() const { return path_; }
-  std::size_t number() const { return number_; }  // of the line, from 1
-
- private:
-  std::filesystem::path path_;
-  std::ifstream stream_;
-  std::array<char, 1 << 16> buffer_;
-  std::string_view line_;
-  std::size_t number_ = 0;
-};
 
 std::string_view Trim(std::string_view text);
 

@@ -7,6 +7,7 @@
 #include <string_view>
 
 #include "frontend/core/error.h"
+#include "frontend/core/input_file.h"
 #include "frontend/core/output.h"
 #include "frontend/core/sqlite.h"
 #include "frontend/geometry/camera_fault.h"
@@ -127,18 +128,37 @@ void RemoveDatabase(const fs::path& path) {
   fs::remove(path.string() + "-journal", ignored);
 }
 
+// An empty file, and no journal beside it.
+void MakeNewDatabase(const fs::path& path) {
+  const fs::path journal = path.string() + "-journal";
+  std::error_code error;
+  fs::remove(journal, error);
+  if (error) ThrowError("cannot remove {}: {}", journal.string(), error.message());
+  MakeNewFile(path);
+}
+
 bool HoldsTracks(SqliteDatabase& db) {
   auto select = db.Prepare("PRAGMA application_id");
   return select.Step() && select.Int(0) == kApplicationId;
 }
 
-SqliteDatabase OpenExisting(const fs::path& path) {
-  // For writing even where we only read: SQLite may have to roll back what a kill left half done.
-  // It falls back to reading where the file is write-protected.
-  auto db = SqliteDatabase::Open(path, SqliteDatabase::Mode::kWrite);
+SqliteDatabase OpenExisting(const fs::path& path, SqliteDatabase::Mode mode) {
+  auto db = SqliteDatabase::Open(path, mode);
   // A frame being written by another program makes us wait instead of fail.
   db.Execute("PRAGMA busy_timeout = 10000");
   return db;
+}
+
+SqliteDatabase OpenToWrite(const fs::path& path) {
+  return OpenExisting(path, SqliteDatabase::Mode::kWrite);
+}
+
+SqliteDatabase OpenToRead(const fs::path& path) {
+  // Where there is a journal SQLite may have to roll back what a kill left half done. It falls back to
+  // reading where the file is write-protected.
+  return OpenExisting(path,
+                      fs::exists(path.string() + "-journal") ? SqliteDatabase::Mode::kWrite
+                                                             : SqliteDatabase::Mode::kRead);
 }
 
 [[noreturn]] void ThrowDamaged(const fs::path& path, std::string_view what) {
@@ -155,7 +175,7 @@ std::uint32_t ReadId(std::int64_t value, const fs::path& path, std::string_view 
 int ReadSize(const std::string& text, const fs::path& path) {
   int value = 0;
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (error != std::errc() || end != text.data() + text.size() || value < 0 ||
+  if (error != std::errc() || end != text.data() + text.size() || value < 1 ||
       value > kMaxPictureSidePx) {
     ThrowDamaged(path, fmt::format("'{}' is no image size", text));
   }
@@ -203,7 +223,7 @@ std::optional<Camera> ReadCamera(SqliteDatabase& db, const fs::path& path) {
 
 SqliteDatabase OpenTracks(const fs::path& path) {
   if (!fs::is_regular_file(path)) ThrowError("there is no file {}", path.string());
-  auto db = OpenExisting(path);
+  auto db = OpenToRead(path);
   if (!HoldsTracks(db)) ThrowError("{} is no .tracks file of cohort", path.string());
   if (db.UserVersion() < kVersion || db.UserVersion() > kNewestVersion) {
     ThrowError(
@@ -217,8 +237,12 @@ SqliteDatabase OpenTracks(const fs::path& path) {
 
 std::vector<Observation> ReadObservations(SqliteDatabase& db, const fs::path& path) {
   std::vector<Observation> observations;
-  auto count = db.Prepare("SELECT COUNT(*) FROM observations");
-  if (count.Step()) observations.reserve(static_cast<std::size_t>(count.Int(0)));
+  auto count = db.Prepare("SELECT COUNT(frame) FROM observations");
+  constexpr std::uint64_t kBytesARow = 16;  // and more, of what is no lie
+  if (count.Step()) {
+    observations.reserve(std::min(static_cast<std::uint64_t>(count.Int(0)),
+                                  static_cast<std::uint64_t>(fs::file_size(path)) / kBytesARow));
+  }
   auto row = db.Prepare(
       "SELECT frame, track_id, x, y, observed, residual, cov_xx, cov_xy, cov_yy "
       "FROM observations ORDER BY frame, track_id");
@@ -233,6 +257,9 @@ std::vector<Observation> ReadObservations(SqliteDatabase& db, const fs::path& pa
       o.covariance = PixelCovariance{.xx = static_cast<float>(row.Real(6)),
                                      .xy = static_cast<float>(row.Real(7)),
                                      .yy = static_cast<float>(row.Real(8))};
+      if (!o.covariance->Matrix().allFinite()) {
+        ThrowDamaged(path, fmt::format("a covariance of track {} is not finite", ToInt(o.feature)));
+      }
     }
   }
   return observations;
@@ -280,7 +307,7 @@ TrackWriter::~TrackWriter() = default;
 TrackWriter TrackWriter::Create(const fs::path& path, const TrackFile& header) {
   CheckOutputPath(path);
   fs::path working = PartialOf(path);
-  RemoveDatabase(working);
+  MakeNewDatabase(working);
   try {
     auto db = SqliteDatabase::Open(working, SqliteDatabase::Mode::kCreate);
     SqliteTransaction transaction(db);
@@ -295,7 +322,7 @@ TrackWriter TrackWriter::Create(const fs::path& path, const TrackFile& header) {
     fs::rename(working, path);
     working = path;
   }
-  auto impl = std::make_unique<Impl>(path, working, OpenExisting(working));
+  auto impl = std::make_unique<Impl>(path, working, OpenToWrite(working));
   impl->insert.emplace(*impl->db);
   return TrackWriter(std::move(impl));
 }
@@ -307,7 +334,7 @@ TrackWriter TrackWriter::Resume(const fs::path& path) {
                path.string(),
                PartialOf(path).string());
   }
-  auto impl = std::make_unique<Impl>(path, *working, OpenExisting(*working));
+  auto impl = std::make_unique<Impl>(path, *working, OpenToWrite(*working));
   impl->insert.emplace(*impl->db);
   auto last = impl->db->Prepare("SELECT MAX(\"index\") FROM frames");
   if (last.Step() && !last.IsNull(0)) {
@@ -359,11 +386,11 @@ void TrackWriter::Finish() {
 std::optional<fs::path> FindUnfinishedTracks(const fs::path& path) {
   const fs::path partial = PartialOf(path);
   if (fs::is_regular_file(partial)) {
-    auto db = OpenExisting(partial);
+    auto db = OpenToRead(partial);
     if (HoldsTracks(db)) return partial;
   }
   if (fs::is_regular_file(path)) {
-    auto db = OpenExisting(path);
+    auto db = OpenToRead(path);
     if (HoldsTracks(db) && GetMeta(db, "status") == kRunning) return path;
   }
   return std::nullopt;
@@ -372,13 +399,14 @@ std::optional<fs::path> FindUnfinishedTracks(const fs::path& path) {
 TrackCounts CountTracks(const fs::path& path) {
   auto db = OpenTracks(path);
   const auto count = [&](std::string_view of) {
+    // Of columns, not of rows: rows alone SQLite counts without end where pages are damaged.
     auto row = db.Prepare(fmt::format("SELECT COUNT({}", of));
     return row.Step() ? static_cast<std::size_t>(row.Int(0)) : 0;
   };
-  return {.frames = count("*) FROM frames"),
+  return {.frames = count("\"index\") FROM frames"),
           .tracks = count("DISTINCT track_id) FROM observations"),
-          .observations = count("*) FROM observations"),
-          .predicted = count("*) FROM observations WHERE observed = 0")};
+          .observations = count("frame) FROM observations"),
+          .predicted = count("frame) FROM observations WHERE observed = 0")};
 }
 
 TrackFile ReadTrackFile(const fs::path& path) {
@@ -403,6 +431,11 @@ TrackFile ReadTrackFile(const fs::path& path) {
     file.frames.push_back({.index = FrameIndex{ReadId(frames.Int(0), path, "frame")},
                            .name = std::string(frames.Text(1)),
                            .timestamp_ns = frames.Int(2)});
+    // Frames that came from no file may have none.
+    const std::string& name = file.frames.back().name;
+    if (const std::string fault = FaultOfPictureName(name); !name.empty() && !fault.empty()) {
+      ThrowDamaged(path, fmt::format("the name of frame '{}' {}", name, fault));
+    }
   }
   auto unlisted = db.Prepare(
       "SELECT frame FROM observations WHERE frame NOT IN (SELECT \"index\" FROM frames) LIMIT 1");
@@ -421,7 +454,7 @@ TrackFile ReadTrackFile(const fs::path& path) {
 
 void WriteTrackFile(const fs::path& path, const TrackFile& file) {
   OutputFile out(path);
-  RemoveDatabase(out.partial());
+  MakeNewDatabase(out.partial());
   try {
     auto db = SqliteDatabase::Open(out.partial(), SqliteDatabase::Mode::kCreate);
     SqliteTransaction transaction(db);

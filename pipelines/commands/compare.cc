@@ -2,6 +2,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "pipelines/console/messages.h"
 #include "pipelines/console/version.h"
 #include "pipelines/experiment/collection.h"
 #include "pipelines/experiment/file_lock.h"
@@ -15,14 +16,14 @@ namespace {
 
 void PrintNotes(const char* what, const std::vector<CellNote>& notes) {
   for (const CellNote& note : notes) {
-    fmt::print("{}: {} {} {} {} seed {}: {}\n",
-               what,
-               note.sequence,
-               note.level,
-               note.tracker,
-               note.backend.empty() ? "tracking" : note.backend,
-               note.seed,
-               note.reason);
+    PrintLine("{}: {} {} {} {} seed {}: {}",
+              what,
+              note.sequence,
+              note.level,
+              note.tracker,
+              note.backend.empty() ? "tracking" : note.backend,
+              note.seed,
+              note.reason);
   }
 }
 

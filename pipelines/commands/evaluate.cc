@@ -6,6 +6,7 @@
 
 #include "pipelines/console/table.h"
 #include "pipelines/jobs/evaluate_job.h"
+#include "pipelines/json/json_file.h"
 
 namespace cohort {
 namespace {
@@ -34,7 +35,7 @@ void AddRows(const Json& json,
     } else if (value.is_number_float()) {
       rows.push_back({name, fmt::format("{:.4g}", value.get<double>())});
     } else {
-      rows.push_back({name, value.is_null() ? "-" : value.dump()});
+      rows.push_back({name, value.is_null() ? "-" : JsonLine(value)});
     }
   }
 }

@@ -10,6 +10,7 @@
 #include "frontend/tracks/opensfm_tracks.h"
 #include "frontend/tracks/track_csv.h"
 #include "frontend/tracks/track_npz.h"
+#include "pipelines/console/messages.h"
 #include "pipelines/console/progress_bar.h"
 #include "pipelines/sfm/reconstruct.h"
 #include "pipelines/sfm/video_frames.h"
@@ -27,7 +28,7 @@ void ExportColmapDatabase(const TrackFile& file, const ExportCommandOptions& opt
     images += "_images";
     WriteVideoFrames(file, images, ProgressBars());
   }
-  fmt::print("{}: for COLMAP with --image_path {}\n", options.colmap_database, images.string());
+  PrintLine("{}: for COLMAP with --image_path {}", options.colmap_database, images.string());
 }
 
 TrackFile TracksToExport(const ExportCommandOptions& options) {
@@ -58,34 +59,32 @@ void RunExport(const ExportCommandOptions& options) {
   if (!options.colmap_database.empty()) ExportColmapDatabase(file, options);
   if (!options.csv.empty()) {
     WriteTracksCsv(options.csv, file.tracks);
-    fmt::print("{}: {} rows\n", options.csv, file.tracks.observations().size());
+    PrintLine("{}: {} rows", options.csv, file.tracks.observations().size());
   }
   if (!options.npz.empty()) {
     WriteTracksNpz(options.npz, file);
-    fmt::print("{}: {} frames x {} tracks\n",
-               options.npz,
-               file.frames.size(),
-               file.tracks.features().size());
+    PrintLine("{}: {} frames x {} tracks",
+              options.npz,
+              file.frames.size(),
+              file.tracks.features().size());
   }
   if (!options.covariances.empty()) {
     const CovarianceCounts counts =
         WriteKeypointCovariances(options.covariances, file, options.database);
-    fmt::print("{}: covariances of {} of {} keypoints\n",
-               options.covariances,
-               counts.keypoints - counts.without,
-               counts.keypoints);
+    PrintLine("{}: covariances of {} of {} keypoints",
+              options.covariances,
+              counts.keypoints - counts.without,
+              counts.keypoints);
   }
   if (!options.opensfm.empty()) {
     WriteOpenSfmTracks(options.opensfm, file, options.database.include_predicted);
-    fmt::print("{}: {} tracks\n", options.opensfm, file.tracks.features().size());
+    PrintLine("{}: {} tracks", options.opensfm, file.tracks.features().size());
   }
   if (!options.bal.empty()) {
     const Reconstruction model = ReadReconstruction(options.model);
     WriteBal(options.bal, model);
-    fmt::print("{}: {} cameras, {} points\n",
-               options.bal,
-               model.cam_from_world.size(),
-               model.points.size());
+    PrintLine(
+        "{}: {} cameras, {} points", options.bal, model.cam_from_world.size(), model.points.size());
   }
 }
 

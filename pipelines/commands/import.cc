@@ -4,14 +4,14 @@
 
 #include <algorithm>
 #include <array>
-#include <cerrno>
-#include <cstring>
 #include <fstream>
 
 #include "backend/colmap/colmap_tracks.h"
+#include "frontend/core/input_file.h"
 #include "frontend/tracks/opensfm_tracks.h"
 #include "frontend/tracks/track_csv.h"
 #include "frontend/tracks/track_store.h"
+#include "pipelines/console/messages.h"
 #include "pipelines/console/progress_bar.h"
 #include "pipelines/console/version.h"
 
@@ -55,8 +55,7 @@ void CheckFramesKnown(const TrackSet& tracks,
 TracksForm FormOf(const std::string& path) {
   if (std::filesystem::is_directory(path)) return TracksForm::kColmap;
   std::array<char, 4096> start{};
-  std::ifstream in(path, std::ios::binary);
-  if (!in) ThrowError("cannot read {}: {}", path, std::strerror(errno));
+  std::ifstream in = OpenInputFile(path);
   in.read(start.data(), start.size());
   const std::string_view text(start.data(), static_cast<std::size_t>(in.gcount()));
   if (text.starts_with("PK\x03\x04")) return TracksForm::kNpz;
@@ -155,11 +154,11 @@ void RunImport(const ImportCommandOptions& options) {
   file.meta["imported_from"] = AbsolutePath(options.tracks);
   file.meta["frames"] = options.input.frames;
   WriteTrackFile(options.out, file);
-  fmt::print("{}: {} tracks, {} observations in {} frames\n",
-             options.out,
-             file.tracks.features().size(),
-             file.tracks.observations().size(),
-             file.frames.size());
+  PrintLine("{}: {} tracks, {} observations in {} frames",
+            options.out,
+            file.tracks.features().size(),
+            file.tracks.observations().size(),
+            file.frames.size());
 }
 
 Command ImportCommand() {

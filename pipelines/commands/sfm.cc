@@ -2,6 +2,7 @@
 
 #include <filesystem>
 
+#include "pipelines/console/messages.h"
 #include "pipelines/console/progress_bar.h"
 #include "pipelines/console/table.h"
 #include "pipelines/jobs/sfm_job.h"
@@ -26,8 +27,8 @@ void PrintFigures(const SfmFigures& figures, const std::string& out) {
                                 100.0 * *figures.camera_uncertainty)});
   }
   fmt::print("{}", AlignedTable(rows));
-  for (const std::string& reason : figures.reasons) fmt::print("Doubt: {}\n", reason);
-  for (const std::string& advice : figures.film_better) fmt::print("To film better: {}\n", advice);
+  for (const std::string& reason : figures.reasons) PrintLine("Doubt: {}", reason);
+  for (const std::string& advice : figures.film_better) PrintLine("To film better: {}", advice);
 }
 
 // SCENE/report.html, unless it is of this scene already.

@@ -14,13 +14,19 @@
 #include <filesystem>
 #include <iostream>
 #include <new>
+#include <opencv2/core.hpp>
 #include <opencv2/core/utils/logger.hpp>
+#include <stdexcept>
 
 #include "frontend/core/error.h"
+#include "pipelines/console/messages.h"
 #include "pipelines/console/version.h"
 
 namespace cohort {
 namespace {
+
+constexpr const char* kOutOfMemory =
+    "out of memory: give fewer frames, smaller pictures or fewer features, or a smaller file";
 
 // A message of the log without line breaks.
 class OneLineOfLog : public spdlog::custom_flag_formatter {
@@ -48,6 +54,7 @@ void SetUpLogging() {
   cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);
   setenv("OPENCV_FFMPEG_LOGLEVEL", "-8", /*overwrite=*/0);
   std::cerr.setstate(std::ios::failbit);  // OpenCV's decoders of pictures; we print by stdio
+  SilenceLibraries();                     // what those are made of
 }
 
 std::string Help(const std::vector<Command>& commands) {
@@ -79,7 +86,7 @@ int Dispatch(const std::vector<Command>& commands, std::span<const std::string> 
 
 // Whether anybody reads it or not: where stderr is full or closed, the exit code must say it.
 int Fail(int exit_code, std::string_view prefix, std::string_view what) {
-  std::fputs(fmt::format("cohort: error: {}{}\n", prefix, OneLine(what)).c_str(), stderr);
+  std::fputs(fmt::format("cohort: error: {}{}\n", prefix, OneLine(what)).c_str(), OwnStderr());
   return exit_code;
 }
 
@@ -112,7 +119,12 @@ int RunProgram(const std::vector<Command>& commands, std::span<const std::string
   } catch (const Error& e) {
     return Fail(1, "", e.what());
   } catch (const std::bad_alloc&) {
-    return Fail(1, "", "out of memory: give fewer features, a smaller picture or fewer frames");
+    return Fail(1, "", kOutOfMemory);
+  } catch (const std::length_error&) {  // of more than there can be
+    return Fail(1, "", kOutOfMemory);
+  } catch (const cv::Exception& e) {
+    if (e.code == cv::Error::StsNoMem) return Fail(1, "", kOutOfMemory);
+    return Fail(1, "internal: ", e.what());
   } catch (const std::filesystem::filesystem_error& e) {
     return Fail(1, "", e.what());
   } catch (const std::exception& e) {

@@ -309,7 +309,9 @@ ParseOutcome ParseCommandLine(const CommandLine& line,
   for (std::size_t i = 0; i < options.size(); ++i) Apply(options[i], bound[i]->results());
   if (quiet) spdlog::set_level(spdlog::level::warn);
   if (dump_config) {
-    fmt::print("{}\n", OptionsToJson(entries).dump(2));
+    fmt::print(
+        "{}\n",
+        OptionsToJson(entries).dump(2, ' ', false, nlohmann::json::error_handler_t::replace));
     return ParseOutcome::kDone;
   }
   for (const std::string& path : line.required) {

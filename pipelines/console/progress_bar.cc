@@ -8,6 +8,8 @@
 #include <cstdio>
 #include <memory>
 
+#include "pipelines/console/messages.h"
+
 namespace cohort {
 
 std::string ProgressLine(const std::string& label,
@@ -43,7 +45,7 @@ ProgressBar::ProgressBar(std::string label, std::optional<std::size_t> total, st
 ProgressBar::~ProgressBar() { Wipe(); }
 
 void ProgressBar::Wipe() {
-  if (shown_) std::fputs("\r\x1b[K", stderr);
+  if (shown_) std::fputs("\r\x1b[K", OwnStderr());
 }
 
 void ProgressBar::Advance(std::size_t steps) {
@@ -53,8 +55,9 @@ void ProgressBar::Advance(std::size_t steps) {
   next_draw_ = now + std::chrono::milliseconds(100);
   const double seconds = std::chrono::duration<double>(now - start_).count();
   const std::string line = ProgressLine(label_, done_, total_, seconds, rate_unit_);
-  std::fputs(("\r" + line + "\x1b[K").c_str(), stderr);  // fmt::print would throw at a full disk
-  std::fflush(stderr);
+  std::FILE* const out = OwnStderr();
+  std::fputs(("\r" + line + "\x1b[K").c_str(), out);  // fmt::print would throw at a full disk
+  std::fflush(out);
 }
 
 std::function<void(std::string_view, std::size_t, std::optional<std::size_t>)> ProgressBars() {

@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <sstream>
 
+#include "frontend/core/error.h"
+
 namespace cohort {
 
 namespace {
@@ -68,6 +70,9 @@ std::string AlignedTable(const TextRows& table, std::size_t left_columns, std::s
   TextRows rows = HeadingRows(table.front());
   const std::size_t heading_rows = rows.size();
   rows.insert(rows.end(), table.begin() + 1, table.end());
+  for (std::size_t r = heading_rows; r < rows.size(); ++r) {
+    for (std::string& cell : rows[r]) cell = OneLine(cell);
+  }
   const std::vector<std::size_t> widths = WidthsOf(rows);
   left_columns = std::min(left_columns, widths.size());
   std::size_t left_width = 0;

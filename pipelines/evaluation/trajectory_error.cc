@@ -20,9 +20,14 @@ double AngleDeg(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
   return std::atan2(a.cross(b).norm(), a.dot(b)) * kDegrees;
 }
 
+// Unsigned: times of a file may lie further apart than a signed number holds.
+std::uint64_t TimeBetween(std::int64_t a, std::int64_t b) {
+  return static_cast<std::uint64_t>(std::max(a, b)) - static_cast<std::uint64_t>(std::min(a, b));
+}
+
 std::size_t Nearest(std::span<const StampedPose> poses, std::int64_t timestamp_ns) {
   const auto distance = [&](const StampedPose& pose) {
-    return std::abs(pose.timestamp_ns - timestamp_ns);
+    return TimeBetween(pose.timestamp_ns, timestamp_ns);
   };
   const auto nearest =
       std::min_element(poses.begin(), poses.end(), [&](const auto& a, const auto& b) {
@@ -61,7 +66,10 @@ std::vector<PosePair> AssociatePoses(std::span<const StampedPose> estimate,
   const auto longer = estimate_is_longer ? estimate : truth;
   for (const StampedPose& pose : shorter) {
     const StampedPose& other = longer[Nearest(longer, pose.timestamp_ns)];
-    if (std::abs(other.timestamp_ns - pose.timestamp_ns) > max_difference_ns) continue;
+    if (TimeBetween(other.timestamp_ns, pose.timestamp_ns) >
+        static_cast<std::uint64_t>(max_difference_ns)) {
+      continue;
+    }
     pairs.push_back(estimate_is_longer ? PosePair{other.world_from_cam, pose.world_from_cam}
                                        : PosePair{pose.world_from_cam, other.world_from_cam});
   }

@@ -4,6 +4,8 @@
 
 #include <nlohmann/json.hpp>
 
+#include "pipelines/json/json_file.h"
+
 namespace cohort {
 namespace {
 
@@ -101,6 +103,14 @@ void AddErrorRows(const Json& errors, RowAdder& rows) {
 }
 
 }  // namespace
+
+bool IsNotAvailable(const std::filesystem::path& path) {
+  bool not_available = false;
+  UseJsonFile(path, [&not_available](const Json& result) {
+    not_available = result.at("figures").contains("not_available");
+  });
+  return not_available;
+}
 
 void AddTrackRows(const TrackCell& cell, const Json& result, ExperimentResults& results) {
   RowAdder rows(cell, "", results);

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <filesystem>
 #include <nlohmann/json_fwd.hpp>
 
 #include "pipelines/experiment/cells.h"
@@ -16,6 +17,8 @@ void AddModelRows(const TrackCell& cell,
                   const nlohmann::ordered_json& result,
                   ExperimentResults& results);
 
+// Is what a task has written that its cell cannot have any?
+bool IsNotAvailable(const std::filesystem::path& result);
 // Has the task of a model made one of enough frames?
 bool HasModel(const nlohmann::ordered_json& result);
 // Adds what has come of the two halves of a cell's tracks (TrackCell::HasHalves), of which `model`

@@ -62,7 +62,7 @@ std::string ModelDependenciesOf(const ExperimentOptions& options,
                                 GridBackend backend) {
   Json depends_on = DependenciesOf(options, cell);
   depends_on["backend"] = BackendOptions(options, cell, backend);
-  return depends_on.dump();
+  return JsonLine(depends_on);
 }
 
 }  // namespace
@@ -85,7 +85,7 @@ std::vector<Task> DegradeTasks(const ExperimentOptions& options, const Experimen
                           {"fingerprint", condition.clip.fingerprint}};
     tasks.push_back({"degrade " + LabelOf(condition),
                      condition.folder / "degrade.json",
-                     depends_on.dump(),
+                     JsonLine(depends_on),
                      [degrade] {
                        RunDegradeJob(degrade);
                        return Json::object();
@@ -104,7 +104,7 @@ std::vector<Task> FollowTasks(const ExperimentOptions& options, const Experiment
     depends_on["paper"] = ToJson(options.paper);
     tasks.push_back({fmt::format("follow {} {}", LabelOf(cell.condition), cell.tracker.name),
                      cell.Result(),
-                     depends_on.dump(),
+                     JsonLine(depends_on),
                      [&options, &cell] { return FollowCell(options, cell); }});
   }
   return tasks;
@@ -117,7 +117,7 @@ std::vector<Task> TrackTasks(const ExperimentOptions& options, const ExperimentP
     if (!plan.shard.Takes(i) || cell.tracker.source == TrackSource::kSift) continue;
     tasks.push_back({fmt::format("track {} {}", LabelOf(cell.condition), cell.tracker.name),
                      cell.Result(),
-                     DependenciesOf(options, cell).dump(),
+                     JsonLine(DependenciesOf(options, cell)),
                      [&options, &cell] { return MakeTracks(options, cell); }});
   }
   return tasks;
@@ -129,7 +129,7 @@ std::vector<Task> ReconstructTasks(const ExperimentOptions& options, const Exper
     if (!plan.shard.Takes(i)) continue;
     const TrackCell& cell = plan.cells[i];
     const bool has_tracks = cell.tracker.source != TrackSource::kSift;
-    if (has_tracks && ReadJsonFile(cell.Result()).at("figures").contains("not_available")) continue;
+    if (has_tracks && IsNotAvailable(cell.Result())) continue;
     for (const GridBackend backend : plan.backends) {
       if (!cell.Has(backend)) continue;
       tasks.push_back(
@@ -149,7 +149,11 @@ std::vector<Task> HalvesTasks(const ExperimentOptions& options, const Experiment
     if (!plan.shard.Takes(i)) continue;
     const TrackCell& cell = plan.cells[i];
     for (const GridBackend backend : plan.backends) {
-      if (!cell.HasHalves(backend) || !HasModel(ReadJsonFile(cell.Result(backend)))) continue;
+      if (!cell.HasHalves(backend)) continue;
+      bool has_model = false;
+      UseJsonFile(cell.Result(backend),
+                  [&has_model](const Json& result) { has_model = HasModel(result); });
+      if (!has_model) continue;
       tasks.push_back(
           {"halves " + LabelOf(cell, backend),
            cell.HalvesResult(backend),

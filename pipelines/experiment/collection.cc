@@ -59,16 +59,22 @@ ExperimentResults CollectResults(const ExperimentPlan& plan) {
   ExperimentResults results;
   results.cells = plan.cells;
   for (const TrackCell& cell : plan.cells) {
-    if (fs::exists(cell.Result())) AddTrackRows(cell, ReadJsonFile(cell.Result()), results);
+    if (fs::exists(cell.Result())) {
+      UseJsonFile(cell.Result(), [&](const Json& json) { AddTrackRows(cell, json, results); });
+    }
     for (const GridBackend backend : plan.backends) {  // what is not there is another shard's
       if (!fs::exists(cell.Result(backend))) continue;
-      const Json result = ReadJsonFile(cell.Result(backend));
-      AddModelRows(cell, backend, result, results);
-      if (plan.halves && cell.HasHalves(backend)) {
+      UseJsonFile(cell.Result(backend), [&](const Json& result) {
+        AddModelRows(cell, backend, result, results);
+        if (!plan.halves || !cell.HasHalves(backend)) return;
         const fs::path halves = cell.HalvesResult(backend);
-        AddHalvesRows(
-            cell, backend, result, fs::exists(halves) ? ReadJsonFile(halves) : Json(), results);
-      }
+        if (!fs::exists(halves)) {
+          AddHalvesRows(cell, backend, result, nullptr, results);
+          return;
+        }
+        UseJsonFile(halves,
+                    [&](const Json& json) { AddHalvesRows(cell, backend, result, json, results); });
+      });
       AddUndegradedRow(plan, cell, backend, results);
     }
   }

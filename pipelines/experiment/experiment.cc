@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 #include <system_error>
 
+#include "pipelines/experiment/cell_rows.h"
 #include "pipelines/experiment/cell_tasks.h"
 #include "pipelines/experiment/collection.h"
 #include "pipelines/experiment/plan.h"
@@ -33,7 +34,7 @@ bool IsFinished(const ExperimentOptions& options,
   if (has_tracks) {
     if (!fs::exists(cell.Result())) return false;
     if (options.protocol == Protocol::kPaper) return true;
-    if (ReadJsonFile(cell.Result()).at("figures").contains("not_available")) return true;
+    if (IsNotAvailable(cell.Result())) return true;
   }
   for (const GridBackend backend : plan.backends) {
     if (cell.Has(backend) && !fs::exists(cell.Result(backend))) return false;

@@ -17,7 +17,7 @@ namespace cohort {
 class FileLock {
  public:
   explicit FileLock(const std::filesystem::path& path)
-      : descriptor_(open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644)) {
+      : descriptor_(open(path.c_str(), O_RDWR | O_CREAT | O_NOFOLLOW | O_CLOEXEC, 0644)) {
     int status = -1;
     if (descriptor_ >= 0) {
       do {

@@ -111,7 +111,7 @@ std::vector<GridClip> ProbeClips(const ExperimentOptions& options, const Experim
     const InputOptions input{options.inputs[i], options.layout, options.frames, ""};
     tasks.push_back({"open " + input.input,
                      plan.cells_folder / fmt::format("clip{}{}.json", i, shard_suffix),
-                     ToJson(input).dump(),
+                     JsonLine(ToJson(input)),
                      [input] {
                        const auto sequence = OpenInput(input);
                        const auto truth = OpenTrackTruth(*sequence, input.input);

@@ -17,6 +17,7 @@
 #include "frontend/core/error.h"
 #include "frontend/core/stopwatch.h"
 #include "pipelines/console/interrupt.h"
+#include "pipelines/console/messages.h"
 #include "pipelines/console/progress_bar.h"
 #include "pipelines/experiment/file_lock.h"
 #include "pipelines/json/json_file.h"
@@ -39,15 +40,18 @@ void WriteResult(const Task& task, const Json& figures, const Json& error, doubl
 
 bool IsDone(const Task& task) {
   if (!fs::exists(task.result)) return false;
-  const Json result = ReadJsonFile(task.result);
-  return result.at("error").is_null() && result.value("program", "") == FingerprintOfProgram() &&
-         result.at("options") == Json::parse(task.options);
+  bool done = false;
+  UseJsonFile(task.result, [&](const Json& result) {
+    done = result.at("error").is_null() && result.value("program", "") == FingerprintOfProgram() &&
+           result.at("options") == Json::parse(task.options);
+  });
+  return done;
 }
 
 [[noreturn]] void RunInChild(const Task& task) {
   prctl(PR_SET_PDEATHSIG, SIGKILL);
   const std::string log = task.result.string() + ".log";
-  int descriptor = open(log.c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0644);
+  int descriptor = open(log.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_NOFOLLOW, 0644);
   if (descriptor < 0) descriptor = open("/dev/null", O_WRONLY);  // the parent says why
   if (descriptor >= 0) {
     dup2(descriptor, STDOUT_FILENO);
@@ -69,7 +73,7 @@ bool IsDone(const Task& task) {
       WriteResult(task, figures, error, stopwatch.Seconds());
     }
   } catch (const std::exception& e) {
-    std::fputs(fmt::format("cohort: error: {}\n", OneLine(e.what())).c_str(), stderr);
+    std::fputs(fmt::format("cohort: error: {}\n", OneLine(e.what())).c_str(), OwnStderr());
     exit_code = 1;
   }
   std::fflush(stdout);
@@ -81,7 +85,7 @@ pid_t Start(const Task& task) {
   std::error_code ignored;
   if (!task.shared) fs::remove(task.result, ignored);
   std::fflush(stdout);
-  std::fflush(stderr);
+  std::fflush(OwnStderr());
   const pid_t child = fork();
   if (child < 0) ThrowError("cannot start a process: {}", std::strerror(errno));
   if (child == 0) RunInChild(task);

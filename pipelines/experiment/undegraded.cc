@@ -30,10 +30,13 @@ struct Poses {
 std::optional<Poses> ReadPoses(const fs::path& folder) {
   const fs::path summary = folder / "summary.json";
   if (!fs::exists(summary) || !fs::exists(folder / "images.bin")) return std::nullopt;
-  const nlohmann::ordered_json json = ReadJsonFile(summary);
-  if (json.at("failed").get<bool>()) return std::nullopt;
-  return Poses{FrameRange::Parse(json.at("frame_range").get<std::string>()),
-               ReadReconstruction(folder).cam_from_world};
+  std::optional<FrameRange> range;
+  UseJsonFile(summary, [&range](const nlohmann::ordered_json& json) {
+    if (json.at("failed").get<bool>()) return;
+    range = FrameRange::Parse(json.at("frame_range").get<std::string>());
+  });
+  if (!range) return std::nullopt;
+  return Poses{*range, ReadReconstruction(folder).cam_from_world};
 }
 
 Centres CentresOf(const Poses& poses, const std::map<FrameIndex, Rigid3>& cam_from_world) {

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
 
 #include "backend/colmap/model_io.h"
 #include "backend/colmap/model_tracks.h"
@@ -114,13 +116,29 @@ std::vector<FrameIndex> FramesOf(const ModelTruth& truth) {
 std::vector<FrameIndex> FramesOfModel(const fs::path& folder, const ModelTruth& truth) {
   const fs::path summary = folder / "summary.json";
   if (!fs::exists(summary)) return FramesOf(truth);
-  const Json json = ReadJsonFile(summary);
-  if (!json.contains("frame_range")) return FramesOf(truth);
-  std::vector<FrameIndex> frames;
-  const FrameRange range = FrameRange::Parse(json["frame_range"].get<std::string>());
-  for (std::uint32_t i = range.first; i < range.end.value_or(range.first); i += range.stride) {
-    frames.push_back(FrameIndex{i});
+  std::optional<std::string> text;
+  UseJsonFile(summary, [&text](const Json& json) {
+    if (json.contains("frame_range")) text = json.at("frame_range").get<std::string>();
+  });
+  if (!text) return FramesOf(truth);
+  constexpr std::size_t kMostFrames = 10'000'000;
+  FrameRange range;
+  try {
+    range = FrameRange::Parse(*text);
+  } catch (const Error& error) {
+    ThrowError("{}: {}", summary.string(), error.what());
   }
+  const std::size_t count = range.Count(range.end.value_or(range.first));
+  if (count > kMostFrames) {
+    ThrowError("{}: frame_range '{}' has {} frames: up to {} are evaluated",
+               summary.string(),
+               *text,
+               count,
+               kMostFrames);
+  }
+  std::vector<FrameIndex> frames;
+  for (std::size_t i = 0; i < count; ++i)
+    frames.push_back(FrameIndex(range.first + i * range.stride));
   return frames;
 }
 

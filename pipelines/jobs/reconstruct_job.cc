@@ -22,7 +22,7 @@ ReconstructionSummary RunReconstructJob(const ReconstructJobOptions& options) {
                file.frames.size(),
                file.tracks.features().size());
   const ReconstructResult result = ReconstructIntoFolder(
-      file, options.reconstruct, options.out, ProgressBars(), ToJson(options).dump());
+      file, options.reconstruct, options.out, ProgressBars(), JsonLine(ToJson(options)));
   if (result.reconstruction.readout != 0.0) {
     spdlog::info("rolling shutter: the rows of a frame take {:.2f} of the time between frames",
                  result.reconstruction.readout);

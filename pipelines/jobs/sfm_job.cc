@@ -46,7 +46,7 @@ Json SceneMadeOf(SfmJobOptions options, const Sequence& sequence) {
                {"options", ToJson(options)}};
   if (!options.mask.empty()) made_of["mask_fingerprint"] = FingerprintOfClip(options.mask);
   if (const auto camera = sequence.KnownCamera()) made_of["calibration"] = WordsOfCamera(*camera);
-  return made_of;
+  return Json::parse(JsonLine(made_of));  // as it is read again, also with names that are no UTF-8
 }
 
 // The same of the model, which knows nothing of the scene's options. What the tracks are of stands
@@ -58,11 +58,14 @@ Json ModelMadeOf(Json made_of) {
 }
 
 bool IsMadeOf(const fs::path& summary, const Json& made_of) {
-  return fs::exists(summary) && ReadJsonFile(summary).value("made_of", Json()) == made_of;
+  if (!fs::exists(summary)) return false;
+  const Json json = ReadJsonFile(summary);
+  const auto found = json.find("made_of");
+  return found != json.end() && *found == made_of;
 }
 
-// The model of the tracks, made anew unless it is of them already. What its summary.json says.
-Json MakeModel(const SfmJobOptions& options, std::size_t frames, const Json& made_of) {
+// The model of the tracks, made anew unless it is of them already: its summary.json.
+fs::path MakeModel(const SfmJobOptions& options, std::size_t frames, const Json& made_of) {
   ReconstructJobOptions job;
   job.tracks = (fs::path(options.out) / "clip.tracks").string();
   job.out = (fs::path(options.out) / "model").string();
@@ -85,7 +88,7 @@ Json MakeModel(const SfmJobOptions& options, std::size_t frames, const Json& mad
     RunReconstructJob(job);
     WriteJsonFile(stamp, made_of);
   }
-  return ReadJsonFile(summary);
+  return summary;
 }
 
 template <typename T>
@@ -95,19 +98,21 @@ std::optional<T> Find(const Json& json, const char* key) {
   return it->get<T>();
 }
 
-SfmFigures FiguresOf(const Json& model) {
+SfmFigures FiguresOf(const fs::path& summary) {
   SfmFigures figures;
-  figures.model.registered = model.at("registered").get<std::size_t>();
-  figures.model.frames = model.at("frames").get<std::size_t>();
-  figures.model.points = model.at("points").get<std::size_t>();
-  figures.model.observations = model.at("observations").get<std::size_t>();
-  figures.model.mean_track_length = model.at("mean_track_length").get<double>();
-  figures.model.mean_reprojection_px = model.at("mean_reprojection_px").get<double>();
-  figures.model.seconds = model.at("seconds").get<double>();
-  figures.model.termination = model.at("termination").get<std::string>();
-  figures.quality = Find<std::string>(model, "quality").value_or("");
-  figures.reasons = Find<std::vector<std::string>>(model, "reasons").value_or(figures.reasons);
-  figures.camera_uncertainty = Find<double>(model, "camera_uncertainty");
+  UseJsonFile(summary, [&figures](const Json& model) {
+    figures.model.registered = model.at("registered").get<std::size_t>();
+    figures.model.frames = model.at("frames").get<std::size_t>();
+    figures.model.points = model.at("points").get<std::size_t>();
+    figures.model.observations = model.at("observations").get<std::size_t>();
+    figures.model.mean_track_length = model.at("mean_track_length").get<double>();
+    figures.model.mean_reprojection_px = model.at("mean_reprojection_px").get<double>();
+    figures.model.seconds = model.at("seconds").get<double>();
+    figures.model.termination = model.at("termination").get<std::string>();
+    figures.quality = Find<std::string>(model, "quality").value_or("");
+    figures.reasons = Find<std::vector<std::string>>(model, "reasons").value_or(figures.reasons);
+    figures.camera_uncertainty = Find<double>(model, "camera_uncertainty");
+  });
   return figures;
 }
 
@@ -139,11 +144,12 @@ Json SummaryOf(const SfmFigures& figures, const ClipMeasures& clip, const Json& 
 }
 
 SfmFigures FiguresOfSummary(const fs::path& folder) {
-  SfmFigures figures = FiguresOf(ReadJsonFile(folder / "model" / "summary.json"));
-  const Json summary = ReadJsonFile(folder / "summary.json");
-  figures.images = summary.at("images").get<std::size_t>();
-  figures.points = summary.at("points").get<std::size_t>();
-  figures.film_better = summary.at("film_better").get<std::vector<std::string>>();
+  SfmFigures figures = FiguresOf(folder / "model" / "summary.json");
+  UseJsonFile(folder / "summary.json", [&figures](const Json& summary) {
+    figures.images = summary.at("images").get<std::size_t>();
+    figures.points = summary.at("points").get<std::size_t>();
+    figures.film_better = summary.at("film_better").get<std::vector<std::string>>();
+  });
   return figures;
 }
 

@@ -1,28 +1,44 @@
 #include "pipelines/json/json_file.h"
 
+#include <cstdint>
 #include <nlohmann/json.hpp>
 
 #include "frontend/core/error.h"
+#include "frontend/core/input_file.h"
 #include "frontend/core/output.h"
 
 namespace cohort {
 
-void WriteJsonFile(const std::filesystem::path& path, const nlohmann::ordered_json& json) {
+using Json = nlohmann::ordered_json;
+
+void WriteJsonFile(const std::filesystem::path& path, const Json& json) {
   OutputFile out(path);
-  // Bytes that are no UTF-8, as names of files may have, are replaced: JSON cannot hold them.
-  using Json = nlohmann::ordered_json;
   WriteBytes(out.partial(), json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n");
   out.Commit();
 }
 
-nlohmann::ordered_json ReadJsonFile(const std::filesystem::path& path) {
+Json ReadJsonFile(const std::filesystem::path& path) {
+  constexpr std::uint64_t kMaxBytes = std::uint64_t{1} << 26;  // in memory some 30 times as many
   try {
-    return nlohmann::ordered_json::parse(ReadBytes(path));
+    return Json::parse(ReadBytes(path, kMaxBytes));
   } catch (const nlohmann::json::parse_error& e) {
     ThrowError("{}: is no JSON (byte {})", path.string(), e.byte);
   } catch (const nlohmann::json::exception& e) {  // a number that fits none
     ThrowError("{}: is no JSON that is read: {}", path.string(), e.what());
   }
+}
+
+void UseJsonFile(const std::filesystem::path& path, const std::function<void(const Json&)>& use) {
+  const Json json = ReadJsonFile(path);
+  try {
+    use(json);
+  } catch (const Json::exception& e) {
+    ThrowError("{}: is not as cohort writes it: {}", path.string(), e.what());
+  }
+}
+
+std::string JsonLine(const Json& json) {
+  return json.dump(-1, ' ', false, Json::error_handler_t::replace);
 }
 
 }  // namespace cohort

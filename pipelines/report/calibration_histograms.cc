@@ -24,18 +24,19 @@ Json CalibrationHistogramsToJson(const ExperimentResults& results) {
   for (const TrackCell& cell : results.cells) {
     const fs::path file = cell.TrackErrors();
     if (!fs::exists(file)) continue;
-    const Json errors = ReadJsonFile(file);
-    if (!errors.contains("calibration") || errors["calibration"].is_null()) continue;
-    const Json& calibration = errors["calibration"];
-    const std::pair key(cell.condition.level, cell.tracker.name);
-    if (!sums.contains(key)) order.push_back(key);
-    Sum& sum = sums[key];
-    const auto histogram = calibration["histogram"].get<std::vector<std::size_t>>();
-    sum.histogram.resize(histogram.size());
-    for (std::size_t i = 0; i < histogram.size(); ++i) sum.histogram[i] += histogram[i];
-    sum.sigmas = calibration["histogram_sigmas"];
-    sum.numbers += 2 * calibration["count"].get<std::size_t>();
-    sum.nees_ratios.push_back(calibration["nees_ratio"]);
+    UseJsonFile(file, [&](const Json& errors) {
+      if (!errors.contains("calibration") || errors.at("calibration").is_null()) return;
+      const Json& calibration = errors.at("calibration");
+      const std::pair key(cell.condition.level, cell.tracker.name);
+      if (!sums.contains(key)) order.push_back(key);
+      Sum& sum = sums[key];
+      const auto histogram = calibration.at("histogram").get<std::vector<std::size_t>>();
+      sum.histogram.resize(histogram.size());
+      for (std::size_t i = 0; i < histogram.size(); ++i) sum.histogram[i] += histogram[i];
+      sum.sigmas = calibration.at("histogram_sigmas");
+      sum.numbers += 2 * calibration.at("count").get<std::size_t>();
+      sum.nees_ratios.push_back(calibration.at("nees_ratio"));
+    });
   }
   Json list = Json::array();
   for (const auto& key : order) {

@@ -257,26 +257,28 @@ Json PerFrame(const TrackFile& file, const Reconstruction& model) {
 ClipReport ReadClipReport(const fs::path& model_folder) {
   ClipReport report;
   report.title = model_folder.filename().string();
-  const Json summary = ReadJsonFile(model_folder / "summary.json");
-  report.facts = {
-      {"frames with a pose",
-       fmt::format("{} of {}", summary.at("registered").dump(), summary.at("frames").dump())},
-      {"points", summary.at("points").dump()}};
-  if (summary.contains("quality") && summary["quality"].is_string()) {
-    report.facts.emplace_back("quality", summary["quality"].get<std::string>());
-  }
-  if (summary.contains("camera_uncertainty")) {
-    report.facts.emplace_back(
-        "error of the cameras by noise, of the distance to the scene",
-        fmt::format("{:.2g} %", 100.0 * summary["camera_uncertainty"].get<double>()));
-  }
-  if (summary.contains("reasons")) {
-    report.sentences = summary["reasons"].get<std::vector<std::string>>();
-  }
-  if (summary.at("registered") == 0) {
-    report.sentences.push_back("There is no model: " +
-                               summary.at("termination").get<std::string>());
-  }
+  UseJsonFile(model_folder / "summary.json", [&report](const Json& summary) {
+    report.facts = {
+        {"frames with a pose",
+         fmt::format(
+             "{} of {}", JsonLine(summary.at("registered")), JsonLine(summary.at("frames")))},
+        {"points", JsonLine(summary.at("points"))}};
+    if (summary.contains("quality") && summary["quality"].is_string()) {
+      report.facts.emplace_back("quality", summary["quality"].get<std::string>());
+    }
+    if (summary.contains("camera_uncertainty")) {
+      report.facts.emplace_back(
+          "error of the cameras by noise, of the distance to the scene",
+          fmt::format("{:.2g} %", 100.0 * summary["camera_uncertainty"].get<double>()));
+    }
+    if (summary.contains("reasons")) {
+      report.sentences = summary["reasons"].get<std::vector<std::string>>();
+    }
+    if (summary.at("registered") == 0) {
+      report.sentences.push_back("There is no model: " +
+                                 summary.at("termination").get<std::string>());
+    }
+  });
   if (fs::exists(model_folder / "images.bin")) report.model = ReadModelFolder(model_folder);
   report.camera_covariances =
       ById<FrameIndex>(ReadBlocks(model_folder / "camera_covariances.csv", 6, 3));

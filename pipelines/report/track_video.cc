@@ -182,9 +182,11 @@ void WriteTrackVideo(const fs::path& path,
   if (path.extension() != ".mp4" && path.extension() != ".gif") {
     ThrowUsageError("{}: give a name that ends in .mp4 or .gif", path.string());
   }
-  OutputFile out(path);
+  // Absolute: in other names FFmpeg sees protocols, and its program options.
+  OutputFile out(fs::absolute(path));
   // FFmpeg goes by the ending.
   const fs::path video = out.partial().string() + ".mp4";
+  MakeNewFile(video);
   struct Remove {
     const fs::path& path;
     ~Remove() {

@@ -2,6 +2,7 @@
 #include <string>
 
 #include "frontend/core/output.h"
+#include "pipelines/json/json_file.h"
 #include "pipelines/report/report_page.h"
 
 namespace cohort {
@@ -9,8 +10,7 @@ namespace cohort {
 void WritePage(const std::filesystem::path& path,
                std::string_view page,
                const nlohmann::ordered_json& data) {
-  using Json = nlohmann::ordered_json;
-  std::string text = data.dump(-1, ' ', false, Json::error_handler_t::replace);
+  std::string text = JsonLine(data);
   // Nothing in the data may end the script element that it stands in.
   for (std::size_t at = text.find('<'); at != std::string::npos; at = text.find('<', at + 1)) {
     text.replace(at, 1, "\\u003c");

@@ -1,9 +1,9 @@
 #include "pipelines/sfm/input.h"
 
 #include <algorithm>
-#include <opencv2/imgcodecs.hpp>
 #include <vector>
 
+#include "datasets/readers/gray_image.h"
 #include "frontend/geometry/camera_text.h"
 #include "pipelines/sfm/fingerprint.h"
 
@@ -57,9 +57,11 @@ std::string AbsolutePath(const std::filesystem::path& path) {
 
 cv::Mat ReadMask(const std::string& path) {
   if (path.empty()) return {};
-  cv::Mat mask = cv::imread(path, cv::IMREAD_GRAYSCALE);
-  if (mask.empty()) ThrowError("cannot read the mask {}: give a picture", path);
-  return mask;
+  try {
+    return ReadImage(path, cv::IMREAD_GRAYSCALE);
+  } catch (const Error& error) {
+    ThrowError("cannot read the mask {}: give a picture ({})", path, error.what());
+  }
 }
 
 }  // namespace cohort

@@ -4,6 +4,7 @@
 
 #include <filesystem>
 #include <optional>
+#include <stdexcept>
 #include <string>
 #include <utility>
 
@@ -53,6 +54,14 @@ inline std::string Framed(const std::string& html, int width_px, int height_px) 
       width_px,
       height_px,
       escaped);
+}
+
+// The page as it is, but for scripts marked `nonce="probe"`, which its policy lets run too.
+inline std::string WithProbes(std::string page) {
+  const std::string scripts = "script-src ";
+  const std::size_t at = page.find(scripts);
+  if (at == std::string::npos) throw std::runtime_error("the page has no policy for scripts");
+  return page.insert(at + scripts.size(), "'nonce-probe' ");
 }
 
 // What a page's script left in <pre id="probe"> of a dumped page, unescaped; none: it left nothing.

@@ -1,5 +1,6 @@
 // node build.js NAME CONSTANT OUT.cc: bundles NAME.html with its libraries, NAME.css and NAME.js into
 // one piece of HTML without data, and that into a C++ source that defines CONSTANT.
+import {createHash} from 'node:crypto';
 import {readFileSync, writeFileSync} from 'node:fs';
 import {fileURLToPath} from 'node:url';
 import * as esbuild from 'esbuild';
@@ -25,6 +26,12 @@ const parts = {
   // A script element ends at the first </script, wherever it stands.
   '@@SCRIPT@@': (await bundled(`${name}.js`)).replaceAll('</script', '<\\/script'),
 };
+// The page's own script and style may run, by their hashes, and nothing else: what a name in the data
+// could bring, nor anything from elsewhere.
+for (const name of ['STYLE', 'SCRIPT']) {
+  const hash = createHash('sha256').update(parts[`@@${name}@@`], 'utf8').digest('base64');
+  parts[`@@${name}_HASH@@`] = `'sha256-${hash}'`;
+}
 let page = readFileSync(here(`${name}.html`), 'utf8');
 for (const [mark, text] of Object.entries(parts)) page = page.replace(mark, () => text);
 

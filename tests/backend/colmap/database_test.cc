@@ -763,7 +763,10 @@ TEST(ColmapDatabase, RefusesACameraAndAPairThatCannotBe) {
                             "DELETE FROM images; DELETE FROM cameras",
                             "INSERT INTO matches VALUES(2147483647 * 2 + 2, 0, 2, NULL)",
                             "INSERT INTO matches VALUES(2147483647 * 2 + 9, 0, 2, NULL)",
-                            "INSERT INTO matches VALUES(-5, 0, 2, NULL)"}) {
+                            "INSERT INTO matches VALUES(-5, 0, 2, NULL)",
+                            "UPDATE images SET name = '../x.png' WHERE image_id = 1",
+                            "UPDATE images SET name = '/x.png' WHERE image_id = 1",
+                            "UPDATE images SET name = 'a' || char(10) || 'b' WHERE image_id = 1"}) {
     WriteColmapDatabase(dir / "a.db", ThreeFrames());
     Open(dir / "a.db").Execute(wrong);
     EXPECT_THROW(ReadColmapDatabase(dir / "a.db"), Error) << wrong;

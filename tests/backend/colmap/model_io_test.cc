@@ -276,6 +276,19 @@ TEST(ColmapModel, TakesNoNumbersThatAreNone) {
   }
 }
 
+// They stand in text, a line each, and COLMAP writes pictures by them.
+TEST(ColmapModel, TakesNoNameThatLeadsOutOrIsTwoLines) {
+  const TempDir dir;
+  ColmapModel model = ToColmapModel(TrueReconstruction(SmallScene()));
+  for (const char* name : {"../x.png", "/etc/passwd", "a\n9 1 0 0 0 0 0 0 1 b.png", ""}) {
+    model.images.begin()->second.name = name;
+    WriteColmapModel(dir.path(), model, ColmapModelFormat::kBinary);
+    EXPECT_THAT([&] { ReadColmapModel(dir.path()); },
+                ThrowsMessage<Error>(HasSubstr("the name of image '")))
+        << name;
+  }
+}
+
 TEST(ModelFolder, TakesNoTimeThatIsNone) {
   const TempDir dir;
   WriteReconstruction(dir / "model", TrueReconstruction(SmallScene()));

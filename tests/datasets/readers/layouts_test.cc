@@ -1,11 +1,13 @@
 // TUM, EuRoC and KITTI layouts: what is read from which file, and what is said of a bad one.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/stat.h>
 
 #include <opencv2/imgcodecs.hpp>
 
 #include "datasets/open_sequence.h"
 #include "frontend/core/error.h"
+#include "frontend/core/input_file.h"
 #include "tests/datasets/fixtures.h"
 #include "tests/support/shared_data.h"
 #include "tests/support/temp_dir.h"
@@ -199,6 +201,50 @@ TEST_F(Tum, AListWithoutImagesOrTimesIsAnError) {
               ThrowsMessage<Error>(HasSubstr("rgb.txt line 1")));
 }
 
+// Other programs write pictures by these names, into folders of theirs.
+TEST_F(Tum, PicturesLieInTheFolder) {
+  for (const std::string name : {"../outside.png", "rgb/../../outside.png", "/etc/passwd"}) {
+    WriteText(dir_ / "rgb.txt", "1 rgb/0.png\n2 " + name + "\n");
+    EXPECT_THAT([&] { OpenSequence(dir_.path()); },
+                ThrowsMessage<Error>(AllOf(HasSubstr("'" + name + "'"), HasSubstr("folder"))));
+  }
+}
+
+TEST_F(Tum, APipeOrADeviceIsNotWaitedFor) {
+  for (const char* name : {"rgb.txt", "groundtruth.txt", "calibration.txt", "depth.txt"}) {
+    fs::rename(dir_ / "rgb.txt", dir_ / "kept");
+    WriteText(dir_ / "rgb.txt", ReadBytes(dir_ / "kept"));
+    fs::remove(dir_ / name);
+    ASSERT_EQ(mkfifo((dir_ / name).c_str(), 0600), 0);
+    EXPECT_THAT([&] { OpenSequence(dir_.path()); },
+                ThrowsMessage<Error>(AllOf(HasSubstr(name), HasSubstr("a pipe"))))
+        << name;
+    fs::remove(dir_ / name);
+    fs::rename(dir_ / "kept", dir_ / "rgb.txt");
+  }
+  fs::create_symlink("/dev/zero", dir_ / "groundtruth.txt");
+  EXPECT_THAT([&] { OpenSequence(dir_.path()); },
+              ThrowsMessage<Error>(AllOf(HasSubstr("groundtruth.txt"), HasSubstr("a device"))));
+  fs::remove(dir_ / "rgb/3.png");
+  ASSERT_EQ(mkfifo((dir_ / "rgb/3.png").c_str(), 0600), 0);
+  fs::remove(dir_ / "groundtruth.txt");
+  const auto sequence = OpenSequence(dir_.path());
+  EXPECT_EQ(test::ReadAll(*sequence).size(), 3u);
+  EXPECT_THAT(sequence->Warning(), HasSubstr("3.png"));
+}
+
+TEST_F(Tum, ATableWithoutEndIsAnError) {
+  WriteText(dir_ / "groundtruth.txt", std::string(100'000, '1'));
+  EXPECT_THAT([&] { OpenSequence(dir_.path()); },
+              ThrowsMessage<Error>(HasSubstr("line 1: longer than 65536")));
+  std::string lines;
+  for (int i = 0; i < 100; ++i) lines += "# " + std::string(1000, 'x') + "\n";
+  WriteText(dir_ / "groundtruth.txt", lines);
+  fs::resize_file(dir_ / "groundtruth.txt", std::uintmax_t{1} << 40);
+  EXPECT_THAT([&] { OpenSequence(dir_.path()); },
+              ThrowsMessage<Error>(HasSubstr("tables of up to 268435456 bytes")));
+}
+
 class Euroc : public testing::Test {
  protected:
   // Two images; lines end as in the data set's files.
@@ -336,6 +382,24 @@ TEST_F(Euroc, SaysWhatIsWrongWithTheSensorFile) {
   EXPECT_THAT(with("[64, 48]", "[-64, 48]"), ThrowsMessage<Error>(HasSubstr("resolution")));
   EXPECT_THAT(with("[64, 48]", "[752, 480]"),
               ThrowsMessage<Error>(AllOf(HasSubstr("752x480"), HasSubstr("64x48"))));
+}
+
+// Its parser calls itself for what is within another: the stack of the program would end.
+TEST_F(Euroc, AnEndlesslyNestedSensorFileIsAnError) {
+  for (const char* open : {"[", "{", "- ", "-", "b: "}) {
+    std::string text = "a: ";
+    for (int i = 0; i < 20'000; ++i) text += open;
+    WriteText(mav_ / "cam0/sensor.yaml", text + "\n");
+    EXPECT_THAT(
+        [&] { OpenSequence(mav_.parent_path()); },
+        ThrowsMessage<Error>(AllOf(HasSubstr("sensor.yaml"), HasSubstr("is no calibration"))))
+        << open;
+  }
+  WriteText(mav_ / "cam0/sensor.yaml", "# " + std::string(2000, '-') + "\n" + kSensor);
+  EXPECT_TRUE(OpenSequence(mav_.parent_path())->KnownCamera().has_value());
+  WriteText(mav_ / "cam0/sensor.yaml", std::string(100'000, ' '));
+  EXPECT_THAT([&] { OpenSequence(mav_.parent_path()); },
+              ThrowsMessage<Error>(HasSubstr("65536 bytes")));
 }
 
 class Kitti : public testing::Test {

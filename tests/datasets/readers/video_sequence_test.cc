@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <fstream>
+#include <opencv2/imgcodecs.hpp>
 #include <opencv2/videoio.hpp>
 
 #include "datasets/open_sequence.h"
@@ -178,6 +179,56 @@ TEST(Video, AFileThatIsNoVideoIsAnError) {
     std::ofstream(dir / name) << (std::string(name) == "empty.mp4" ? "" : "no video\nat all\n");
     EXPECT_THAT([&] { OpenSequence(dir / name); },
                 ThrowsMessage<Error>(AllOf(HasSubstr(name), HasSubstr("as a video"))));
+  }
+}
+
+// To FFmpeg `concat:` and `tcp:` are protocols, and %d is a number.
+TEST(Video, ANameIsNoMoreThanAName) {
+  const TempDir dir;
+  const auto before = std::filesystem::current_path();
+  std::filesystem::current_path(dir.path());
+  WriteVideo("real.avi", "MJPG");
+  for (const char* name : {"-i",
+                           "concat:real.avi",
+                           "http:x.mp4",
+                           "tcp:127.0.0.1:9",
+                           "a;b.mp4",
+                           "pipe:0",
+                           "file:a.avi",
+                           "a%d.avi",
+                           "crypto:real.avi",
+                           "$(x).avi"}) {
+    std::filesystem::copy_file("real.avi", name);
+    EXPECT_EQ(test::ReadAll(*OpenSequence(name)).size(), std::size_t{kFrames}) << name;
+  }
+  // A pattern of pictures, if it were one.
+  cv::imwrite("0.png", cv::Mat(120, 160, CV_8UC1, cv::Scalar(7)));
+  for (int i = 0; i < 4; ++i) std::filesystem::copy_file("0.png", fmt::format("s{}.apng", i));
+  std::filesystem::copy_file("real.avi", "s%d.apng");
+  EXPECT_EQ(test::ReadAll(*OpenSequence("s%d.apng")).size(), std::size_t{kFrames});
+  std::filesystem::current_path(before);
+}
+
+// FFmpeg would read what they name.
+TEST(Video, AListOfOtherFilesIsNone) {
+  const TempDir dir;
+  WriteVideo(dir / "real.mp4", "mp4v");
+  const std::string hls = "#EXTM3U\n#EXT-X-TARGETDURATION:9\n#EXTINF:9,\n" +
+                          (dir / "real.mp4").string() + "\n#EXT-X-ENDLIST\n";
+  // A tag of music in front hides it from a look at the first bytes alone.
+  std::string tag(137, '\0');
+  tag.replace(0, 4, "ID3\x04");
+  tag[9] = 127;
+  for (const std::string& list : {hls,
+                                  tag + hls,
+                                  std::string("ffconcat version 1.0\nfile real.mp4\n"),
+                                  std::string("<?xml version=\"1.0\"?><MPD profiles=\"urn:mpeg:"
+                                              "DASH:profile:isoff-live:2011\"></MPD>")}) {
+    std::ofstream(dir / "list.mp4") << list;
+    EXPECT_THAT(
+        [&] { OpenSequence(dir / "list.mp4"); },
+        ThrowsMessage<Error>(AllOf(HasSubstr("list.mp4"), HasSubstr("list of other files"))))
+        << list;
   }
 }
 

@@ -169,6 +169,22 @@ TEST(Npz, TrustsNoCount) {
   }
 }
 
+// Fortran's order takes a step a dimension for every number.
+TEST(Npz, HasNoMoreDimensionsThanNumpy) {
+  const TempDir dir;
+  RunNumpy(
+      dir.path(),
+      "import zipfile, struct\n"
+      "for n in (64, 65):\n"
+      "  header = b\"{'descr': '<f8', 'fortran_order': True, 'shape': (\" + b'1,' * n + b')}'\n"
+      "  with zipfile.ZipFile(f'{n}.npz', 'w') as z:\n"
+      "    z.writestr('a.npy', b'\\x93NUMPY\\x01\\x00' + struct.pack('<H', len(header)) +\n"
+      "               header + bytes(8))\n");
+  EXPECT_EQ(NpzReader(dir / "64.npz").Read("a").shape.size(), 64u);
+  EXPECT_THAT([&] { NpzReader(dir / "65.npz").Read("a"); },
+              ThrowsMessage<Error>(HasSubstr("header is damaged")));
+}
+
 TEST(Npz, ADamagedFileIsOneErrorThatNamesIt) {
   const TempDir dir;
   const auto read = [&](const char* name) {

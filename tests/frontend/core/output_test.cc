@@ -34,6 +34,29 @@ TEST(OutputFile, NamesAFolderThatIsMissing) {
   EXPECT_THAT([&] { OutputFile out(dir.path()); }, ThrowsMessage<Error>(HasSubstr("is a folder")));
 }
 
+// As anybody can put one into /tmp.
+TEST(OutputFile, IsNotWrittenThroughALinkInItsPlace) {
+  const test::TempDir dir;
+  WriteBytes(dir / "victim", "precious");
+  std::filesystem::create_symlink(dir / "victim", dir / "a.partial");
+  std::filesystem::create_symlink(dir / "victim", dir / "a");
+  OutputFile out(dir / "a");
+  WriteBytes(out.partial(), "new");
+  out.Commit();
+  EXPECT_EQ(ReadBytes(dir / "victim"), "precious");
+  EXPECT_EQ(ReadBytes(dir / "a"), "new");
+  EXPECT_FALSE(std::filesystem::is_symlink(dir / "a"));
+}
+
+TEST(OutputFile, RemovesNoFolder) {
+  const test::TempDir dir;
+  std::filesystem::create_directory(dir / "a.partial");
+  WriteBytes(dir / "a.partial" / "thesis.tex", "years");
+  EXPECT_THAT([&] { OutputFile out(dir / "a"); },
+              ThrowsMessage<Error>(HasSubstr("a.partial: a folder is in its place")));
+  EXPECT_EQ(ReadBytes(dir / "a.partial" / "thesis.tex"), "years");
+}
+
 TEST(OutputFile, AFullDiskIsAnError) {
   if (!std::filesystem::exists("/dev/full")) GTEST_SKIP() << "no /dev/full";
   EXPECT_THAT([] { WriteBytes("/dev/full", std::string(100'000, 'x')); },
@@ -49,6 +72,20 @@ TEST(OutputFolder, ReplacesItsOwnFolderWhole) {
   }
   EXPECT_EQ(ReadBytes(dir / "model" / "a"), "new");
   EXPECT_FALSE(std::filesystem::exists(dir / "model.partial"));
+}
+
+TEST(OutputFolder, IsNotWrittenThroughALinkInItsPlace) {
+  const test::TempDir dir;
+  std::filesystem::create_directory(dir / "elsewhere");
+  WriteBytes(dir / "elsewhere" / "a", "precious");
+  for (const char* name : {"model", "model.partial"}) {
+    std::filesystem::create_directory_symlink(dir / "elsewhere", dir / name);
+  }
+  OutputFolder out(dir / "model", {"a"});
+  WriteBytes(out.partial() / "a", "new");
+  out.Commit();
+  EXPECT_EQ(ReadBytes(dir / "elsewhere" / "a"), "precious");
+  EXPECT_EQ(ReadBytes(dir / "model" / "a"), "new");
 }
 
 TEST(OutputFolder, RefusesToReplaceAFolderWithForeignFiles) {

@@ -3,10 +3,16 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <sys/stat.h>
+
 #include <array>
+#include <filesystem>
 #include <fstream>
+#include <set>
+#include <string>
 
 #include "frontend/core/error.h"
+#include "frontend/core/output.h"
 #include "tests/support/temp_dir.h"
 
 namespace cohort {
@@ -78,6 +84,137 @@ TEST(Sqlite, RunsNoCodeThatAFileBrings) {
   auto count = db.Prepare("SELECT COUNT(*) FROM u");
   ASSERT_TRUE(count.Step());
   EXPECT_EQ(count.Int(0), 0);
+}
+
+std::string BigEndian(std::uint64_t value, int bytes) {
+  std::string text;
+  for (int i = bytes - 1; i >= 0; --i) text += static_cast<char>(value >> (8 * i) & 0xFF);
+  return text;
+}
+
+// A database of one table t(id INTEGER PRIMARY KEY, name TEXT) with one row.
+void WriteOneRow(const std::filesystem::path& path, const std::string& name = "x") {
+  auto db = SqliteDatabase::Open(path, Mode::kCreate);
+  db.Execute("CREATE TABLE t(id INTEGER PRIMARY KEY, name TEXT)");
+  db.Prepare("INSERT INTO t VALUES(1, ?)").Bind(1, name).Run();
+}
+
+// A journal to be rolled back may name another file, which SQLite then deletes.
+TEST(Sqlite, AJournalDeletesNoOtherFile) {
+  const test::TempDir dir;
+  WriteOneRow(dir / "a.db");
+  WriteBytes(dir / "victim", "precious");
+  const std::string magic = "\xd9\xd5\x05\xf9\x20\xa1\x63\xd7";
+  const std::string victim = dir / "victim";
+  std::uint64_t sum = 0;
+  for (const char c : victim) sum += static_cast<std::uint64_t>(c);
+  std::string journal =
+      magic + BigEndian(0, 8) + BigEndian(2, 4) + BigEndian(512, 4) + BigEndian(4096, 4);
+  journal.resize(512, '\0');
+  journal += BigEndian(0x40000000 / 4096 + 1, 4) + victim + BigEndian(victim.size(), 4) +
+             BigEndian(sum, 4) + magic;
+  WriteBytes(dir / "a.db-journal", journal);
+  for (const Mode mode : {Mode::kRead, Mode::kWrite, Mode::kCreate}) {
+    EXPECT_THAT([&] { SqliteDatabase::Open(dir / "a.db", mode); },
+                testing::ThrowsMessage<Error>(testing::HasSubstr("names another file")));
+  }
+  EXPECT_EQ(ReadBytes(dir / "victim"), "precious");
+}
+
+// COLMAP's databases are of this kind. SQLite itself would leave two files beside them.
+TEST(Sqlite, ReadsADatabaseWithALogAndWritesNothing) {
+  const test::TempDir dir;
+  const auto names = [&dir] {
+    std::set<std::string> found;
+    for (const auto& entry : std::filesystem::directory_iterator(dir.path())) {
+      found.insert(entry.path().filename().string());
+    }
+    return found;
+  };
+  const auto count = [&dir] {
+    auto db = SqliteDatabase::Open(dir / "a ?#%41.db", Mode::kRead);
+    auto select = db.Prepare("SELECT COUNT(id) FROM t");
+    return select.Step() ? select.Int(0) : -1;
+  };
+  {
+    auto db = SqliteDatabase::Open(dir / "a ?#%41.db", Mode::kCreate);
+    db.Execute("PRAGMA journal_mode = WAL; CREATE TABLE t(id INTEGER)");
+    db.Execute("INSERT INTO t VALUES(1)");
+    // As a program that died leaves it: the row is in the log alone.
+    EXPECT_EQ(count(), 1);
+    EXPECT_EQ(names().size(), 3u);
+  }
+  std::filesystem::remove(dir / "a ?#%41.db-shm");
+  EXPECT_EQ(count(), 1);
+  EXPECT_THAT(names(), testing::ElementsAre("a ?#%41.db", "a ?#%41.db-wal"));
+  EXPECT_THAT([&] { SqliteDatabase::Open(dir / "a ?#%41.db", Mode::kWrite); },
+              testing::ThrowsMessage<Error>(testing::HasSubstr("write-ahead log")));
+  std::filesystem::remove(dir / "a ?#%41.db-wal");
+  EXPECT_THROW(count(), Error) << "what was in the log is lost";
+  EXPECT_THAT(names(), testing::ElementsAre("a ?#%41.db"));
+}
+
+TEST(Sqlite, WaitsForNoPipeBesideIt) {
+  const test::TempDir dir;
+  for (const char* suffix : {"-journal", "-wal"}) {
+    const std::string name = std::string("a") + suffix;
+    WriteOneRow(dir / name);
+    ASSERT_EQ(mkfifo((dir / (name + suffix)).c_str(), 0600), 0);
+    EXPECT_THAT([&] { SqliteDatabase::Open(dir / name, Mode::kRead); },
+                testing::ThrowsMessage<Error>(testing::HasSubstr("a pipe, a socket")));
+  }
+}
+
+// 30 KB with 10^16 rows: every page is a hundred times the child of the one before.
+TEST(Sqlite, ReadsNoMoreRowsThanAFileCanHold) {
+  const test::TempDir dir;
+  WriteOneRow(dir / "a.db");
+  std::string bytes = ReadBytes(dir / "a.db");
+  constexpr std::size_t kPage = 4096;
+  constexpr std::size_t kRoot = 1;  // the second page
+  ASSERT_EQ(bytes.size(), 2 * kPage);
+  const auto parent_of = [](std::size_t child) {
+    std::string page(kPage, '\0');
+    constexpr std::size_t kCells = 100;
+    constexpr std::size_t kCellBytes = 5;
+    page[0] = 5;
+    page.replace(3, 4, BigEndian(kCells, 2) + BigEndian(kPage - kCells * kCellBytes, 2));
+    page.replace(8, 4, BigEndian(child, 4));
+    for (std::size_t i = 0; i < kCells; ++i) {
+      const std::size_t at = kPage - (i + 1) * kCellBytes;
+      page.replace(12 + 2 * i, 2, BigEndian(at, 2));
+      page.replace(at, kCellBytes, BigEndian(child, 4) + '\x01');
+    }
+    return page;
+  };
+  bytes += bytes.substr(kRoot * kPage, kPage);
+  std::size_t last = 3;  // counted from 1
+  for (; last < 9; ++last) bytes += parent_of(last);
+  bytes.replace(kRoot * kPage, kPage, parent_of(last));
+  bytes.replace(28, 4, BigEndian(bytes.size() / kPage, 4));
+  WriteBytes(dir / "a.db", bytes);
+
+  auto db = SqliteDatabase::Open(dir / "a.db", Mode::kRead);
+  const auto damaged = testing::ThrowsMessage<Error>(testing::HasSubstr("damaged"));
+  auto rows = db.Prepare("SELECT name FROM t");
+  EXPECT_THAT([&] { rows.Run(); }, damaged);
+  auto count = db.Prepare("SELECT COUNT(name) FROM t");
+  EXPECT_THAT([&] { count.Run(); }, damaged);
+  auto sorted = db.Prepare("SELECT name FROM t ORDER BY name");
+  EXPECT_THAT([&] { sorted.Run(); }, damaged);
+}
+
+TEST(Sqlite, ReadsNoTableThatIsAProgram) {
+  const test::TempDir dir;
+  for (const char* table : {"CREATE TABLE b(x INTEGER, y BLOB AS (zeroblob(100000000)))",
+                            "CREATE TABLE b(x INTEGER, y AS (x + 1) STORED)",
+                            "CREATE VIRTUAL TABLE b USING fts5(x)"}) {
+    std::filesystem::remove(dir / "a.db");
+    SqliteDatabase::Open(dir / "a.db", Mode::kCreate).Execute(table);
+    EXPECT_THAT([&] { SqliteDatabase::Open(dir / "a.db", Mode::kRead); },
+                testing::ThrowsMessage<Error>(testing::HasSubstr("virtual or has computed")))
+        << table;
+  }
 }
 
 TEST(Sqlite, AnErrorIsOneLineWhateverTheSchemaHolds) {

@@ -493,6 +493,11 @@ TEST(TrackStore, TakesNothingThatCannotBe) {
         "UPDATE meta SET value = '2000000000' WHERE key = 'width_px'",
         "UPDATE observations SET x = 9e999 WHERE track_id = 1",
         "UPDATE observations SET track_id = 1 << 33 WHERE track_id = 1",
+        "UPDATE observations SET cov_xx = 9e999, cov_xy = 0, cov_yy = 1 WHERE track_id = 1",
+        "UPDATE frames SET name = '../../x.png' WHERE \"index\" = 1",
+        "UPDATE frames SET name = '/etc/passwd' WHERE \"index\" = 1",
+        "UPDATE frames SET name = 'a' || char(10) || 'b' WHERE \"index\" = 1",
+        "UPDATE frames SET name = 'a' || char(27) || '[31m' WHERE \"index\" = 1",
         "DROP TABLE observations; CREATE VIEW observations AS WITH RECURSIVE c(n) AS "
         "(SELECT 0 UNION ALL SELECT n + 1 FROM c) SELECT 0 AS frame, n AS track_id, 1.0 AS x, "
         "1.0 AS y, 1 AS observed, 0.0 AS residual, NULL AS cov_xx, NULL AS cov_xy, NULL AS cov_yy "

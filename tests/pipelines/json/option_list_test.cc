@@ -156,6 +156,27 @@ TEST(ReadJsonFile, NamesTheFileThatIsNoJson) {
   }
 }
 
+TEST(ReadJsonFile, NestedWithoutEndIsAnError) {
+  const test::TempDir dir;
+  WriteBytes(dir / "a.json", std::string(1'000'000, '['));
+  EXPECT_THAT([&] { ReadJsonFile(dir / "a.json"); }, ThrowsMessage<Error>(HasSubstr("is no JSON")));
+  WriteBytes(dir / "a.json", std::string(500'000, '[') + std::string(500'000, ']'));
+  EXPECT_TRUE(ReadJsonFile(dir / "a.json").is_array());
+  std::filesystem::resize_file(dir / "a.json", std::uintmax_t{1} << 40);
+  EXPECT_THAT([&] { ReadJsonFile(dir / "a.json"); }, ThrowsMessage<Error>(HasSubstr("bytes")));
+}
+
+TEST(UseJsonFile, NamesTheFileThatIsOfAnotherKind) {
+  const test::TempDir dir;
+  for (const char* text : {"7", "[]", "{}", "{\"frames\": \"many\"}", "{\"frames\": null}"}) {
+    WriteBytes(dir / "a.json", text);
+    EXPECT_THAT(
+        [&] { UseJsonFile(dir / "a.json", [](const Json& j) { j.at("frames").get<int>(); }); },
+        ThrowsMessage<Error>(AllOf(HasSubstr("a.json"), HasSubstr("not as cohort writes it"))))
+        << text;
+  }
+}
+
 TEST(WriteJsonFile, HoldsNamesThatAreNoText) {
   const test::TempDir dir;
   WriteJsonFile(dir / "a.json", {{"name", "a\xff.png"}});

@@ -11,6 +11,7 @@
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 #include <opencv2/videoio.hpp>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -191,9 +192,10 @@ TEST_F(ShowLight, ADarkClipIsVisibleAndSoIsOneThatGrowsLight) {
 }
 
 // Uses every control and says what it did.
-constexpr const char* kUse = R"(<script>
+constexpr const char* kUse = R"(<script nonce="probe">
 window.complaints = [];
 addEventListener('error', (event) => complaints.push(String(event.message)));
+addEventListener('securitypolicyviolation', (event) => complaints.push(event.violatedDirective + ' ' + event.blockedURI));
 for (const kind of ['error', 'warn']) console[kind] = (...what) => complaints.push(what.join(' '));
 addEventListener('load', () => setTimeout(async () => {
   const wait = (ms) => new Promise((resolve) => setTimeout(resolve, ms));
@@ -262,7 +264,7 @@ addEventListener('load', () => setTimeout(async () => {
 </script>)";
 
 nlohmann::json Use(const std::string& page, int width_px) {
-  std::string html = ReadBytes(page);
+  std::string html = test::WithProbes(ReadBytes(page));
   html.insert(html.find("<style>"), kUse);
   html = test::Framed(html, width_px, 900);
   const std::string copy = page + ".used.html";
@@ -308,6 +310,71 @@ TEST_F(Show, MakesAPageThatFitsAPhone) {
       EXPECT_TRUE(changed) << control << " at " << width_px;
     }
   }
+}
+
+// Of what becomes of texts that are markup wherever somebody forgets that they are text, and of scripts
+// and pictures that got into the page in spite of that.
+constexpr const char* kAttack = R"js(<script nonce="probe">
+window.alerts = [];
+window.alert = (what) => alerts.push(String(what));
+window.violations = [];
+addEventListener('securitypolicyviolation', (event) => violations.push(event.effectiveDirective));
+addEventListener('load', () => setTimeout(() => {
+  const markup = [...document.querySelectorAll('script, img, iframe, object, embed, link')]
+      .map((element) => element.outerHTML.slice(0, 60));
+  const inject = document.createElement('div');
+  inject.innerHTML = '<img src="x" onerror="alert(2)"><img src="http://127.0.0.1:9/a.png">' +
+      '<iframe src="javascript:parent.alert(3)"></iframe><a id="js" href="javascript:alert(4)">a</a>';
+  document.body.append(inject);
+  document.getElementById('js').click();
+  const script = document.createElement('script');
+  script.textContent = 'alert(5)';
+  document.body.append(script);
+  fetch('http://127.0.0.1:9/').catch(() => {});
+  setTimeout(() => {
+    const out = document.createElement('pre');
+    out.id = 'probe';
+    out.textContent = JSON.stringify({alerts, violations, markup, text: document.body.innerText,
+        ready: document.body.dataset.ready || null});
+    document.body.append(out);
+  }, 500);
+}, 500));
+</script>)js";
+
+TEST_F(Show, NoNameAndNoTextOfAFileBecomesActive) {
+  if (test::Browser().empty()) GTEST_SKIP() << "no chromium";
+  const std::string attack = "</script><script>alert(1)</script><img src=x onerror=alert(1)>";
+  TrackFile file = ReadTrackFile(Path("a.tracks"));
+  for (FrameInfo& frame : file.frames) frame.name = "\"onerror=alert(1) " + attack + frame.name;
+  file.meta["tracker"] = attack;
+  WriteTrackFile(Path("attack.tracks"), file);
+  fs::copy(Path("model"), Path("attack_model"));
+  nlohmann::json summary = nlohmann::json::parse(ReadBytes(Path("model/summary.json")));
+  summary["quality"] = attack;
+  summary["registered"] = attack;
+  summary["reasons"] = {attack, "<iframe src=javascript:alert(1)>"};
+  WriteBytes(dir_->path() / "attack_model" / "summary.json", summary.dump());
+  Run("show " + Path("attack.tracks") + " --images '" + clip_ + "' --model " +
+      Path("attack_model") + " --quiet --out " + Path("attack.html"));
+
+  std::string html = test::WithProbes(ReadBytes(Path("attack.html")));
+  html.insert(html.find("<style>"), kAttack);
+  html.insert(html.find("</body>"), "<script>alert(6)</script>");
+  WriteBytes(Path("attacked.html"), html);
+  const test::ProgramEnd end = test::Browse(Path("attacked.html"), "--dump-dom", dir_->path());
+  const auto probe = test::Probe(end.out);
+  ASSERT_TRUE(probe.has_value()) << end.err.substr(0, 500);
+  const nlohmann::json seen = nlohmann::json::parse(*probe);
+  EXPECT_EQ(seen.at("ready"), "yes");
+  EXPECT_THAT(seen.at("alerts"), IsEmpty());
+  EXPECT_THAT(seen.at("text").get<std::string>(), HasSubstr(attack)) << "it is text";
+  EXPECT_EQ(seen.at("markup").size(), 5u) << "the probe, the data, the page, the icon and ours\n"
+                                          << seen.at("markup").dump();
+  const auto violations = seen.at("violations").get<std::multiset<std::string>>();
+  EXPECT_GE(violations.count("img-src"), 2u) << seen.dump();
+  EXPECT_GE(violations.count("script-src-elem"), 2u);
+  EXPECT_GE(violations.count("script-src-attr"), 1u);
+  EXPECT_EQ(violations.count("connect-src"), 1u);
 }
 
 TEST_F(Show, MakesAPageWithoutAModelToo) {

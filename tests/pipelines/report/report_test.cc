@@ -30,14 +30,15 @@ using testing::IsEmpty;
 using testing::Not;
 
 // Put into a copy of the page: collects errors from the start, and at the end what there is to see.
-constexpr const char* kProbeHead = R"(<script>
+constexpr const char* kProbeHead = R"(<script nonce="probe">
 window.complaints = [];
 addEventListener('error', (event) => complaints.push(String(event.message)));
+addEventListener('securitypolicyviolation', (event) => complaints.push(event.violatedDirective + ' ' + event.blockedURI));
 for (const kind of ['error', 'warn']) {
   console[kind] = (...what) => complaints.push(what.join(' '));
 }
 </script>)";
-constexpr const char* kProbeFoot = R"(<script>
+constexpr const char* kProbeFoot = R"(<script nonce="probe">
 addEventListener('load', () => setTimeout(() => {
   const coloursOf = (canvas) => {
     const copy = document.createElement('canvas');
@@ -100,7 +101,7 @@ class Report : public testing::Test {
   }
 
   static nlohmann::json Probe(int width_px) {
-    std::string page = ReadBytes(Path("out/report.html"));
+    std::string page = test::WithProbes(ReadBytes(Path("out/report.html")));
     page.replace(page.find("<head>"), 6, std::string("<head>") + kProbeHead);
     page.replace(page.rfind("</body>"), 7, std::string(kProbeFoot) + "</body>");
     WriteBytes(Path("probed.html"), test::Framed(page, width_px, 900));

@@ -1,0 +1,36 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <fstream>
+#include <string>
+#include <string_view>
+
+#include "frontend/core/descriptor.h"
+
+namespace cohort {
+
+// What is read was written by others: nothing of it is waited for, and none of it fills the memory
+// because it says so.
+
+// The largest file that is read whole, unless the reader says less.
+inline constexpr std::uint64_t kMaxWholeFileBytes = std::uint64_t{1} << 32;
+
+// Throws Error naming the path unless it is a file that may be read. A pipe would be waited for, a
+// device may have no end: neither is a file.
+void CheckInputFile(const std::filesystem::path& path);
+
+// The same, opened.
+std::ifstream OpenInputFile(const std::filesystem::path& path);
+Descriptor OpenInputDescriptor(const std::filesystem::path& path);
+
+// All of a file. Throws Error naming the path if there is none, or it is larger than `max_bytes`.
+std::string ReadBytes(const std::filesystem::path& path,
+                      std::uint64_t max_bytes = kMaxWholeFileBytes);
+
+// Why a text cannot be the name of a picture; empty: it can. Names stand in tables and models, a
+// line each, and other programs write pictures under them into their output folders: so they have
+// no control characters, are not absolute and lead out of no folder.
+std::string FaultOfPictureName(std::string_view name);
+
+}  // namespace cohort
