@@ -175,7 +175,7 @@ std::uint32_t ReadId(std::int64_t value, const fs::path& path, std::string_view 
 int ReadSize(const std::string& text, const fs::path& path) {
   int value = 0;
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (error != std::errc() || end != text.data() + text.size() || value < 1 ||
+  if (error != std::errc() || end != text.data() + text.size() || value < 0 ||
       value > kMaxPictureSidePx) {
     ThrowDamaged(path, fmt::format("'{}' is no image size", text));
   }
@@ -436,6 +436,9 @@ TrackFile ReadTrackFile(const fs::path& path) {
     if (const std::string fault = FaultOfPictureName(name); !name.empty() && !fault.empty()) {
       ThrowDamaged(path, fmt::format("the name of frame '{}' {}", name, fault));
     }
+  }
+  if (!file.frames.empty() && (file.width_px == 0 || file.height_px == 0)) {
+    ThrowDamaged(path, "it has frames of no size");
   }
   auto unlisted = db.Prepare(
       "SELECT frame FROM observations WHERE frame NOT IN (SELECT \"index\" FROM frames) LIMIT 1");

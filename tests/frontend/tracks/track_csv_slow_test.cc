@@ -24,6 +24,7 @@ TEST(TracksCsv, AMillionRowsGoInAndOutWithinBoundedMemory) {
   const std::string report = test::RunInChild([&] {
     const long before = PeakMegabytes();
     TrackFile file;
+    file.width_px = file.height_px = 2000;
     {
       std::vector<Observation> observations;
       observations.reserve(kFrames * kTracks);

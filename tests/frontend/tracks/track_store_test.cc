@@ -491,6 +491,7 @@ TEST(TrackStore, TakesNothingThatCannotBe) {
         "UPDATE camera SET width_px = 1 << 32",
         "UPDATE camera SET height_px = -5",
         "UPDATE meta SET value = '2000000000' WHERE key = 'width_px'",
+        "UPDATE meta SET value = '0' WHERE key = 'width_px'",
         "UPDATE observations SET x = 9e999 WHERE track_id = 1",
         "UPDATE observations SET track_id = 1 << 33 WHERE track_id = 1",
         "UPDATE observations SET cov_xx = 9e999, cov_xy = 0, cov_yy = 1 WHERE track_id = 1",
