@@ -43,6 +43,7 @@ const std::map<std::string, std::set<std::string>> kMayInclude{
     {"backend/colmap",
      {"frontend/core",
       "frontend/geometry",
+      "frontend/image",
       "frontend/tracks",
       "backend/geometry",
       "backend/scene"}},
@@ -122,7 +123,7 @@ const std::map<std::string, std::vector<std::string>> kOnlyIn{
     {"sqlite3.h", {"frontend/core"}},
     {"zip.h", {"frontend/core"}},
     {"CLI/", {"pipelines/console"}},
-    {"nlohmann/", {"pipelines"}},
+    {"nlohmann/", {"datasets/render", "pipelines"}},
     {"pybind11/", {"pipelines/python"}},
 };
 

@@ -10,10 +10,10 @@
 #include "backend/colmap/camera_model.h"
 #include "backend/colmap/model_io.h"
 #include "backend/colmap/program.h"
-#include "frontend/core/input_file.h"
 #include "frontend/core/output.h"
 #include "frontend/core/statistics.h"
 #include "frontend/core/stopwatch.h"
+#include "frontend/image/read_image.h"
 
 namespace cohort {
 namespace {
@@ -49,9 +49,8 @@ void WriteFrames(const TrackFile& clip, const SiftOptions& options, const fs::pa
   fs::create_directories(folder);
   for (const FrameInfo& frame : clip.frames) {
     const fs::path path = fs::path(clip.image_root) / frame.name;
-    CheckInputFile(path);
-    cv::Mat picture = cv::imread(path.string(), cv::IMREAD_GRAYSCALE | cv::IMREAD_ANYDEPTH);
-    if (picture.empty()) ThrowError("cannot read frame {}", path.string());
+    cv::Mat picture =
+        ReadImage(path, cv::IMREAD_GRAYSCALE | cv::IMREAD_ANYDEPTH | cv::IMREAD_IGNORE_ORIENTATION);
     picture.convertTo(picture, CV_32F, picture.depth() == CV_16U ? 255.0 / 65535.0 : 1.0);
     if (options.denoise_sigma_px > 0.0) {
       cv::GaussianBlur(picture, picture, cv::Size(0, 0), options.denoise_sigma_px);

@@ -1,10 +1,15 @@
 #include "datasets/readers/euroc.h"
 
-#include <opencv2/core.hpp>
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <map>
 #include <optional>
-#include <stdexcept>
+#include <sstream>
 #include <string>
 #include <string_view>
+#include <system_error>
+#include <utility>
 #include <vector>
 
 #include "datasets/readers/text_table.h"
@@ -28,103 +33,148 @@ fs::path Mav(const fs::path& folder) {
   return fs::exists(folder / "mav0") ? folder / "mav0" : folder;
 }
 
-std::vector<double> Numbers(const cv::FileNode& node,
-                            const char* name,
-                            const std::string& file,
-                            std::optional<std::size_t> count = std::nullopt) {
-  std::vector<double> numbers;
-  for (const cv::FileNode& item : node) {
-    if (!item.isReal() && !item.isInt()) ThrowError("{}: {} is not all numbers", file, name);
-    numbers.push_back(static_cast<double>(item));
+// The part of YAML that calibrations are written in: a line `key: value`, a list of numbers in
+// brackets, of one line or more, comments. What is indented belongs to the last key that is not, and
+// is called by both: T_BS.data. Read by ourselves, as parsers of all of YAML can be made to take all
+// time or the stack. Throws Error naming the file.
+class SensorText {
+ public:
+  explicit SensorText(const fs::path& path) : file_(path.string()) {
+    constexpr std::uint64_t kMaxBytes = 1 << 16;
+    std::istringstream lines(ReadBytes(path, kMaxBytes));
+    std::string section;
+    std::string last;             // key that a value was read for
+    std::string* list = nullptr;  // whose bracket is open
+    std::string line;
+    for (int number = 1; std::getline(lines, line); ++number) {
+      line.resize(std::min(line.size(), line.find('#')));
+      const std::string_view text = Trimmed(line);
+      if (text.empty() || (list == nullptr && (text.starts_with('%') || text == "---"))) continue;
+      if (list == nullptr) {
+        const std::size_t end = text.find(':');
+        const std::string_view key = text.substr(0, end);
+        if (end == std::string_view::npos || key.find_first_not_of(kKeyCharacters) != key.npos ||
+            key.empty() ||
+            (end + 1 < text.size() && text[end + 1] != ' ' && text[end + 1] != '\t')) {
+          ThrowError("{} is no calibration: line {} is not `key: value`", file_, number);
+        }
+        const bool indented = line[0] == ' ' || line[0] == '\t';
+        if (!indented) section = key;
+        std::string name = indented ? fmt::format("{}.{}", section, key) : std::string(key);
+        const auto [at, is_new] = values_.emplace(std::move(name), Trimmed(text.substr(end + 1)));
+        if (!is_new) ThrowError("{} is no calibration: {} stands twice", file_, at->first);
+        last = at->first;
+        if (at->second.starts_with('[')) list = &at->second;
+      } else {
+        if (text.find(':') != text.npos) break;
+        list->append(" ").append(text);
+      }
+      if (list != nullptr && list->ends_with(']')) list = nullptr;
+    }
+    if (list != nullptr) ThrowError("{} is no calibration: the list of {} has no end", file_, last);
   }
-  if (count && numbers.size() != *count) {
-    ThrowError("{}: {} has {} numbers instead of {}", file, name, numbers.size(), *count);
-  }
-  return numbers;
-}
 
-// The text of a calibration. OpenCV's parser calls itself for what is within another, and the stack
-// of a program ends: so this says how much of that there may be, comments left out.
-std::string ReadShallowYaml(const fs::path& path) {
-  constexpr std::uint64_t kMaxBytes = 1 << 16;
-  constexpr std::ptrdiff_t kMostMarks =
-      1000;  // a real one has a hundred, signs of numbers included
-  const std::string text = ReadBytes(path, kMaxBytes);
-  std::ptrdiff_t marks = 0;
-  bool in_comment = false;
-  for (const char c : text) {
-    if (c == '#') in_comment = true;
-    if (c == '\n') in_comment = false;
-    if (!in_comment && std::string_view("-:[{").find(c) != std::string_view::npos) ++marks;
+  bool Has(const std::string& key) const { return values_.contains(key); }
+
+  std::string Word(const std::string& key) const {
+    const auto at = values_.find(key);
+    if (at == values_.end()) return {};
+    std::string word = at->second;
+    if (word.size() >= 2 && word.front() == word.back() && (word[0] == '"' || word[0] == '\'')) {
+      word = word.substr(1, word.size() - 2);
+    }
+    return word;
   }
-  if (marks > kMostMarks) {
-    ThrowError(
-        "{} is no calibration: it has {} of the marks - : [ {{ that nest YAML, up to {} are read",
-        path.string(),
-        marks,
-        kMostMarks);
+
+  std::vector<double> Numbers(const std::string& key,
+                              std::optional<std::size_t> count = std::nullopt) const {
+    const auto at = values_.find(key);
+    std::string_view rest = at == values_.end() ? std::string_view() : at->second;
+    std::vector<double> numbers;
+    if (at != values_.end()) {
+      if (!rest.starts_with('[')) ThrowError("{}: {} is no list in brackets", file_, key);
+      rest = Trimmed(rest.substr(1, rest.size() - 2));
+    }
+    while (!rest.empty()) {
+      const std::size_t end = rest.find(',');
+      const std::string_view item = Trimmed(rest.substr(0, end));
+      double number = 0.0;
+      const auto [stop, fault] = std::from_chars(item.data(), item.data() + item.size(), number);
+      if (fault != std::errc() || stop != item.data() + item.size() || !std::isfinite(number)) {
+        ThrowError("{}: {} is not all numbers", file_, key);
+      }
+      numbers.push_back(number);
+      rest = end == std::string_view::npos ? std::string_view() : rest.substr(end + 1);
+    }
+    if (count && numbers.size() != *count) {
+      ThrowError("{}: {} has {} numbers instead of {}", file_, key, numbers.size(), *count);
+    }
+    return numbers;
   }
-  return text;
-}
+
+ private:
+  static constexpr std::string_view kKeyCharacters =
+      "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_";
+
+  static std::string_view Trimmed(std::string_view text) {
+    constexpr std::string_view kBlanks = " \t\r";
+    const std::size_t first = text.find_first_not_of(kBlanks);
+    if (first == std::string_view::npos) return {};
+    return text.substr(first, text.find_last_not_of(kBlanks) - first + 1);
+  }
+
+  std::string file_;
+  std::map<std::string, std::string> values_;
+};
 
 CameraSensor ReadSensor(const fs::path& path) {
   const std::string file = path.string();
   CameraSensor sensor;
-  const std::string text = ReadShallowYaml(path);
-  try {
-    // OpenCV wants a line that the data set's files do not have.
-    const cv::FileStorage yaml(
-        "%YAML:1.0\n---\n" + text,
-        cv::FileStorage::READ | cv::FileStorage::MEMORY | cv::FileStorage::FORMAT_YAML);
-    const auto model = static_cast<std::string>(yaml["camera_model"]);
-    const auto distortion = static_cast<std::string>(yaml["distortion_model"]);
-    const bool fisheye = distortion == "equidistant";
-    const bool radtan = distortion == "radial-tangential" || distortion == "radtan";
-    if (model != "pinhole" || !(radtan || fisheye)) {
-      ThrowError(
-          "{}: camera model '{}' with distortion '{}' is not supported: give pinhole with "
-          "radial-tangential or equidistant, or read the image folder with --layout images",
-          file,
-          model,
-          distortion);
-    }
-    const auto resolution = Numbers(yaml["resolution"], "resolution", file, 2);
-    const auto f = Numbers(yaml["intrinsics"], "intrinsics", file, 4);
-    if (!yaml["distortion_coefficients"].isSeq()) {
-      ThrowError("{}: distortion_coefficients is missing: give [] where there is no distortion",
-                 file);
-    }
-    const auto d = Numbers(yaml["distortion_coefficients"], "distortion_coefficients", file);
-    const auto t = Numbers(yaml["T_BS"]["data"], "T_BS", file, 16);
-    for (const double side : resolution) {
-      if (!(side >= 1.0 && side <= kMaxPictureSidePx)) {
-        ThrowError("{}: resolution {} x {} is none", file, resolution[0], resolution[1]);
-      }
-    }
-    sensor.camera = {.width_px = static_cast<int>(resolution[0]),
-                     .height_px = static_cast<int>(resolution[1]),
-                     .fx = f[0],
-                     .fy = f[1],
-                     .cx = f[2],
-                     .cy = f[3]};
-    try {
-      sensor.camera =
-          WithDistortion(sensor.camera, fisheye ? CameraModel::kFisheye : CameraModel::kPinhole, d);
-    } catch (const Error& error) {
-      ThrowError("{}: distortion_coefficients: {}", file, error.what());
-    }
-    if (const std::string fault = FaultOf(sensor.camera); !fault.empty()) {
-      ThrowError("{}: {}", file, fault);
-    }
-    const auto body_from_cam = RigidFromMatrix(
-        Eigen::Map<const Eigen::Matrix<double, 4, 4, Eigen::RowMajor>>(t.data()).topRows<3>());
-    if (!body_from_cam) ThrowError("{}: T_BS is no rigid motion", file);
-    sensor.body_from_cam = *body_from_cam;
-  } catch (const cv::Exception& e) {
-    ThrowError("{} is no YAML that OpenCV reads: {}", file, e.err);
-  } catch (const std::logic_error& e) {  // what its parser trips over
-    ThrowError("{} is no YAML that OpenCV reads: {}", file, e.what());
+  const SensorText yaml(path);
+  const auto model = yaml.Word("camera_model");
+  const auto distortion = yaml.Word("distortion_model");
+  const bool fisheye = distortion == "equidistant";
+  const bool radtan = distortion == "radial-tangential" || distortion == "radtan";
+  if (model != "pinhole" || !(radtan || fisheye)) {
+    ThrowError(
+        "{}: camera model '{}' with distortion '{}' is not supported: give pinhole with "
+        "radial-tangential or equidistant, or read the image folder with --layout images",
+        file,
+        model,
+        distortion);
   }
+  const auto resolution = yaml.Numbers("resolution", 2);
+  const auto f = yaml.Numbers("intrinsics", 4);
+  if (!yaml.Has("distortion_coefficients")) {
+    ThrowError("{}: distortion_coefficients is missing: give [] where there is no distortion",
+               file);
+  }
+  const auto d = yaml.Numbers("distortion_coefficients");
+  const auto t = yaml.Numbers("T_BS.data", 16);
+  for (const double side : resolution) {
+    if (!(side >= 1.0 && side <= kMaxPictureSidePx)) {
+      ThrowError("{}: resolution {} x {} is none", file, resolution[0], resolution[1]);
+    }
+  }
+  sensor.camera = {.width_px = static_cast<int>(resolution[0]),
+                   .height_px = static_cast<int>(resolution[1]),
+                   .fx = f[0],
+                   .fy = f[1],
+                   .cx = f[2],
+                   .cy = f[3]};
+  try {
+    sensor.camera =
+        WithDistortion(sensor.camera, fisheye ? CameraModel::kFisheye : CameraModel::kPinhole, d);
+  } catch (const Error& error) {
+    ThrowError("{}: distortion_coefficients: {}", file, error.what());
+  }
+  if (const std::string fault = FaultOf(sensor.camera); !fault.empty()) {
+    ThrowError("{}: {}", file, fault);
+  }
+  const auto body_from_cam = RigidFromMatrix(
+      Eigen::Map<const Eigen::Matrix<double, 4, 4, Eigen::RowMajor>>(t.data()).topRows<3>());
+  if (!body_from_cam) ThrowError("{}: T_BS is no rigid motion", file);
+  sensor.body_from_cam = *body_from_cam;
   return sensor;
 }
 

@@ -5,6 +5,7 @@
 #include "datasets/readers/gray_image.h"
 #include "frontend/core/error.h"
 #include "frontend/core/input_file.h"
+#include "frontend/image/read_image.h"
 
 namespace cohort {
 namespace {

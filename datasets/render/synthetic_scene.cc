@@ -3,13 +3,16 @@
 #include <fmt/format.h>
 
 #include <charconv>
+#include <cmath>
+#include <limits>
 #include <mutex>
-#include <opencv2/core/persistence.hpp>
+#include <nlohmann/json.hpp>
 
 #include "datasets/readers/tum_writer.h"
 #include "datasets/render/render.h"
 #include "datasets/render/scene_geometry.h"
 #include "frontend/core/error.h"
+#include "frontend/core/input_file.h"
 #include "frontend/core/output.h"
 #include "frontend/core/parallel.h"
 
@@ -26,6 +29,14 @@ Enum ChoiceNamed(const ChoiceNames<Enum, N>& names, const std::string& text) {
     if (name == text) return value;
   }
   ThrowError("'{}' is unknown", text);
+}
+
+int Integer(const nlohmann::json& file, const char* key) {
+  const nlohmann::json& value = file.at(key);
+  // As a wide number first: get<int> would cut it.
+  const auto wide = value.is_number_integer() ? value.get<double>() : -1e300;
+  if (!(std::abs(wide) <= std::numeric_limits<int>::max())) ThrowError("{} is no count", key);
+  return static_cast<int>(wide);
 }
 
 }  // namespace
@@ -81,7 +92,7 @@ std::string SceneFile::Text() const {
       options.height_px,
       options.focal_px,
       options.readout > 0.0 ? fmt::format("  \"readout\": {},\n", options.readout) : "",
-      options.seed,  // as text: cv::FileStorage reads integers of 31 bits
+      options.seed,  // as text: JSON in other programs has numbers of 53 bits
       first_frame,
       frame_step);
 }
@@ -89,32 +100,35 @@ std::string SceneFile::Text() const {
 std::optional<SceneFile> ReadSceneFile(const std::filesystem::path& folder) {
   const std::filesystem::path path = folder / "scene.json";
   if (!std::filesystem::exists(path)) return std::nullopt;
+  constexpr std::uint64_t kMaxBytes = 1 << 16;
   try {
-    const cv::FileStorage file(path.string(), cv::FileStorage::READ);
-    if (const auto version = static_cast<int>(file["version"]); version != kSceneVersion) {
+    const auto file = nlohmann::json::parse(ReadBytes(path, kMaxBytes));
+    if (const int version = Integer(file, "version"); version != kSceneVersion) {
       ThrowError("it is of version {}, this renderer of {}: render the scene again",
                  version,
                  kSceneVersion);
     }
     SceneFile scene;
-    scene.options.scene = ChoiceNamed(kSceneNames, file["scene"].string());
-    scene.options.motion = ChoiceNamed(kMotionNames, file["motion"].string());
-    scene.options.frames = static_cast<int>(file["frames"]);
-    scene.options.width_px = static_cast<int>(file["width_px"]);
-    scene.options.height_px = static_cast<int>(file["height_px"]);
-    scene.options.focal_px = static_cast<double>(file["focal_px"]);
-    const cv::FileNode readout = file["readout"];  // not there: a global shutter
-    if (!readout.empty()) scene.options.readout = static_cast<double>(readout);
-    const std::string seed = file["seed"].string();
-    if (std::from_chars(seed.data(), seed.data() + seed.size(), scene.options.seed).ec !=
-        std::errc()) {
+    scene.options.scene = ChoiceNamed(kSceneNames, file.at("scene").get<std::string>());
+    scene.options.motion = ChoiceNamed(kMotionNames, file.at("motion").get<std::string>());
+    scene.options.frames = Integer(file, "frames");
+    scene.options.width_px = Integer(file, "width_px");
+    scene.options.height_px = Integer(file, "height_px");
+    scene.options.focal_px = file.at("focal_px").get<double>();
+    scene.options.readout = file.value("readout", 0.0);  // not there: a global shutter
+    const auto seed = file.at("seed").get<std::string>();
+    const char* const end = seed.data() + seed.size();
+    const auto [stop, fault] = std::from_chars(seed.data(), end, scene.options.seed);
+    if (fault != std::errc() || stop != end) {
       ThrowError("seed '{}' is no number", seed);
     }
-    scene.first_frame = static_cast<int>(file["first_frame"]);
-    scene.frame_step = static_cast<int>(file["frame_step"]);
+    scene.first_frame = Integer(file, "first_frame");
+    scene.frame_step = Integer(file, "frame_step");
     ValidateOptions(scene.options);
     if (scene.first_frame < 0 || scene.frame_step < 1) ThrowError("its frames are out of order");
     return scene;
+  } catch (const nlohmann::json::parse_error& e) {
+    ThrowError("cannot use {}: it is no JSON (byte {})", path.string(), e.byte);
   } catch (const std::exception& e) {
     ThrowError("cannot use {}: {}", path.string(), e.what());
   }

@@ -5,6 +5,7 @@
 
 #include "datasets/readers/gray_image.h"
 #include "frontend/geometry/camera_text.h"
+#include "frontend/image/read_image.h"
 #include "pipelines/sfm/fingerprint.h"
 
 namespace cohort {

@@ -272,5 +272,28 @@ TEST(FrameRange, CountsItsFramesOfASource) {
   EXPECT_EQ(FrameRange::Parse("::4000000000").Count(5), 1u);
 }
 
+// GDAL, which OpenCV would ask, opens other files and addresses that such a picture names.
+TEST(ImageFolder, TheFirstBytesSayWhetherItIsAPicture) {
+  for (const char* bytes : {"<VRTDataset rasterXSize=\"4\" rasterYSize=\"3\"/>",
+                            "NITF02.10",
+                            "GIF89a",
+                            "\x76\x2F\x31\x01",
+                            "#?RADIANCE\n"}) {
+    const TempDir dir;
+    test::WriteText(dir / "0.png", bytes);
+    EXPECT_THAT([&] { OpenSequence(dir.path()); },
+                ThrowsMessage<Error>(AllOf(HasSubstr("0.png"), HasSubstr("no PNG"))))
+        << bytes;
+  }
+  for (const char* ending : {"png", "jpg", "bmp", "tif", "pgm", "webp", "jp2", "ras"}) {
+    const TempDir dir;
+    for (const int i : {0, 1}) {
+      cv::imwrite((dir / fmt::format("{}.{}", i, ending)).string(),
+                  cv::Mat(64, 64, CV_8UC1, 90 + i));
+    }
+    EXPECT_EQ(test::ReadAll(*OpenSequence(dir.path())).size(), 2u) << ending;
+  }
+}
+
 }  // namespace
 }  // namespace cohort

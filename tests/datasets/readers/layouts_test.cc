@@ -376,6 +376,10 @@ TEST_F(Euroc, SaysWhatIsWrongWithTheSensorFile) {
   EXPECT_THAT(with("0.999557249008", "0.5"), ThrowsMessage<Error>(HasSubstr("T_BS")));
   EXPECT_THAT(with("data: [", "data: [["), ThrowsMessage<Error>(HasSubstr("sensor.yaml")));
   EXPECT_THAT(with("cols: 4", ": radial"), ThrowsMessage<Error>(HasSubstr("sensor.yaml")));
+  EXPECT_THAT(with("cols: 4", "data: [1]"),
+              ThrowsMessage<Error>(AllOf(HasSubstr("T_BS.data"), HasSubstr("twice"))));
+  EXPECT_THAT(with("[64, 48]", "[64, 48"), ThrowsMessage<Error>(HasSubstr("resolution")));
+  EXPECT_THAT(with("[64, 48]", "64"), ThrowsMessage<Error>(HasSubstr("no list")));
   EXPECT_THAT(with("458.654", "-458.654"), ThrowsMessage<Error>(HasSubstr("focal lengths")));
   EXPECT_THAT(with("458.654", ".nan"), ThrowsMessage<Error>(HasSubstr("sensor.yaml")));
   EXPECT_THAT(with("[64, 48]", "[1e300, 48]"), ThrowsMessage<Error>(HasSubstr("resolution")));
@@ -384,15 +388,13 @@ TEST_F(Euroc, SaysWhatIsWrongWithTheSensorFile) {
               ThrowsMessage<Error>(AllOf(HasSubstr("752x480"), HasSubstr("64x48"))));
 }
 
-// Its parser calls itself for what is within another: the stack of the program would end.
 TEST_F(Euroc, AnEndlesslyNestedSensorFileIsAnError) {
   for (const char* open : {"[", "{", "- ", "-", "b: "}) {
     std::string text = "a: ";
     for (int i = 0; i < 20'000; ++i) text += open;
     WriteText(mav_ / "cam0/sensor.yaml", text + "\n");
-    EXPECT_THAT(
-        [&] { OpenSequence(mav_.parent_path()); },
-        ThrowsMessage<Error>(AllOf(HasSubstr("sensor.yaml"), HasSubstr("is no calibration"))))
+    EXPECT_THAT([&] { OpenSequence(mav_.parent_path()); },
+                ThrowsMessage<Error>(HasSubstr("sensor.yaml")))
         << open;
   }
   WriteText(mav_ / "cam0/sensor.yaml", "# " + std::string(2000, '-') + "\n" + kSensor);

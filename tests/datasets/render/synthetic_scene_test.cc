@@ -356,6 +356,17 @@ TEST(ReadSceneFile, NamesWhatItCannotUse) {
   std::string bad = good;
   bad.replace(bad.find("room"), 4, "moon");
   EXPECT_THAT([&] { read(bad); }, ThrowsMessage<Error>(HasSubstr("moon")));
+  const auto with = [&](const std::string& old, const std::string& text) {
+    std::string changed = good;
+    changed.replace(changed.find(old), old.size(), text);
+    return [&read, changed] { read(changed); };
+  };
+  EXPECT_THAT(with("\"frames\": ", "\"frames\": 1."), ThrowsMessage<Error>(HasSubstr("frames")));
+  EXPECT_THAT(with("\"frames\": ", "\"frames\": 99999999999"),
+              ThrowsMessage<Error>(HasSubstr("frames")));
+  EXPECT_THAT(with("\"frame_step\": ", "\"steps\": "),
+              ThrowsMessage<Error>(HasSubstr("frame_step")));
+  EXPECT_THAT(with("\"seed\": \"", "\"seed\": \"x"), ThrowsMessage<Error>(HasSubstr("seed")));
   bad = good;
   bad.replace(bad.find("\"version\": ") + 11, 1, "999");
   EXPECT_THAT([&] { read(bad); },

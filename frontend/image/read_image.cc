@@ -1,0 +1,81 @@
+#include "frontend/image/read_image.h"
+
+#include <algorithm>
+#include <array>
+#include <climits>
+#include <cstdint>
+#include <string>
+#include <string_view>
+
+#include "frontend/core/error.h"
+#include "frontend/core/input_file.h"
+
+namespace cohort {
+
+using std::string_view_literals::operator""sv;
+
+namespace {
+
+// Decoders fill what a cut JPEG lacks with grey and say nothing. After the headers (segments with
+// their lengths) comes the coded picture, in which the end mark FF D9 cannot occur by chance.
+bool IsCutJpeg(std::string_view bytes) {
+  if (!bytes.starts_with("\xFF\xD8\xFF")) return false;
+  std::size_t at = 2;
+  while (at + 4 <= bytes.size() && bytes[at] == '\xFF' && bytes[at + 1] != '\xDA') {
+    const auto high = static_cast<unsigned char>(bytes[at + 2]);
+    const auto low = static_cast<unsigned char>(bytes[at + 3]);
+    at += 2 + high * 256U + low;
+  }
+  return bytes.find("\xFF\xD9", at) == std::string_view::npos;
+}
+
+// The first bytes of the formats that are read. OpenCV hands others on to libraries that open more
+// than the bytes they are given: GDAL has files that name other files, and addresses; DICM ends GDCM.
+constexpr std::array<std::string_view, 13> kPictureMarks{"\x89PNG\r\n\x1A\n"sv,
+                                                         "\xFF\xD8\xFF"sv,
+                                                         "BM"sv,
+                                                         "II*\0"sv,
+                                                         "MM\0*"sv,
+                                                         "P1"sv,
+                                                         "P2"sv,
+                                                         "P3"sv,
+                                                         "P4"sv,
+                                                         "P5"sv,
+                                                         "P6"sv,
+                                                         "\x59\xA6\x6A\x95"sv,
+                                                         "\xFF\x4F\xFF\x51"sv};
+
+bool IsPicture(std::string_view bytes) {
+  const auto starts = [bytes](std::string_view mark) { return bytes.starts_with(mark); };
+  return std::ranges::any_of(kPictureMarks, starts) ||
+         bytes.starts_with("\0\0\0\x0CjP  \r\n\x87\n"sv) ||
+         (bytes.starts_with("RIFF") && bytes.substr(0, 12).ends_with("WEBP"));
+}
+
+}  // namespace
+
+cv::Mat ReadImage(const std::filesystem::path& file, int flags) {
+  constexpr std::uint64_t kMaxBytes = INT_MAX;  // OpenCV's
+  std::string bytes = ReadBytes(file, kMaxBytes);
+  if (bytes.empty()) ThrowError("cannot decode {}: the file is empty", file.string());
+  if (!IsPicture(bytes)) {
+    ThrowError(
+        "cannot decode {}: it is no PNG, JPEG, TIFF, BMP, PNM, WebP, JPEG 2000 or Sun raster",
+        file.string());
+  }
+  cv::Mat picture;
+  if (!IsCutJpeg(bytes)) {
+    try {
+      picture =
+          cv::imdecode(cv::Mat(1, static_cast<int>(bytes.size()), CV_8UC1, bytes.data()), flags);
+    } catch (const cv::Exception& e) {
+      ThrowError("cannot decode {}: {}", file.string(), e.err);
+    }
+  }
+  if (picture.empty()) {
+    ThrowError("cannot decode {}: it is damaged, cut short or no image", file.string());
+  }
+  return picture;
+}
+
+}  // namespace cohort
