@@ -52,7 +52,7 @@ VideoEncoder::VideoEncoder(fs::path file, cv::Size size)
         file_.string());
   }
   ffmpeg_ = *ffmpeg;
-  MakeNewFile(raw_file_);
+  WriteLock::OfNewFile(raw_file_);
   raw_.open(raw_file_, std::ios::binary);
   if (!raw_) ThrowError("cannot write {}", raw_file_.string());
 }

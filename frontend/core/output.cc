@@ -1,7 +1,6 @@
 #include "frontend/core/output.h"
 
 #include <fcntl.h>
-#include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -53,7 +52,7 @@ struct CloseFile {
 OutputFile::OutputFile(fs::path path)
     : path_(std::move(path)), partial_(path_.string() + ".partial") {
   CheckOutputPath(path_);
-  MakeNewFile(partial_);
+  lock_ = WriteLock::OfNewFile(partial_);
 }
 
 OutputFile::~OutputFile() {
@@ -82,11 +81,7 @@ OutputFolder::OutputFolder(fs::path path, const std::vector<std::string>& own_na
       }
     }
   }
-  RemoveQuietly(partial_);
-  // Fails where there is one already, or a link to one: what is put there is ours alone.
-  if (mkdir(partial_.c_str(), 0777) != 0) {
-    ThrowError("cannot make folder {}: {}", partial_.string(), std::strerror(errno));
-  }
+  lock_ = WriteLock::OfNewFolder(partial_);
 }
 
 OutputFolder::~OutputFolder() {
@@ -98,7 +93,8 @@ void OutputFolder::Commit() {
     // Swapped in one step, so that there is a whole folder at every moment; file systems that
     // cannot do that get two renames.
     if (renameat2(AT_FDCWD, partial_.c_str(), AT_FDCWD, path_.c_str(), RENAME_EXCHANGE) == 0) {
-      RemoveQuietly(partial_);
+      // The old folder, unless another run is about to remove it already.
+      if (const auto old = WriteLock::TryOf(partial_)) RemoveQuietly(partial_);
     } else {
       std::string old = path_.string() + ".old-XXXXXX";
       if (mkdtemp(old.data()) == nullptr) {
@@ -117,20 +113,6 @@ void OutputFolder::Commit() {
 void CheckOutputPath(const fs::path& path) {
   if (fs::is_directory(path)) ThrowError("cannot write {}: it is a folder", path.string());
   CheckParent(path);
-}
-
-void MakeNewFile(const fs::path& path) {
-  const int found = unlink(path.c_str());
-  const int fd =
-      found == 0 || errno == ENOENT
-          ? open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0666)
-          : -1;
-  if (fd < 0) {
-    ThrowError("cannot write {}: {}",
-               path.string(),
-               errno == EISDIR ? "a folder is in its place, remove it" : std::strerror(errno));
-  }
-  close(fd);
 }
 
 void WriteBytes(const fs::path& path, std::string_view bytes) {

@@ -1,17 +1,19 @@
 #pragma once
 
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "frontend/core/input_file.h"
+#include "frontend/core/write_lock.h"
 
 namespace cohort {
 
 // Outputs are written whole or not at all: into a new file or folder, PATH.partial, beside the final
 // path, renamed at the end. Until Commit the old one stays; without Commit (an exception) the partial one
-// is removed. Throws Error naming the path.
+// is removed. No other run can write the same one at the same time. Throws Error naming the path.
 //
 //   OutputFile out("a.csv");
 //   ... write out.partial() ...
@@ -30,6 +32,7 @@ class OutputFile {
  private:
   std::filesystem::path path_;
   std::filesystem::path partial_;
+  std::optional<WriteLock> lock_;
   bool committed_ = false;
 };
 
@@ -48,14 +51,12 @@ class OutputFolder {
  private:
   std::filesystem::path path_;
   std::filesystem::path partial_;
+  std::optional<WriteLock> lock_;
   bool committed_ = false;
 };
 
 // What OutputFile checks at once, for those who write a file in another way.
 void CheckOutputPath(const std::filesystem::path& path);
-// An empty file in the place of what was there (no folder): made by us, never reached by a link that
-// somebody else has put there, as one may in /tmp. Throws Error naming the path.
-void MakeNewFile(const std::filesystem::path& path);
 
 // Writes bytes to a file in place; for whole or not at all write OutputFile's partial().
 void WriteBytes(const std::filesystem::path& path, std::string_view bytes);

@@ -128,13 +128,12 @@ void RemoveDatabase(const fs::path& path) {
   fs::remove(path.string() + "-journal", ignored);
 }
 
-// An empty file, and no journal beside it.
-void MakeNewDatabase(const fs::path& path) {
+// One that an earlier file of the same name has left.
+void RemoveJournal(const fs::path& path) {
   const fs::path journal = path.string() + "-journal";
   std::error_code error;
   fs::remove(journal, error);
   if (error) ThrowError("cannot remove {}: {}", journal.string(), error.message());
-  MakeNewFile(path);
 }
 
 bool HoldsTracks(SqliteDatabase& db) {
@@ -285,8 +284,11 @@ std::vector<TrackEnd> ReadEnds(SqliteDatabase& db, const fs::path& path) {
 }  // namespace
 
 struct TrackWriter::Impl {
-  Impl(fs::path final_path, fs::path working_path, SqliteDatabase opened)
-      : path(std::move(final_path)), working(std::move(working_path)), db(std::move(opened)) {
+  Impl(fs::path final_path, fs::path working_path, WriteLock held, SqliteDatabase opened)
+      : path(std::move(final_path)),
+        working(std::move(working_path)),
+        lock(std::move(held)),
+        db(std::move(opened)) {
     // A kill of the program loses nothing that was written, synced or not; only Finish syncs, so
     // that a finished file survives the machine's end too.
     db->Execute("PRAGMA synchronous = OFF");
@@ -294,6 +296,7 @@ struct TrackWriter::Impl {
 
   fs::path path;
   fs::path working;
+  WriteLock lock;                    // before db: to close a file drops SQLite's own locks of it
   std::optional<SqliteDatabase> db;  // none: finished
   std::optional<Inserter> insert;    // after db: statements must not outlive it
   std::optional<FrameIndex> last;
@@ -307,7 +310,8 @@ TrackWriter::~TrackWriter() = default;
 TrackWriter TrackWriter::Create(const fs::path& path, const TrackFile& header) {
   CheckOutputPath(path);
   fs::path working = PartialOf(path);
-  MakeNewDatabase(working);
+  WriteLock lock = WriteLock::OfNewFile(working);
+  RemoveJournal(working);
   try {
     auto db = SqliteDatabase::Open(working, SqliteDatabase::Mode::kCreate);
     SqliteTransaction transaction(db);
@@ -322,19 +326,24 @@ TrackWriter TrackWriter::Create(const fs::path& path, const TrackFile& header) {
     fs::rename(working, path);
     working = path;
   }
-  auto impl = std::make_unique<Impl>(path, working, OpenToWrite(working));
+  auto impl = std::make_unique<Impl>(path, working, std::move(lock), OpenToWrite(working));
   impl->insert.emplace(*impl->db);
   return TrackWriter(std::move(impl));
 }
 
 TrackWriter TrackWriter::Resume(const fs::path& path) {
-  const auto working = FindUnfinishedTracks(path);
+  auto working = FindUnfinishedTracks(path);
+  std::optional<WriteLock> lock;
+  if (working) {
+    lock = WriteLock::Of(*working);
+    working = FindUnfinishedTracks(path);  // who held it may have finished it
+  }
   if (!working) {
     ThrowError("nothing to resume: neither {} nor {} is the file of an unfinished run",
                path.string(),
                PartialOf(path).string());
   }
-  auto impl = std::make_unique<Impl>(path, *working, OpenToWrite(*working));
+  auto impl = std::make_unique<Impl>(path, *working, std::move(*lock), OpenToWrite(*working));
   impl->insert.emplace(*impl->db);
   auto last = impl->db->Prepare("SELECT MAX(\"index\") FROM frames");
   if (last.Step() && !last.IsNull(0)) {
@@ -457,7 +466,7 @@ TrackFile ReadTrackFile(const fs::path& path) {
 
 void WriteTrackFile(const fs::path& path, const TrackFile& file) {
   OutputFile out(path);
-  MakeNewDatabase(out.partial());
+  RemoveJournal(out.partial());
   try {
     auto db = SqliteDatabase::Open(out.partial(), SqliteDatabase::Mode::kCreate);
     SqliteTransaction transaction(db);

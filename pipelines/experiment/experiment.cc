@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 #include <system_error>
 
+#include "frontend/core/write_lock.h"
 #include "pipelines/experiment/cell_rows.h"
 #include "pipelines/experiment/cell_tasks.h"
 #include "pipelines/experiment/collection.h"
@@ -64,6 +65,8 @@ void CheckWhatIsFinished(const ExperimentOptions& options, const ExperimentPlan&
 ExperimentPlan RunCells(const ExperimentOptions& options) {
   ExperimentPlan plan = PlanWithoutClips(options);
   MakeFolder(plan.cells_folder);
+  // Shards share a folder, and who collects may look at any time; two whole grids may not.
+  const WriteLock lock = WriteLock::Of(options.out, options.collect || !options.shard.empty());
   const std::vector<GridClip> clips = ProbeClips(options, plan);
   // Not before the inputs are known to be good. Other shards may be at work in the same folder.
   if (!options.resume && !options.collect && options.shard.empty()) {

@@ -169,6 +169,7 @@ SfmFigures RunSfmJob(const SfmJobOptions& options) {
   fs::create_directories(folder, error);
   if (error) ThrowError("cannot make folder {}: {}", options.out, error.message());
   CheckSceneFolder(folder);
+  const WriteLock lock = WriteLock::Of(folder);
 
   RunTrackJob(TrackOptionsOf(options));
   fs::remove(summary, error);

@@ -186,7 +186,7 @@ void WriteTrackVideo(const fs::path& path,
   OutputFile out(fs::absolute(path));
   // FFmpeg goes by the ending.
   const fs::path video = out.partial().string() + ".mp4";
-  MakeNewFile(video);
+  WriteLock::OfNewFile(video);
   struct Remove {
     const fs::path& path;
     ~Remove() {
