@@ -86,7 +86,20 @@ void CheckMemory(int code) {
   if (code == AVERROR(ENOMEM)) throw std::bad_alloc();
 }
 
-void CheckPixels(int width_px, int height_px, const std::string& name) {
+// Cover art is none.
+std::optional<int> FirstVideo(const AVFormatContext& format) {
+  constexpr int kNoVideo = AV_DISPOSITION_ATTACHED_PIC | AV_DISPOSITION_TIMED_THUMBNAILS;
+  for (int i = 0; i < static_cast<int>(format.nb_streams); ++i) {
+    const AVStream& stream = *format.streams[i];
+    const bool video = stream.codecpar->codec_type == AVMEDIA_TYPE_VIDEO;
+    if (video && (stream.disposition & kNoVideo) == 0) return i;
+  }
+  return std::nullopt;
+}
+
+void CheckPixels(const AVStream& stream, const std::string& name) {
+  const int width_px = stream.codecpar->width;
+  const int height_px = stream.codecpar->height;
   if (std::int64_t{width_px} * height_px > VideoDecoder::kMaxPixels) {
     ThrowError("cannot read {}: its frames are {}x{}, and {} pixels are the most: make it smaller",
                name,
@@ -166,14 +179,12 @@ void VideoDecoder::OpenFile() {
   CheckMemory(opened);
   if (opened >= 0) {
     format_.reset(format);
+    // FFmpeg forgets a size that it does not take.
+    if (const auto stream = FirstVideo(*format)) CheckPixels(*format->streams[*stream], name_);
     CheckMemory(avformat_find_stream_info(format, DecoderOptions(format->nb_streams).data()));
-    constexpr int kNoPictures = AV_DISPOSITION_ATTACHED_PIC | AV_DISPOSITION_TIMED_THUMBNAILS;
-    for (unsigned i = 0; i < format->nb_streams; ++i) {
-      AVStream& stream = *format->streams[i];
-      const bool video = stream.codecpar->codec_type == AVMEDIA_TYPE_VIDEO &&
-                         (stream.disposition & kNoPictures) == 0;
-      if (video && stream_ < 0) stream_ = static_cast<int>(i);
-      stream.discard = static_cast<int>(i) == stream_ ? AVDISCARD_DEFAULT : AVDISCARD_ALL;
+    stream_ = FirstVideo(*format).value_or(-1);
+    for (int i = 0; i < static_cast<int>(format->nb_streams); ++i) {
+      format->streams[i]->discard = i == stream_ ? AVDISCARD_DEFAULT : AVDISCARD_ALL;
     }
   }
   if (stream_ < 0) {
@@ -187,7 +198,7 @@ void VideoDecoder::OpenFile() {
 void VideoDecoder::OpenStream() {
   AVStream& stream = *format_->streams[stream_];
   const AVCodecParameters& parameters = *stream.codecpar;
-  CheckPixels(parameters.width, parameters.height, name_);
+  CheckPixels(stream, name_);
   const AVCodec* decoder = avcodec_find_decoder(parameters.codec_id);
   if (decoder == nullptr) {
     ThrowError("cannot open {} as a video: FFmpeg has no decoder of its codec, {}",
@@ -293,7 +304,6 @@ void VideoDecoder::MakeConverter() {
       pixel_format_ == frame.format && full_range_ == full_range) {
     return;
   }
-  CheckPixels(frame.width, frame.height, name_);
   bgr_.reset(Allocated(av_frame_alloc()));
   bgr_->format = AV_PIX_FMT_BGR24;
   bgr_->width = frame.width;

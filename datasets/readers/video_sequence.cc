@@ -30,7 +30,11 @@ class VideoSequence final : public Sequence {
     grabbed_ = 0;
     next_ = range_.first;
     first_ = Decode();
-    if (!first_ && grabbed_ == 0) ThrowError("no frame of {} can be decoded", file_);
+    if (!first_ && grabbed_ == 0) {
+      ThrowError("no frame of {} can be decoded: it is damaged, or frames have more than {} pixels",
+                 file_,
+                 VideoDecoder::kMaxPixels);
+    }
     if (!first_) {
       ThrowError("{} has {} frames, the range starts at frame {}: give an earlier one",
                  file_,
