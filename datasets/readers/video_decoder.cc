@@ -82,8 +82,11 @@ T* Allocated(T* pointer) {
   return pointer;
 }
 
-void CheckMemory(int code) {
-  if (code == AVERROR(ENOMEM)) throw std::bad_alloc();
+// It may be the file that asks for it.
+void CheckMemory(int code, const std::string& name) {
+  if (code == AVERROR(ENOMEM)) {
+    ThrowError("cannot read {}: FFmpeg has not the memory that it asks for", name);
+  }
 }
 
 // Cover art is none.
@@ -176,12 +179,13 @@ void VideoDecoder::OpenFile() {
   format->io_open = RefuseToOpen;
   format->protocol_whitelist = av_strdup("");
   const int opened = avformat_open_input(&format, "", nullptr, nullptr);  // frees it if it fails
-  CheckMemory(opened);
+  CheckMemory(opened, name_);
   if (opened >= 0) {
     format_.reset(format);
     // FFmpeg forgets a size that it does not take.
     if (const auto stream = FirstVideo(*format)) CheckPixels(*format->streams[*stream], name_);
-    CheckMemory(avformat_find_stream_info(format, DecoderOptions(format->nb_streams).data()));
+    CheckMemory(avformat_find_stream_info(format, DecoderOptions(format->nb_streams).data()),
+                name_);
     stream_ = FirstVideo(*format).value_or(-1);
     for (int i = 0; i < static_cast<int>(format->nb_streams); ++i) {
       format->streams[i]->discard = i == stream_ ? AVDISCARD_DEFAULT : AVDISCARD_ALL;
@@ -206,10 +210,10 @@ void VideoDecoder::OpenStream() {
                avcodec_get_name(parameters.codec_id));
   }
   codec_.reset(Allocated(avcodec_alloc_context3(decoder)));
-  CheckMemory(avcodec_parameters_to_context(codec_.get(), &parameters));
+  CheckMemory(avcodec_parameters_to_context(codec_.get(), &parameters), name_);
   codec_->pkt_timebase = stream.time_base;
   const int opened = avcodec_open2(codec_.get(), decoder, DecoderOptions(1).data());
-  CheckMemory(opened);
+  CheckMemory(opened, name_);
   if (opened < 0) {
     ThrowError(
         "cannot open {} as a video: FFmpeg's decoder {} does not take it", name_, decoder->name);
@@ -249,7 +253,7 @@ std::optional<std::size_t> VideoDecoder::PromisedFrames() const {
 void VideoDecoder::Send() {
   for (int faults = 0; faults < kMostFaults;) {
     const int read = av_read_frame(format_.get(), packet_.get());
-    CheckMemory(read);
+    CheckMemory(read, name_);
     if (read == AVERROR(EAGAIN)) {
       ++faults;
       continue;
@@ -257,7 +261,7 @@ void VideoDecoder::Send() {
     if (read < 0) break;
     const bool ours = packet_->stream_index == stream_;
     // A packet that is damaged gives no frame.
-    if (ours) CheckMemory(avcodec_send_packet(codec_.get(), packet_.get()));
+    if (ours) CheckMemory(avcodec_send_packet(codec_.get(), packet_.get()), name_);
     av_packet_unref(packet_.get());
     if (ours) return;
   }
@@ -267,7 +271,7 @@ void VideoDecoder::Send() {
 bool VideoDecoder::Next() {
   for (int faults = 0; faults < kMostFaults;) {
     const int received = avcodec_receive_frame(codec_.get(), frame_.get());
-    CheckMemory(received);
+    CheckMemory(received, name_);
     if (received == AVERROR_EOF) break;
     if (received == AVERROR(EAGAIN)) {
       Send();
@@ -308,7 +312,7 @@ void VideoDecoder::MakeConverter() {
   bgr_->format = AV_PIX_FMT_BGR24;
   bgr_->width = frame.width;
   bgr_->height = frame.height;
-  CheckMemory(av_frame_get_buffer(bgr_.get(), 0));
+  CheckMemory(av_frame_get_buffer(bgr_.get(), 0), name_);
   converter_.reset(Allocated(sws_alloc_context()));
   for (const auto& [option, value] : {std::pair("srcw", frame.width),
                                       std::pair("srch", frame.height),
