@@ -122,6 +122,8 @@ const std::map<std::string, std::vector<std::string>> kOnlyIn{
     {"ceres/", {"backend"}},
     {"sqlite3.h", {"frontend/core"}},
     {"zip.h", {"frontend/core"}},
+    {"libav", {"datasets/readers"}},
+    {"libsw", {"datasets/readers"}},
     {"CLI/", {"pipelines/console"}},
     {"nlohmann/", {"datasets/render", "pipelines"}},
     {"pybind11/", {"pipelines/python"}},

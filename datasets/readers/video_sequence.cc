@@ -1,41 +1,19 @@
 #include "datasets/readers/video_sequence.h"
 
-#include <unistd.h>
-
-#include <algorithm>
-#include <array>
-#include <cctype>
 #include <cmath>
-#include <opencv2/videoio.hpp>
 #include <utility>
 
 #include "datasets/readers/gray_image.h"
+#include "datasets/readers/video_decoder.h"
 #include "frontend/core/error.h"
-#include "frontend/core/input_file.h"
 
 namespace cohort {
 namespace {
-
-constexpr double kDefaultFramesPerSecond = 30.0;  // where the file gives none
 
 // Headers are often wrong by one frame, and a sound track that outlasts the picture makes
 // containers that store only a duration promise too much: in a long clip one frame is no news.
 bool EndsEarly(std::size_t decoded, std::size_t promised) {
   return decoded + 2 <= promised || decoded * 1.02 < promised;
-}
-
-// Lists of other files, and scripts that make them up, that FFmpeg takes for videos: what it would then
-// read is not the file that was given, and a list without an end is waited for. Its own test looks at
-// the first MiB, so these marks, of any case, are looked for there.
-bool NamesOtherFiles(const Descriptor& file) {
-  constexpr std::array<std::string_view, 4> kMarks{
-      "#extm3u", "ffconcat version", "dash:profile", "<compositionplaylist"};
-  std::string start(1 << 20, '\0');
-  const ssize_t n = pread(file.get(), start.data(), start.size(), 0);
-  start.resize(n > 0 ? static_cast<std::size_t>(n) : 0);
-  for (char& c : start) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
-  return std::ranges::any_of(
-      kMarks, [&start](std::string_view mark) { return start.find(mark) != std::string::npos; });
 }
 
 class VideoSequence final : public Sequence {
@@ -47,27 +25,16 @@ class VideoSequence final : public Sequence {
 
   // Seeking is not exact in every container: opening again is.
   void Rewind() override {
-    const Descriptor file = OpenInputDescriptor(file_);
-    if (NamesOtherFiles(file)) {
-      ThrowError("{} is a list of other files: give the video that it names", file_);
-    }
-    // Opened by its number: in names FFmpeg sees protocols (`http:`), patterns (`%d`) and scripts.
-    if (!capture_.open(fmt::format("file:/proc/self/fd/{}", file.get()), cv::CAP_FFMPEG)) {
-      ThrowError(
-          "cannot open {} as a video: FFmpeg finds no video in it (an MP4 that was cut short has "
-          "lost its index)",
-          file_);
-    }
-    const double fps = capture_.get(cv::CAP_PROP_FPS);
-    frames_per_second_ = std::isfinite(fps) && fps > 0.0 ? fps : kDefaultFramesPerSecond;
-    const double frames = capture_.get(cv::CAP_PROP_FRAME_COUNT);
-    if (!source_frames_ && frames >= 1.0 && frames < 1e9) {
-      source_frames_ = static_cast<std::size_t>(frames);
-    }
+    decoder_.emplace(file_);
+    if (!source_frames_) source_frames_ = decoder_->PromisedFrames();
     grabbed_ = 0;
     next_ = range_.first;
     first_ = Decode();
-    if (!first_ && grabbed_ == 0) ThrowError("no frame of {} can be decoded", file_);
+    if (!first_ && grabbed_ == 0) {
+      ThrowError("no frame of {} can be decoded: it is damaged, or frames have more than {} pixels",
+                 file_,
+                 VideoDecoder::kMaxPixels);
+    }
     if (!first_) {
       ThrowError("{} has {} frames, the range starts at frame {}: give an earlier one",
                  file_,
@@ -101,15 +68,12 @@ class VideoSequence final : public Sequence {
   std::optional<Frame> Decode() {
     if (range_.end && next_ >= *range_.end) return std::nullopt;
     for (; grabbed_ <= next_; ++grabbed_) {  // frames before the next one are not converted
-      if (!capture_.grab()) return End();
+      if (!decoder_->Next()) return End();
     }
-    cv::Mat picture;
-    if (!capture_.retrieve(picture) || picture.empty()) return End();
     const std::size_t index = std::exchange(next_, next_ + range_.stride);
-    const double seconds = static_cast<double>(index) / frames_per_second_;
     std::string name = fmt::format("frame_{:06}.png", index);
-    Frame frame{FrameIndex(index), std::llround(seconds * 1e9), std::move(name), {}};
-    SetPicture(std::move(picture), file_, frame);
+    Frame frame{FrameIndex(index), std::llround(decoder_->Seconds() * 1e9), std::move(name), {}};
+    SetPicture(decoder_->Picture(), file_, frame);
     return frame;
   }
 
@@ -130,8 +94,7 @@ class VideoSequence final : public Sequence {
   std::string file_;
   std::string name_;
   FrameRange range_;
-  cv::VideoCapture capture_;
-  double frames_per_second_ = kDefaultFramesPerSecond;
+  std::optional<VideoDecoder> decoder_;
   std::optional<std::size_t> source_frames_;  // what the header says, from the end on what is there
   std::size_t grabbed_ = 0;                   // frames of the source behind us
   std::size_t next_ = 0;                      // frame of the source that Decode gives next

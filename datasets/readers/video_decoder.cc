@@ -1,0 +1,363 @@
+#include "datasets/readers/video_decoder.h"
+
+extern "C" {
+#include <libavcodec/avcodec.h>
+#include <libavformat/avformat.h>
+#include <libavutil/dict.h>
+#include <libavutil/log.h>
+#include <libavutil/opt.h>
+#include <libavutil/pixdesc.h>
+#include <libswscale/swscale.h>
+}
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <cctype>
+#include <cerrno>
+#include <cmath>
+#include <cstdlib>
+#include <new>
+#include <opencv2/core.hpp>
+#include <string_view>
+#include <vector>
+
+#include "frontend/core/error.h"
+#include "frontend/core/input_file.h"
+
+namespace cohort {
+namespace {
+
+constexpr double kDefaultFramesPerSecond = 30.0;  // where the file gives none
+constexpr double kLeastFramesPerSecond = 1e-3;    // beyond these it is no rate of a video
+constexpr double kMostFramesPerSecond = 1e6;
+constexpr double kLongestSeconds = 1e9;  // 30 years; nanoseconds of it fit into 64 bits
+// Faults in a row that a decoder may tell before it is taken to be at the end.
+constexpr int kMostFaults = 4096;
+
+// Lists of other files, and scripts that make them up, that FFmpeg takes for videos: what it would
+// then read is not the file that was given. Its own test looks at the first MiB, so these marks, of
+// any case, are looked for there.
+bool NamesOtherFiles(const Descriptor& file) {
+  constexpr std::array<std::string_view, 4> kMarks{
+      "#extm3u", "ffconcat version", "dash:profile", "<compositionplaylist"};
+  std::string start(1 << 20, '\0');
+  const ssize_t n = pread(file.get(), start.data(), start.size(), 0);
+  start.resize(n > 0 ? static_cast<std::size_t>(n) : 0);
+  for (char& c : start) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  return std::ranges::any_of(
+      kMarks, [&start](std::string_view mark) { return start.find(mark) != std::string::npos; });
+}
+
+int Read(void* descriptor, std::uint8_t* bytes, int count) {
+  const int fd = static_cast<const Descriptor*>(descriptor)->get();
+  ssize_t n = 0;
+  do {
+    n = read(fd, bytes, static_cast<std::size_t>(count));
+  } while (n < 0 && errno == EINTR);
+  if (n < 0) return AVERROR(errno);
+  return n == 0 ? AVERROR_EOF : static_cast<int>(n);
+}
+
+std::int64_t Seek(void* descriptor, std::int64_t offset, int whence) {
+  const int fd = static_cast<const Descriptor*>(descriptor)->get();
+  if ((whence & AVSEEK_SIZE) != 0) {
+    const off_t here = lseek(fd, 0, SEEK_CUR);
+    const off_t size = lseek(fd, 0, SEEK_END);
+    lseek(fd, here, SEEK_SET);
+    return size;
+  }
+  const off_t place = lseek(fd, offset, whence & ~AVSEEK_FORCE);
+  return place < 0 ? AVERROR(errno) : place;
+}
+
+// Another file that the file names.
+int RefuseToOpen(AVFormatContext*, AVIOContext**, const char*, int, AVDictionary**) {
+  return AVERROR(EACCES);
+}
+
+template <typename T>
+T* Allocated(T* pointer) {
+  if (pointer == nullptr) throw std::bad_alloc();
+  return pointer;
+}
+
+// It may be the file that asks for it.
+void CheckMemory(int code, const std::string& name) {
+  if (code == AVERROR(ENOMEM)) {
+    ThrowError("cannot read {}: FFmpeg has not the memory that it asks for", name);
+  }
+}
+
+// Cover art is none.
+std::optional<int> FirstVideo(const AVFormatContext& format) {
+  constexpr int kNoVideo = AV_DISPOSITION_ATTACHED_PIC | AV_DISPOSITION_TIMED_THUMBNAILS;
+  for (int i = 0; i < static_cast<int>(format.nb_streams); ++i) {
+    const AVStream& stream = *format.streams[i];
+    const bool video = stream.codecpar->codec_type == AVMEDIA_TYPE_VIDEO;
+    if (video && (stream.disposition & kNoVideo) == 0) return i;
+  }
+  return std::nullopt;
+}
+
+void CheckPixels(const AVStream& stream, const std::string& name) {
+  const int width_px = stream.codecpar->width;
+  const int height_px = stream.codecpar->height;
+  if (std::int64_t{width_px} * height_px > VideoDecoder::kMaxPixels) {
+    ThrowError("cannot read {}: its frames are {}x{}, and {} pixels are the most: make it smaller",
+               name,
+               width_px,
+               height_px,
+               VideoDecoder::kMaxPixels);
+  }
+}
+
+double RateOf(AVRational rate) {
+  const double value = rate.den == 0 ? 0.0 : av_q2d(rate);
+  return value >= kLeastFramesPerSecond && value <= kMostFramesPerSecond ? value : 0.0;
+}
+
+// On every stream, also while FFmpeg looks for what they are.
+class DecoderOptions {
+ public:
+  explicit DecoderOptions(unsigned streams) : options_(streams, nullptr) {
+    for (AVDictionary*& option : options_) {
+      av_dict_set_int(&option, "max_pixels", VideoDecoder::kMaxPixels, 0);
+      av_dict_set_int(&option, "threads", 1, 0);
+    }
+  }
+  DecoderOptions(const DecoderOptions&) = delete;
+  DecoderOptions& operator=(const DecoderOptions&) = delete;
+  ~DecoderOptions() {
+    for (AVDictionary*& option : options_) av_dict_free(&option);
+  }
+  AVDictionary** data() { return options_.data(); }
+
+ private:
+  std::vector<AVDictionary*> options_;
+};
+
+}  // namespace
+
+void VideoDecoder::Delete::operator()(AVCodecContext* codec) const { avcodec_free_context(&codec); }
+void VideoDecoder::Delete::operator()(AVFormatContext* format) const {
+  avformat_close_input(&format);
+}
+void VideoDecoder::Delete::operator()(AVFrame* frame) const { av_frame_free(&frame); }
+void VideoDecoder::Delete::operator()(AVIOContext* io) const {
+  av_freep(&io->buffer);
+  avio_context_free(&io);
+}
+void VideoDecoder::Delete::operator()(AVPacket* packet) const { av_packet_free(&packet); }
+void VideoDecoder::Delete::operator()(SwsContext* converter) const { sws_freeContext(converter); }
+
+VideoDecoder::VideoDecoder(const std::filesystem::path& file)
+    : name_(file.string()),
+      file_(OpenInputDescriptor(file)),
+      packet_(Allocated(av_packet_alloc())),
+      frame_(Allocated(av_frame_alloc())) {
+  av_log_set_level(AV_LOG_QUIET);  // our errors and warnings say what matters
+  if (NamesOtherFiles(file_)) {
+    ThrowError("{} is a list of other files: give the video that it names", name_);
+  }
+  OpenFile();
+  OpenStream();
+}
+
+VideoDecoder::~VideoDecoder() = default;
+
+void VideoDecoder::OpenFile() {
+  constexpr int kBufferBytes = 1 << 16;
+  auto* buffer = static_cast<unsigned char*>(Allocated(av_malloc(kBufferBytes)));
+  io_.reset(avio_alloc_context(buffer, kBufferBytes, 0, &file_, Read, nullptr, Seek));
+  if (!io_) {
+    av_free(buffer);
+    throw std::bad_alloc();
+  }
+  AVFormatContext* format = Allocated(avformat_alloc_context());
+  format->pb = io_.get();
+  format->io_open = RefuseToOpen;
+  format->protocol_whitelist = av_strdup("");
+  const int opened = avformat_open_input(&format, "", nullptr, nullptr);  // frees it if it fails
+  CheckMemory(opened, name_);
+  if (opened >= 0) {
+    format_.reset(format);
+    // FFmpeg forgets a size that it does not take.
+    if (const auto stream = FirstVideo(*format)) CheckPixels(*format->streams[*stream], name_);
+    CheckMemory(avformat_find_stream_info(format, DecoderOptions(format->nb_streams).data()),
+                name_);
+    stream_ = FirstVideo(*format).value_or(-1);
+    for (int i = 0; i < static_cast<int>(format->nb_streams); ++i) {
+      format->streams[i]->discard = i == stream_ ? AVDISCARD_DEFAULT : AVDISCARD_ALL;
+    }
+  }
+  if (stream_ < 0) {
+    ThrowError(
+        "cannot open {} as a video: FFmpeg finds no video in it (an MP4 that was cut short has "
+        "lost its index)",
+        name_);
+  }
+}
+
+void VideoDecoder::OpenStream() {
+  AVStream& stream = *format_->streams[stream_];
+  const AVCodecParameters& parameters = *stream.codecpar;
+  CheckPixels(stream, name_);
+  const AVCodec* decoder = avcodec_find_decoder(parameters.codec_id);
+  if (decoder == nullptr) {
+    ThrowError("cannot open {} as a video: FFmpeg has no decoder of its codec, {}",
+               name_,
+               avcodec_get_name(parameters.codec_id));
+  }
+  codec_.reset(Allocated(avcodec_alloc_context3(decoder)));
+  CheckMemory(avcodec_parameters_to_context(codec_.get(), &parameters), name_);
+  codec_->pkt_timebase = stream.time_base;
+  const int opened = avcodec_open2(codec_.get(), decoder, DecoderOptions(1).data());
+  CheckMemory(opened, name_);
+  if (opened < 0) {
+    ThrowError(
+        "cannot open {} as a video: FFmpeg's decoder {} does not take it", name_, decoder->name);
+  }
+
+  frames_per_second_ = RateOf(stream.avg_frame_rate);
+  if (frames_per_second_ == 0.0) frames_per_second_ = RateOf(stream.r_frame_rate);
+  if (frames_per_second_ == 0.0) frames_per_second_ = kDefaultFramesPerSecond;
+  if (stream.time_base.den != 0) seconds_per_tick_ = av_q2d(stream.time_base);
+
+  // It maps (x, y) to (a x + c y, b x + d y). Quarter turns are what pictures can be turned by;
+  // others are taken for the nearest.
+  std::size_t bytes = 0;
+  const auto* matrix = reinterpret_cast<const std::int32_t*>(
+      av_stream_get_side_data(&stream, AV_PKT_DATA_DISPLAYMATRIX, &bytes));
+  if (matrix != nullptr && bytes >= 9 * sizeof(std::int32_t)) {
+    const std::int64_t a = matrix[0];
+    const std::int64_t b = matrix[1];
+    const std::int64_t c = matrix[3];
+    const std::int64_t d = matrix[4];
+    const bool transposed = std::abs(b) + std::abs(c) > std::abs(a) + std::abs(d);
+    orientation_ = {transposed, (transposed ? c : a) < 0, (transposed ? b : d) < 0};
+  }
+}
+
+std::optional<std::size_t> VideoDecoder::PromisedFrames() const {
+  const AVStream& stream = *format_->streams[stream_];
+  double frames = static_cast<double>(stream.nb_frames);
+  if (stream.nb_frames <= 0 && format_->duration != AV_NOPTS_VALUE) {
+    const double seconds = static_cast<double>(format_->duration) / AV_TIME_BASE;
+    frames = std::round(seconds * frames_per_second_);
+  }
+  if (!(frames >= 1.0 && frames < 1e9)) return std::nullopt;
+  return static_cast<std::size_t>(frames);
+}
+
+void VideoDecoder::Send() {
+  for (int faults = 0; faults < kMostFaults;) {
+    const int read = av_read_frame(format_.get(), packet_.get());
+    CheckMemory(read, name_);
+    if (read == AVERROR(EAGAIN)) {
+      ++faults;
+      continue;
+    }
+    if (read < 0) break;
+    const bool ours = packet_->stream_index == stream_;
+    // A packet that is damaged gives no frame.
+    if (ours) CheckMemory(avcodec_send_packet(codec_.get(), packet_.get()), name_);
+    av_packet_unref(packet_.get());
+    if (ours) return;
+  }
+  avcodec_send_packet(codec_.get(), nullptr);
+}
+
+bool VideoDecoder::Next() {
+  for (int faults = 0; faults < kMostFaults;) {
+    const int received = avcodec_receive_frame(codec_.get(), frame_.get());
+    CheckMemory(received, name_);
+    if (received == AVERROR_EOF) break;
+    if (received == AVERROR(EAGAIN)) {
+      Send();
+    } else if (received < 0) {
+      ++faults;
+    } else {
+      Stamp();
+      return true;
+    }
+  }
+  return false;
+}
+
+void VideoDecoder::Stamp() {
+  const std::int64_t tick = frame_->best_effort_timestamp;
+  if (!decoded_any_) {
+    decoded_any_ = true;
+    if (tick != AV_NOPTS_VALUE) first_tick_ = tick;
+    return;
+  }
+  double seconds = 0.0;
+  if (first_tick_ && tick != AV_NOPTS_VALUE) {
+    seconds = (static_cast<double>(tick) - static_cast<double>(*first_tick_)) * seconds_per_tick_;
+  }
+  const bool later = seconds > seconds_ && seconds <= kLongestSeconds;
+  seconds_ = later ? seconds : std::min(seconds_ + 1.0 / frames_per_second_, kLongestSeconds);
+}
+
+void VideoDecoder::MakeConverter() {
+  const AVFrame& frame = *frame_;
+  // Formats of JPEG's (yuvj420p) are full range by their name.
+  const bool full_range = frame.color_range == AVCOL_RANGE_JPEG;
+  if (converter_ && width_px_ == frame.width && height_px_ == frame.height &&
+      pixel_format_ == frame.format && full_range_ == full_range) {
+    return;
+  }
+  bgr_.reset(Allocated(av_frame_alloc()));
+  bgr_->format = AV_PIX_FMT_BGR24;
+  bgr_->width = frame.width;
+  bgr_->height = frame.height;
+  CheckMemory(av_frame_get_buffer(bgr_.get(), 0), name_);
+  converter_.reset(Allocated(sws_alloc_context()));
+  for (const auto& [option, value] : {std::pair("srcw", frame.width),
+                                      std::pair("srch", frame.height),
+                                      std::pair("src_format", frame.format),
+                                      std::pair("src_range", full_range ? 1 : 0),
+                                      std::pair("dstw", frame.width),
+                                      std::pair("dsth", frame.height),
+                                      std::pair("dst_format", int{AV_PIX_FMT_BGR24}),
+                                      std::pair("sws_flags", SWS_BICUBIC)}) {
+    av_opt_set_int(converter_.get(), option, value, 0);
+  }
+  if (sws_init_context(converter_.get(), nullptr, nullptr) < 0) {
+    const char* kind = av_get_pix_fmt_name(static_cast<AVPixelFormat>(frame.format));
+    ThrowError("cannot read {}: FFmpeg cannot convert its frames, {}x{} of {}",
+               name_,
+               frame.width,
+               frame.height,
+               kind == nullptr ? "an unknown pixel format" : kind);
+  }
+  width_px_ = frame.width;
+  height_px_ = frame.height;
+  pixel_format_ = frame.format;
+  full_range_ = full_range;
+}
+
+cv::Mat VideoDecoder::Picture() {
+  MakeConverter();
+  sws_scale(
+      converter_.get(), frame_->data, frame_->linesize, 0, height_px_, bgr_->data, bgr_->linesize);
+  const cv::Mat stored(
+      height_px_, width_px_, CV_8UC3, bgr_->data[0], static_cast<std::size_t>(bgr_->linesize[0]));
+  cv::Mat picture;
+  if (orientation_.transposed) {
+    cv::transpose(stored, picture);
+  } else {
+    stored.copyTo(picture);
+  }
+  if (orientation_.mirrored_x && orientation_.mirrored_y) {
+    cv::flip(picture, picture, -1);
+  } else if (orientation_.mirrored_x) {
+    cv::flip(picture, picture, 1);
+  } else if (orientation_.mirrored_y) {
+    cv::flip(picture, picture, 0);
+  }
+  return picture;
+}
+
+}  // namespace cohort

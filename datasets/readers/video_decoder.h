@@ -1,0 +1,107 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <opencv2/core/mat.hpp>
+#include <optional>
+#include <string>
+
+#include "frontend/core/descriptor.h"
+
+struct AVCodecContext;
+struct AVFormatContext;
+struct AVFrame;
+struct AVIOContext;
+struct AVPacket;
+struct SwsContext;
+
+namespace cohort {
+
+// What FFmpeg's libraries make of the first video stream of a file; cover art is none. The file is
+// all that is read: no protocol, and no other file that it names.
+//
+//   VideoDecoder video(file);
+//   while (video.Next()) Use(video.Picture(), video.Seconds());
+//
+// Decodes on one thread, so that a damaged file, too, gives the same pictures every time.
+class VideoDecoder {
+ public:
+  // The most pixels of a frame.
+  static constexpr std::int64_t kMaxPixels = std::int64_t{1} << 26;
+
+  // Throws Error naming the file if there is no video in it that can be decoded, its header has
+  // more than kMaxPixels, or it is a list of other files.
+  explicit VideoDecoder(const std::filesystem::path& file);
+  VideoDecoder(const VideoDecoder&) = delete;
+  VideoDecoder& operator=(const VideoDecoder&) = delete;
+  ~VideoDecoder();
+
+  // Decodes a frame, in the order of display; frames that cannot be decoded are left out. False at
+  // the end.
+  bool Next();
+
+  // The frame that Next has decoded, CV_8UC3 (BGR), turned and mirrored as the file's display
+  // matrix says: a phone's portrait video stands upright. Limited range is spread to 0..255; the
+  // matrix is always BT.601's, so that grey of the picture is the file's own luma. Throws Error if
+  // the frame is of a kind that cannot be converted.
+  cv::Mat Picture();
+
+  // When it is shown [s]; the first frame at 0. By the file's times, which need not be even; 1 / fps
+  // after the frame before it where the file gives none or one that is not later.
+  double Seconds() const { return seconds_; }
+
+  // What the header says, or its duration times its frames a second; none if that is no number of
+  // frames.
+  std::optional<std::size_t> PromisedFrames() const;
+
+ private:
+  struct Delete {
+    void operator()(AVCodecContext* codec) const;
+    void operator()(AVFormatContext* format) const;
+    void operator()(AVFrame* frame) const;
+    void operator()(AVIOContext* io) const;
+    void operator()(AVPacket* packet) const;
+    void operator()(SwsContext* converter) const;
+  };
+  template <typename T>
+  using Owned = std::unique_ptr<T, Delete>;
+
+  // How the pictures are stored: transposed first, then mirrored.
+  struct Orientation {
+    bool transposed = false;
+    bool mirrored_x = false;
+    bool mirrored_y = false;
+  };
+
+  void OpenFile();
+  void OpenStream();
+  void Send();  // the next packet of the stream, or that there is none
+  void Stamp();
+  void MakeConverter();
+
+  std::string name_;
+  Descriptor file_;
+  // Each uses what stands before it.
+  Owned<AVIOContext> io_;
+  Owned<AVFormatContext> format_;
+  Owned<AVCodecContext> codec_;
+  Owned<AVPacket> packet_;
+  Owned<AVFrame> frame_;
+  Owned<AVFrame> bgr_;
+  Owned<SwsContext> converter_;
+  int stream_ = -1;
+  int width_px_ = 0;  // what the converter is for
+  int height_px_ = 0;
+  int pixel_format_ = -1;
+  bool full_range_ = false;
+  Orientation orientation_;
+  double frames_per_second_ = 0.0;
+  double seconds_per_tick_ = 0.0;
+  std::optional<std::int64_t> first_tick_;
+  bool decoded_any_ = false;
+  double seconds_ = 0.0;
+};
+
+}  // namespace cohort

@@ -1,0 +1,332 @@
+#include "datasets/readers/video_decoder.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <opencv2/core.hpp>
+#include <opencv2/imgcodecs.hpp>
+
+#include "datasets/open_sequence.h"
+#include "frontend/core/child_process.h"
+#include "frontend/core/error.h"
+#include "frontend/core/input_file.h"
+#include "frontend/core/output.h"
+#include "tests/datasets/fixtures.h"
+#include "tests/support/shell.h"
+#include "tests/support/temp_dir.h"
+
+// The files are made by the program ffmpeg, and what it makes of them is the reference.
+
+namespace cohort {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::AllOf;
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::ThrowsMessage;
+
+class Decoder : public testing::Test {
+ protected:
+  void SetUp() override {
+    if (!FindProgram("ffmpeg")) GTEST_SKIP() << "no ffmpeg";
+  }
+
+  std::string Path(const std::string& name) const { return dir_ / name; }
+
+  void Ffmpeg(const std::string& arguments) const {
+    const test::ProgramEnd end = test::RunShell(
+        fmt::format("cd '{}' && ffmpeg -loglevel error -y {}", dir_.path().string(), arguments));
+    ASSERT_EQ(end.exit_code, 0) << arguments << "\n" << end.err;
+  }
+
+  // Ten noisy frames at 25 Hz.
+  void Film(const std::string& name,
+            const std::string& codec,
+            const std::string& filters = "null",
+            const char* size = "160x120") const {
+    Ffmpeg(
+        fmt::format("-f lavfi -i testsrc2=size={}:rate=25:duration=0.4,"
+                    "noise=alls=20:allf=t:all_seed=1 -vf \"{}\" -fps_mode passthrough {} {}",
+                    size,
+                    filters,
+                    codec,
+                    name));
+  }
+
+  // By the program, which turns them as the file says.
+  std::vector<cv::Mat> PicturesOfFfmpeg(const std::string& name, cv::Size size) const {
+    Ffmpeg("-i " + name +
+           " -fps_mode passthrough -sws_flags bicubic -pix_fmt bgr24 -f rawvideo raw");
+    std::string bytes = ReadBytes(Path("raw"));
+    const std::size_t one = static_cast<std::size_t>(size.area()) * 3;
+    EXPECT_EQ(bytes.size() % one, 0u);
+    std::vector<cv::Mat> pictures;
+    for (std::size_t at = 0; at + one <= bytes.size(); at += one) {
+      pictures.push_back(cv::Mat(size, CV_8UC3, bytes.data() + at).clone());
+    }
+    return pictures;
+  }
+
+  std::vector<cv::Mat> Pictures(const std::string& name) const {
+    std::vector<cv::Mat> pictures;
+    VideoDecoder video(Path(name));
+    while (video.Next()) pictures.push_back(video.Picture());
+    return pictures;
+  }
+
+  std::vector<int> Milliseconds(const std::string& name) const {
+    std::vector<int> times;
+    VideoDecoder video(Path(name));
+    while (video.Next()) times.push_back(static_cast<int>(std::lround(video.Seconds() * 1000.0)));
+    return times;
+  }
+
+  void ChangeBytes(const std::string& name, std::size_t at, std::string_view bytes) const {
+    std::string file = ReadBytes(Path(name));
+    ASSERT_LE(at + bytes.size(), file.size());
+    WriteBytes(Path(name), file.replace(at, bytes.size(), bytes));
+  }
+
+  std::size_t Find(const std::string& name, std::string_view mark) const {
+    return ReadBytes(Path(name)).find(mark);
+  }
+
+  test::TempDir dir_;
+};
+
+void ExpectEqual(const std::vector<cv::Mat>& pictures, const std::vector<cv::Mat>& expected) {
+  ASSERT_EQ(pictures.size(), expected.size());
+  for (std::size_t i = 0; i < pictures.size(); ++i) {
+    ASSERT_EQ(pictures[i].size(), expected[i].size());
+    EXPECT_EQ(cv::norm(pictures[i], expected[i], cv::NORM_INF), 0.0) << "frame " << i;
+  }
+}
+
+TEST_F(Decoder, GivesTheSamePicturesAsTheProgramFfmpeg) {
+  const std::string quick = "-c:v libx264 -preset ultrafast -pix_fmt ";
+  const std::string hevc = "-c:v libx265 -preset ultrafast -x265-params log-level=0 -pix_fmt ";
+  const std::string odd = "-vf scale=161x121 ";
+  const std::vector<std::pair<std::string, std::string>> files{
+      {"a.mp4", quick + "yuv420p"},
+      {"a.mkv", quick + "yuv422p"},
+      {"b.mp4", quick + "yuv444p"},
+      {"ten.mp4", quick + "yuv420p10le"},
+      {"grey.mp4", quick + "gray"},
+      {"full.mp4", quick + "yuvj420p"},
+      {"full_ten.mp4", quick + "yuv420p10le -color_range pc"},
+      {"fields.mp4", quick + "yuv420p -flags +ilme+ildct -x264opts tff=1"},
+      {"fields.mpg", "-c:v mpeg2video -flags +ilme+ildct"},
+      {"b_frames.mpg", "-c:v mpeg1video -bf 2"},
+      {"twelve.mp4", hevc + "yuv420p12le"},
+      {"full.webm", "-c:v libvpx-vp9 -cpu-used 8 -color_range pc"},
+      {"odd.webm", odd + "-c:v libvpx-vp9 -cpu-used 8"},
+      {"a.webm", "-c:v libvpx -cpu-used 8"},
+      {"odd.avi", odd + "-c:v mjpeg"},
+      {"colours.avi", "-c:v rawvideo -pix_fmt bgr24"},
+      {"packed.avi", "-c:v rawvideo -pix_fmt yuyv422"},
+      {"alpha.mkv", "-c:v ffv1 -pix_fmt yuva420p"},
+      {"odd.mkv", odd + "-c:v ffv1 -pix_fmt yuv420p"},
+      {"deep.mkv", "-c:v ffv1 -pix_fmt gray16le"},
+      {"a.mov", "-c:v prores_ks"},
+      {"a.gif", ""}};
+  std::string outputs;
+  for (const auto& [name, codec] : files) outputs += codec + " -fps_mode passthrough " + name + " ";
+  // No block of a codec divides the sides.
+  Ffmpeg("-f lavfi -i testsrc2=size=164x124:rate=25:duration=0.4,noise=alls=20:allf=t " + outputs);
+  for (const auto& [name, codec] : files) {
+    SCOPED_TRACE(name);
+    const std::vector<cv::Mat> expected =
+        PicturesOfFfmpeg(name, codec.starts_with(odd) ? cv::Size(161, 121) : cv::Size(164, 124));
+    EXPECT_EQ(expected.size(), 10u);
+    ExpectEqual(Pictures(name), expected);
+  }
+}
+
+// Black and white of both ranges are 0 and 255; grey of the picture is the file's luma.
+TEST_F(Decoder, SpreadsLimitedRange) {
+  std::string outputs;
+  for (const char* range : {"tv", "pc"}) {
+    for (const char* format : {"yuv420p", "yuv420p10le"}) {
+      outputs +=
+          fmt::format("-vf scale=out_range={0},format={1} -color_range {0} -c:v ffv1 {0}_{1}.mkv ",
+                      range,
+                      format);
+    }
+  }
+  Ffmpeg(
+      "-f lavfi -i color=black:size=96x48:rate=5:duration=0.2,"
+      "drawbox=x=32:w=32:h=48:color=0x646464:t=fill,drawbox=x=64:w=32:h=48:color=white:t=fill " +
+      outputs);
+  for (const char* name :
+       {"tv_yuv420p.mkv", "pc_yuv420p.mkv", "tv_yuv420p10le.mkv", "pc_yuv420p10le.mkv"}) {
+    SCOPED_TRACE(name);
+    const cv::Mat gray = test::ReadAll(*OpenSequence(Path(name)))[0].gray;
+    EXPECT_NEAR(cv::mean(gray.colRange(4, 28))[0], 0, 1.5);
+    EXPECT_NEAR(cv::mean(gray.colRange(36, 60))[0], 100, 1.5);
+    EXPECT_NEAR(cv::mean(gray.colRange(68, 92))[0], 255, 1.5);
+  }
+}
+
+// The display matrix of an MP4's track maps (x, y) to (a x + c y, b x + d y).
+TEST_F(Decoder, APhonesPortraitVideoStandsUpright) {
+  struct Turn {
+    int a, b, c, d;
+  };
+  Film("a.mp4", "-c:v mpeg4");
+  const std::size_t matrix = Find("a.mp4", "tkhd") + 44;
+  for (const Turn& turn : {Turn{1, 0, 0, 1},
+                           Turn{0, 1, -1, 0},
+                           Turn{-1, 0, 0, -1},
+                           Turn{0, -1, 1, 0},
+                           // Mirrors, of a camera that looks at its user.
+                           Turn{-1, 0, 0, 1},
+                           Turn{1, 0, 0, -1},
+                           Turn{0, 1, 1, 0},
+                           Turn{0, -1, -1, 0}}) {
+    SCOPED_TRACE(fmt::format("{} {} {} {}", turn.a, turn.b, turn.c, turn.d));
+    std::string numbers;  // of 16.16 bits
+    for (const int value : {turn.a, turn.b, 0, turn.c, turn.d}) {
+      numbers += {static_cast<char>(value < 0 ? 255 : 0), static_cast<char>(value), 0, 0};
+    }
+    ChangeBytes("a.mp4", matrix, numbers);
+    const cv::Size size = turn.a == 0 ? cv::Size(120, 160) : cv::Size(160, 120);
+    ExpectEqual(Pictures("a.mp4"), PicturesOfFfmpeg("a.mp4", size));
+    EXPECT_EQ(test::ReadAll(*OpenSequence(Path("a.mp4")))[0].gray.size(), size);
+  }
+}
+
+TEST_F(Decoder, TimesAreTheFiles) {
+  // A phone in the dark: frames 3 to 5 were not exposed in time.
+  Film("a.mp4", "-c:v mpeg4", "select='not(between(n,3,5))'");
+  EXPECT_THAT(Milliseconds("a.mp4"), ElementsAre(0, 40, 80, 240, 280, 320, 360));
+  // A clip that is cut out of another begins at 0 too.
+  Film("late.mkv", "-c:v mpeg4 -output_ts_offset 3", "select='not(between(n,3,5))'");
+  EXPECT_THAT(Milliseconds("late.mkv"), ElementsAre(0, 40, 80, 240, 280, 320, 360));
+  // Frames that are stored out of order.
+  Film("b_frames.mp4", "-c:v mpeg4 -bf 2");
+  EXPECT_THAT(Milliseconds("b_frames.mp4"),
+              ElementsAre(0, 40, 80, 120, 160, 200, 240, 280, 320, 360));
+}
+
+TEST_F(Decoder, TimesThatAreMissingOrStandStillAreOfEvenFrames) {
+  Film("bare.h264", "-c:v libx264 -bf 0");
+  Film("a.mp4", "-c:v mpeg4");
+  Ffmpeg("-i a.mp4 -c copy -bsf:v setts=ts=0 still.mkv");
+  Ffmpeg("-i a.mp4 -c copy -bsf:v \"setts=ts=if(gte(N\\,4)\\,120\\,N*40)\" stops.mkv");
+  for (const char* name : {"bare.h264", "still.mkv", "stops.mkv"}) {
+    EXPECT_THAT(Milliseconds(name), ElementsAre(0, 40, 80, 120, 160, 200, 240, 280, 320, 360))
+        << name;
+  }
+}
+
+TEST_F(Decoder, FramesThatAreSkippedKeepTheTimesOfTheOthers) {
+  Film("a.mp4", "-c:v mpeg4", "select='not(between(n,3,5))'");
+  const auto clip = OpenSequence(Path("a.mp4"), Layout::kAuto, FrameRange::Parse("2::2"));
+  const std::vector<Frame> frames = test::ReadAll(*clip);
+  ASSERT_THAT(test::Indices(frames), ElementsAre(2, 4, 6));
+  EXPECT_EQ(frames[0].timestamp_ns, 80'000'000);
+  EXPECT_EQ(frames[1].timestamp_ns, 280'000'000);
+  EXPECT_EQ(frames[2].timestamp_ns, 360'000'000);
+}
+
+TEST_F(Decoder, ADamagedPacketCostsItsFrameAlone) {
+  Film("a.avi", "-c:v mjpeg");
+  std::string bytes = ReadBytes(Path("a.avi"));
+  std::size_t frame = 0;
+  for (int i = 0; i < 5; ++i) frame = bytes.find("\xff\xd8\xff", frame + 1);
+  ChangeBytes("a.avi", frame, std::string(400, '\0'));
+  const std::vector<cv::Mat> pictures = Pictures("a.avi");
+  EXPECT_EQ(pictures.size(), 9u);
+  ExpectEqual(pictures, PicturesOfFfmpeg("a.avi", {160, 120}));
+}
+
+TEST_F(Decoder, FramesThatChangeTheirSizeAreAnError) {
+  Film("a.h264", "-c:v libx264");
+  Film("b.h264", "-c:v libx264", "null", "320x240");
+  Film("c.h264", "-c:v libx264", "null", "64x48");
+  for (const char* other : {"b.h264", "c.h264"}) {
+    WriteBytes(Path("change.h264"), ReadBytes(Path("a.h264")) + ReadBytes(Path(other)));
+    EXPECT_THAT([&] { test::ReadAll(*OpenSequence(Path("change.h264"))); },
+                ThrowsMessage<Error>(AllOf(HasSubstr("frame_000010.png"), HasSubstr("160x120"))));
+  }
+}
+
+// Of OpenCV's reader such a header had read past the end of the frame.
+TEST_F(Decoder, AFrameThatIsSmallerThanItsHeaderSaysHasTheSizeThatItHas) {
+  Film("a.mkv", "-c:v mpeg4", "null", "320x256");
+  // Matroska's width and height: a mark, the count of bytes, the value.
+  const std::size_t header = Find("a.mkv", "\xb0\x82\x01\x40\xba\x82");
+  ChangeBytes("a.mkv", header + 2, std::string("\x08\x00", 2));
+  ChangeBytes("a.mkv", header + 6, std::string("\x08\x00", 2));
+  const std::vector<cv::Mat> pictures = Pictures("a.mkv");
+  ASSERT_EQ(pictures.size(), 10u);
+  EXPECT_EQ(pictures[0].size(), cv::Size(320, 256));
+}
+
+TEST_F(Decoder, AbsurdSizesAreRefusedInALine) {
+  // 60000 = 0xea60.
+  Film("a.avi", "-c:v mjpeg");
+  ChangeBytes("a.avi", Find("a.avi", "strf") + 12, std::string("\x60\xea\0\0\x60\xea\0\0", 8));
+  Film("a.mkv", "-c:v mpeg4", "null", "320x256");
+  const std::size_t header = Find("a.mkv", "\xb0\x82\x01\x40\xba\x82");
+  ChangeBytes("a.mkv", header + 2, "\xea\x60");
+  ChangeBytes("a.mkv", header + 6, "\xea\x60");
+  for (const char* name : {"a.avi", "a.mkv"}) {
+    EXPECT_THAT([&] { OpenSequence(Path(name)); },
+                ThrowsMessage<Error>(AllOf(HasSubstr(name), HasSubstr("60000x60000"))));
+  }
+  // Where only the frames themselves say so.
+  Film("b.avi", "-c:v mjpeg");
+  std::string bytes = ReadBytes(Path("b.avi"));
+  for (std::size_t at = 0; (at = bytes.find("\xff\xc0", at + 1)) != std::string::npos;) {
+    bytes.replace(at + 5, 4, "\xea\x60\xea\x60");
+  }
+  WriteBytes(Path("b.avi"), bytes);
+  EXPECT_THAT([&] { OpenSequence(Path("b.avi")); },
+              ThrowsMessage<Error>(AllOf(HasSubstr("b.avi"), HasSubstr("67108864 pixels"))));
+}
+
+TEST_F(Decoder, ACountOfFramesIsBelievedWhereItIsOne) {
+  Film("a.avi", "-c:v mjpeg");
+  EXPECT_EQ(VideoDecoder(Path("a.avi")).PromisedFrames(), 10u);
+  // The stream's length in an AVI.
+  ChangeBytes("a.avi", Find("a.avi", "strh") + 8 + 32, "\xff\xff\xff\x7f");
+  EXPECT_EQ(VideoDecoder(Path("a.avi")).PromisedFrames(), std::nullopt);
+  EXPECT_EQ(test::ReadAll(*OpenSequence(Path("a.avi"))).size(), 10u);
+}
+
+TEST_F(Decoder, SoundAndCoverArtAreNoVideo) {
+  Ffmpeg("-f lavfi -i sine -t 1 -c:a aac sound.m4a");
+  Ffmpeg("-f lavfi -i color=red:size=64x64 -frames:v 1 cover.png");
+  Ffmpeg("-i sound.m4a -i cover.png -map 0 -map 1 -c copy -disposition:v attached_pic song.m4a");
+  for (const char* name : {"sound.m4a", "song.m4a"}) {
+    EXPECT_THAT([&] { OpenSequence(Path(name)); },
+                ThrowsMessage<Error>(AllOf(HasSubstr(name), HasSubstr("no video in it"))));
+  }
+  Film("film.mp4", "-c:v mpeg4");
+  Ffmpeg(
+      "-i cover.png -i film.mp4 -i sound.m4a -map 0 -map 1 -map 2 -c copy "
+      "-disposition:v:0 attached_pic film_with_cover.mp4");
+  ExpectEqual(Pictures("film_with_cover.mp4"), Pictures("film.mp4"));
+}
+
+TEST_F(Decoder, ClosesWhatItOpens) {
+  Film("a.mp4", "-c:v mpeg4");
+  WriteBytes(Path("no.mp4"), "no video");
+  const auto descriptors = [] {
+    return std::distance(fs::directory_iterator("/proc/self/fd"), fs::directory_iterator());
+  };
+  const auto before = descriptors();
+  const auto clip = OpenSequence(Path("a.mp4"));
+  for (int i = 0; i < 200; ++i) {
+    VideoDecoder video(Path("a.mp4"));
+    EXPECT_TRUE(video.Next());
+    clip->Rewind();
+    EXPECT_ANY_THROW(VideoDecoder(Path("no.mp4")));
+  }
+  EXPECT_EQ(descriptors(), before + 1);
+}
+
+}  // namespace
+}  // namespace cohort
