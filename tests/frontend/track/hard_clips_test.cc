@@ -292,6 +292,70 @@ TEST_P(TrackerOfHardClips, LetGoRatherThanErrWhereTheLightJumps) {
   }
 }
 
+TEST_P(TrackerOfHardClips, HoldTheirFeaturesThroughAFrameThatShowsNothing) {
+  for (const double value : {0.0, 1.0}) {
+    const std::vector<FrameResult> frames = Track(test::FrameLostClip(value));
+    EXPECT_EQ(frames[4].observations.size(), frames[3].observations.size());
+    EXPECT_EQ(Observed(frames[4]), 0u);
+    EXPECT_GE(Observed(frames[5]), 50u);
+    for (const auto& [reason, count] : Ends(frames)) EXPECT_EQ(reason, LossReason::kLeftImage);
+    EXPECT_EQ(WrongShare(frames, AsItMoves), 0.0);
+  }
+}
+
+TEST_P(TrackerOfHardClips, GiveUpFeaturesThatAreHeldForTooLong) {
+  const Pictures black(30, test::EvenClip(0.0).front());
+  const std::vector<FrameResult> frames = Track(test::Joined(test::MovingClip(0.0, 4), black));
+  EXPECT_EQ(frames[23].observations.size(), frames[3].observations.size());
+  EXPECT_TRUE(frames[24].observations.empty());
+  EXPECT_EQ(Ends(frames).size(), 1u);
+  EXPECT_TRUE(Ends(frames).contains(LossReason::kContradicted));
+}
+
+// The first of each scene after the first one.
+std::vector<std::size_t> CutsOf(const std::vector<FrameResult>& frames) {
+  std::vector<std::size_t> cuts;
+  for (std::size_t t = 0; t < frames.size(); ++t) {
+    if (frames[t].cut) cuts.push_back(t);
+  }
+  return cuts;
+}
+
+TEST_P(TrackerOfHardClips, EndAllTracksAtACutAndBeginAnew) {
+  for (const auto& [clip, cuts] : {std::pair("Cut", std::vector<std::size_t>{5}),
+                                   std::pair("TwoScenesInTurn", std::vector<std::size_t>{3, 6})}) {
+    const std::vector<FrameResult> frames = Track(test::HardClips().at(clip)());
+    EXPECT_EQ(CutsOf(frames), cuts);
+    for (const std::size_t cut : cuts) {
+      ASSERT_EQ(frames[cut].ends.size(), frames[cut - 1].observations.size());
+      for (const TrackEnd& end : frames[cut].ends) {
+        EXPECT_EQ(end.reason, LossReason::kCut);
+        EXPECT_EQ(ToInt(end.last_frame), cut - 1);
+      }
+      const FeatureId first_born = frames[cut].observations.front().feature;
+      EXPECT_GT(first_born, frames[cut - 1].observations.back().feature);
+      EXPECT_EQ(Observed(frames[cut]), frames[cut].observations.size());
+      EXPECT_GE(Observed(frames[cut + 1]), 50u);
+    }
+    EXPECT_EQ(WrongShare(frames, AsItMoves), 0.0);
+  }
+}
+
+TEST_P(TrackerOfHardClips, LookForFeaturesBehindACutThoughTheyNeverDoElse) {
+  TrackerOptions options = Options();
+  options.detector.redetect_below = 0.0;
+  const std::vector<FrameResult> frames = TrackAll(options, test::HardClips().at("Cut")());
+  EXPECT_GE(Observed(frames.back()), 50u);
+}
+
+TEST_P(TrackerOfHardClips, GoAcrossACutIfAskedTo) {
+  TrackerOptions options = Options();
+  options.cuts = false;
+  const std::vector<FrameResult> frames = TrackAll(options, test::HardClips().at("Cut")());
+  EXPECT_TRUE(CutsOf(frames).empty());
+  EXPECT_FALSE(Ends(frames).contains(LossReason::kCut));
+}
+
 INSTANTIATE_TEST_SUITE_P(All,
                          TrackerOfHardClips,
                          testing::Values("Klt", "AnchoredKlt", "Strong", "Weak"),

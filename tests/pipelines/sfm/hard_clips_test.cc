@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "pipelines/sfm/cuts.h"
 #include "pipelines/sfm/reconstruct.h"
 #include "pipelines/sfm/track_sequence.h"
 #include "tests/support/picture_clip.h"
@@ -114,6 +115,33 @@ TEST(ModelOfHardClips, WhereTheLightFallsAtOnceIsWholeByTheJointTracker) {
   EXPECT_LT(klt.result.summary.registered, pictures.size());
   EXPECT_EQ(klt.result.summary.Quality(), ModelQuality::kDoubtful);
   EXPECT_FALSE(klt.result.summary.reasons.empty());
+}
+
+// The model is of one scene; no track, observed or predicted, in either pass, is of both.
+TEST(ModelOfHardClips, NothingCrossesACut) {
+  const test::Pictures pictures =
+      test::Joined(test::PlaneOnlyClip(14), test::MovingClip(4000.0, 6));
+  for (const TrackerKind tracker : {TrackerKind::kSubspace, TrackerKind::kKlt}) {
+    const Outcome outcome = RunBothPasses(pictures, tracker);
+    ExpectFinite(outcome);
+    EXPECT_EQ(outcome.file.meta.at("cuts"), "14");
+    EXPECT_EQ(CutsOf(outcome.file), std::vector<FrameIndex>{FrameIndex{14}});
+    for (const FeatureId feature : outcome.file.tracks.features()) {
+      const auto track = outcome.file.tracks.Track(feature);
+      EXPECT_EQ(ToInt(track.front().frame) < 14, ToInt(track.back().frame) < 14);
+    }
+    EXPECT_EQ(outcome.result.summary.registered, 14u);
+    EXPECT_EQ(outcome.result.summary.Quality(), ModelQuality::kDoubtful);
+  }
+}
+
+TEST(CutsText, NamesTheFirstFew) {
+  std::vector<FrameIndex> cuts{FrameIndex{12}};
+  EXPECT_EQ(CutsText(cuts), "frame 12");
+  cuts.push_back(FrameIndex{57});
+  EXPECT_EQ(CutsText(cuts), "frames 12 and 57");
+  for (std::uint32_t frame = 60; frame < 66; ++frame) cuts.push_back(FrameIndex{frame});
+  EXPECT_EQ(CutsText(cuts), "frames 12, 57, 60, 61, 62 and 3 more");
 }
 
 TEST(ModelOfHardClips, OneFrameAndTwoAreTooFewAndSaySo) {
