@@ -161,9 +161,10 @@ std::vector<Eigen::Vector2d> DetectCorners(const cv::Mat& gray,
   const TimedPart part("corners");
   Check(gray.type() == CV_32FC1, "DetectCorners takes CV_32FC1");
   std::vector<Eigen::Vector2d> corners;
-  if (max_new <= 0) return corners;
   const int width = gray.cols;
   const int height = gray.rows;
+  // Nor would OpenCV's filters take a picture narrower than they are.
+  if (max_new <= 0 || std::min(width, height) <= 2 * border_px) return corners;
 
   cv::Mat denoised;  // a buffer of its own: `gray` is still to be tracked in
   cv::GaussianBlur(gray, denoised, cv::Size(0, 0), kDenoiseSigmaPx);

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <opencv2/imgproc.hpp>
+#include <utility>
 #include <vector>
 
 #include "frontend/core/part_times.h"
@@ -123,13 +124,18 @@ std::optional<LightChange> EstimateLightChange(const Pyramid& previous, const Py
 
 const LightChange& Exposure::Follow(const cv::Mat& gray) {
   const TimedPart part("light");
-  // Of a picture with less contrast nothing can be said, nor is it a light to bring others to.
+  // Of a picture with less contrast nothing can be said, nor is it a light to bring others to. But
+  // one that has lost so much of it since the last may be the same in another light.
   constexpr double kLeastDeviation = 0.05;
+  constexpr double kLeastAfterJump = 0.01;
+  constexpr double kJump = 1.5;
   Pyramid picture = BuildPyramid(gray);
   cv::Scalar mean;
   cv::Scalar deviation;
   cv::meanStdDev(picture.levels.back(), mean, deviation);
-  if (deviation[0] < kLeastDeviation) return light_;
+  const bool jumped =
+      std::exchange(deviation_, deviation[0]) > std::max(kLeastDeviation, kJump * deviation[0]);
+  if (deviation[0] < (jumped ? kLeastAfterJump : kLeastDeviation)) return light_;
   const std::optional<LightChange> light = LightOf(picture);
   if (light) {
     // How the picture would differ from itself in the light of the last one.

@@ -32,6 +32,7 @@ class Exposure {
   std::optional<LightChange> LightOf(const Pyramid& picture);
 
   LightChange light_;
+  double deviation_ = 0.0;  // of the last picture
   std::optional<Seen> reference_;
   std::optional<Seen> last_;
 };

@@ -42,14 +42,25 @@ FrameResult TrackLoop::Track(const Frame& frame) {
   CheckSize(frame.gray.size());
   const Pyramid pyramid = BuildPyramid(frame.gray);
   FrameResult result;
-  if (!features_.empty()) MoveFeatures(pyramid, frame.index, result);
+  switch (options_.cuts ? watch_.Follow(pyramid) : SceneChange::kNone) {
+    case SceneChange::kNone:
+      if (!features_.empty()) MoveFeatures(pyramid, frame.index, result);
+      break;
+    case SceneChange::kBlank:  // the mover goes on from the last picture that showed something
+      HoldFeatures(frame.index, result);
+      previous_frame_ = frame.index;
+      return result;
+    case SceneChange::kCut:
+      EndAtCut(result);
+      break;
+  }
   // Features that are only predicted keep their place, but do not count: the picture needs new
   // ones.
   const auto confirmed =
       static_cast<int>(std::count_if(features_.begin(), features_.end(), [](const Feature& f) {
         return f.unconfirmed_frames == 0;
       }));
-  if (!previous_frame_ ||
+  if (!previous_frame_ || result.cut ||
       confirmed < options_.detector.redetect_below * options_.detector.max_features) {
     DetectFeatures(pyramid, frame.index, options_.detector.max_features - confirmed, result);
   }
@@ -71,9 +82,35 @@ void TrackLoop::CheckSize(const cv::Size& size) {
   Check(size == size_, "all frames of a sequence have one size");
 }
 
+// The mover is left without features, and begins anew with those that are born next: nothing that it
+// knows of the old scene tells of the new one.
+void TrackLoop::EndAtCut(FrameResult& result) {
+  result.cut = true;
+  for (const Feature& feature : features_) {
+    result.ends.push_back({feature.id, *previous_frame_, LossReason::kCut});
+  }
+  mover_->Keep(std::vector<std::uint8_t>(features_.size(), 0));
+  features_.clear();
+}
+
+// All stay where they are, unseen.
+void TrackLoop::HoldFeatures(FrameIndex frame, FrameResult& result) {
+  std::vector<Move> moves;
+  for (const Feature& feature : features_) {
+    Move& move = moves.emplace_back();
+    move.xy = feature.xy;
+    move.state = ObservationState::kPredicted;
+  }
+  UseMoves(moves, frame, result);
+}
+
 void TrackLoop::MoveFeatures(const Pyramid& pyramid, FrameIndex frame, FrameResult& result) {
   const std::vector<Move> moves = mover_->MoveFeatures(pyramid);
   Check(moves.size() == features_.size(), "a mover answers for every feature");
+  UseMoves(moves, frame, result);
+}
+
+void TrackLoop::UseMoves(std::span<const Move> moves, FrameIndex frame, FrameResult& result) {
   std::vector<std::uint8_t> keep(features_.size(), 1);
   std::vector<Feature> alive;
   alive.reserve(features_.size());

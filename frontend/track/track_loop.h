@@ -2,9 +2,11 @@
 
 #include <memory>
 #include <optional>
+#include <span>
 #include <vector>
 
 #include "frontend/track/feature_mover.h"
+#include "frontend/track/scene_watch.h"
 #include "frontend/track/tracker.h"
 
 namespace cohort {
@@ -14,8 +16,8 @@ namespace cohort {
 std::unique_ptr<FeatureMover> MakeMover(const TrackerOptions& options);
 
 // The bookkeeping that all trackers share, so that an experiment changes one thing at a time:
-// detection, re-detection when features die, ids, borders, mask, and how long a feature may go
-// unconfirmed.
+// detection, re-detection when features die, ids, borders, mask, how long a feature may go
+// unconfirmed, and the end of all of them at a cut.
 class TrackLoop final : public Tracker {
  public:
   // `mask`: empty, or CV_8UC1 of the frames' size, 0 where features may neither be born nor stay.
@@ -31,14 +33,18 @@ class TrackLoop final : public Tracker {
   };
 
   void CheckSize(const cv::Size& size);
-  // Both add to what the tracker says of the frame.
+  // These add to what the tracker says of the frame.
+  void EndAtCut(FrameResult& result);
+  void HoldFeatures(FrameIndex frame, FrameResult& result);
   void MoveFeatures(const Pyramid& pyramid, FrameIndex frame, FrameResult& result);
   void DetectFeatures(const Pyramid& pyramid, FrameIndex frame, int max_new, FrameResult& result);
+  void UseMoves(std::span<const Move> moves, FrameIndex frame, FrameResult& result);
   std::optional<LossReason> ReasonToEnd(const Move& move, int unconfirmed_frames) const;
 
   TrackerOptions options_;
   cv::Mat mask_;
   std::unique_ptr<FeatureMover> mover_;
+  SceneWatch watch_;
   std::vector<Feature> features_;
   std::uint32_t next_id_ = 0;
   std::optional<FrameIndex> previous_frame_;

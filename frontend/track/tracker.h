@@ -14,7 +14,8 @@ namespace cohort {
 struct FrameResult {
   std::vector<Observation> observations;  // ascending features; of this frame
   std::vector<TrackEnd> ends;             // tracks that ended before this frame, ascending features
-  double detect_ms = 0.0;                 // time spent on finding corners; for reports
+  bool cut = false;        // this frame is the first of another scene: all tracks ended before it
+  double detect_ms = 0.0;  // time spent on finding corners; for reports
   // Corrections of earlier frames' states or positions are never made: a tracker is causal.
 };
 

@@ -22,6 +22,7 @@ inline constexpr ChoiceNames<TrackerKind, 7> kTrackerNames{
 struct TrackerOptions {
   TrackerKind tracker = TrackerKind::kSubspace;
   int max_unconfirmed_frames = 20;
+  bool cuts = true;
   DetectorOptions detector;
   KltOptions klt;
   AnchoredKltOptions anchored_klt;
@@ -45,6 +46,12 @@ struct TrackerOptions {
              0,
              100000,
              "a feature that the image has not confirmed for more frames in a row ends");
+    v.Flag(
+        "cuts",
+        o.cuts,
+        "End all tracks where the clip is cut, and hold them through a frame that shows nothing. "
+        "Without it what looks alike by chance on both sides of a cut is followed across it.",
+        Tier::kCommon);
     v.Group("detector", o.detector, "corner detection");
     v.Group("klt", o.klt, "tracker klt");
     v.Group("anchored_klt", o.anchored_klt, "tracker anchored-klt");

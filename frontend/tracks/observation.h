@@ -27,12 +27,14 @@ enum class LossReason : std::uint8_t {
   kContradicted,  // the image contradicted it, or did not confirm it, for too long
   kDiverged,      // the tracker failed on it (no texture, forward-backward check)
   kMasked,        // it entered the mask
+  kCut,           // the clip was cut: what followed is another scene
 };
-inline constexpr ChoiceNames<LossReason, 4> kLossReasonNames{
+inline constexpr ChoiceNames<LossReason, 5> kLossReasonNames{
     {{"left_image", LossReason::kLeftImage},
      {"contradicted", LossReason::kContradicted},
      {"diverged", LossReason::kDiverged},
-     {"masked", LossReason::kMasked}}};
+     {"masked", LossReason::kMasked},
+     {"cut", LossReason::kCut}}};
 
 // Symmetric 2x2 covariance of a measured position [px^2].
 struct PixelCovariance {

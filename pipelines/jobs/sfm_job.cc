@@ -11,6 +11,7 @@
 #include "pipelines/console/version.h"
 #include "pipelines/json/json_file.h"
 #include "pipelines/json/option_list.h"
+#include "pipelines/sfm/cuts.h"
 #include "pipelines/sfm/fingerprint.h"
 
 namespace cohort {
@@ -126,7 +127,10 @@ Json ClipToJson(const ClipMeasures& clip) {
           {"brightness", {clip.dark, clip.brightness, clip.bright}}};
 }
 
-Json SummaryOf(const SfmFigures& figures, const ClipMeasures& clip, const Json& made_of) {
+Json SummaryOf(const SfmFigures& figures,
+               const std::vector<FrameIndex>& cuts,
+               const ClipMeasures& clip,
+               const Json& made_of) {
   Json json{{"registered", figures.model.registered},
             {"frames", figures.model.frames},
             {"images", figures.images},
@@ -137,6 +141,7 @@ Json SummaryOf(const SfmFigures& figures, const ClipMeasures& clip, const Json& 
             {"reasons", figures.reasons},
             {"camera_uncertainty",
              figures.camera_uncertainty ? Json(*figures.camera_uncertainty) : Json()},
+            {"cuts", NumbersOf(cuts)},
             {"film_better", figures.film_better},
             {"clip", ClipToJson(clip)},
             {"made_of", made_of}};
@@ -196,7 +201,7 @@ SfmFigures RunSfmJob(const SfmJobOptions& options) {
       .features_wanted = static_cast<std::size_t>(options.tracker.detector.max_features)};
   const ClipMeasures measures = MeasureClip(clip);
   figures.film_better = FilmAdvice(clip, measures);
-  WriteJsonFile(summary, SummaryOf(figures, measures, made_of));
+  WriteJsonFile(summary, SummaryOf(figures, CutsOf(file), measures, made_of));
   return figures;
 }
 

@@ -14,6 +14,7 @@
 #include "pipelines/console/version.h"
 #include "pipelines/json/json_file.h"
 #include "pipelines/json/option_list.h"
+#include "pipelines/sfm/cuts.h"
 #include "pipelines/sfm/fingerprint.h"
 #include "pipelines/sfm/track_sequence.h"
 
@@ -65,6 +66,7 @@ EarlierRun FindEarlierRun(const fs::path& out, const TrackFile& header) {
   EarlierRun run;
   run.complete = !unfinished;
   const std::string asked = header.meta.at("second_pass");
+  earlier.meta.erase(kCutsMeta);  // what it found
   std::string& second_pass = earlier.meta["second_pass"];
   run.second_pass_ended = second_pass != kSecondPassAsked;
   if (second_pass != kSecondPassOff && asked != kSecondPassOff) second_pass = asked;
@@ -79,12 +81,27 @@ EarlierRun FindEarlierRun(const fs::path& out, const TrackFile& header) {
   return run;
 }
 
+// Into the file and the log.
+void TellCuts(const std::vector<FrameIndex>& cuts, const FrameIndex& first, TrackWriter& writer) {
+  if (cuts.empty()) return;
+  std::map<std::string, std::string> meta;
+  NoteCuts(cuts, meta);
+  writer.SetMeta(kCutsMeta, meta.at(kCutsMeta));
+  spdlog::warn(
+      "the clip is cut at {}: all tracks end there. Give its scenes one by one: --frames {}:{} is "
+      "the first",
+      CutsText(cuts),
+      ToInt(first),
+      ToInt(cuts.front()));
+}
+
 nlohmann::ordered_json FiguresToJson(const TrackFigures& figures, const TrackJobOptions& options) {
   return {{"frames", figures.frames},
           {"tracks", figures.tracks},
           {"observations", figures.observations},
           {"predicted", figures.predicted},
           {"mean_track_length", figures.mean_observed_length},
+          {"cuts", NumbersOf(figures.cuts)},
           {"ms_per_frame",
            {{"decode", figures.PerFrame(figures.decode_ms)},
             {"detect", figures.PerFrame(figures.detect_ms)},
@@ -105,6 +122,7 @@ void TrackFrames(SequenceTracker& tracker,
   // A frame is written while the next one is tracked, where there are threads for both.
   const bool overlaps = cv::getNumThreads() > 1;
   std::future<void> written;
+  FrameIndex first{};
   const auto finish = [&] {
     const Stopwatch stopwatch;
     if (written.valid()) written.get();
@@ -113,6 +131,8 @@ void TrackFrames(SequenceTracker& tracker,
   while (tracker.HasNext() && !interrupt.Requested()) {
     TrackedFrame frame = tracker.TrackNext();
     finish();
+    if (figures.frames == 0) first = frame.info.index;
+    if (frame.result.cut) figures.cuts.push_back(frame.info.index);
     ++figures.frames;
     progress.Advance();
     // A resumed run tracks the finished frames once more, for the tracker's memory: the file
@@ -130,6 +150,7 @@ void TrackFrames(SequenceTracker& tracker,
         "interrupted after {} frames, which are kept: the same command with --resume goes on",
         figures.frames);
   }
+  TellCuts(figures.cuts, first, writer);
 }
 
 }  // namespace

@@ -2,6 +2,7 @@
 
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "frontend/track/tracker_options.h"
 #include "pipelines/sfm/input.h"
@@ -55,6 +56,7 @@ struct TrackFigures {
   std::size_t observations = 0;
   std::size_t predicted = 0;
   double mean_observed_length = 0.0;
+  std::vector<FrameIndex> cuts;
   double decode_ms = 0.0;  // of all frames, as the following
   double detect_ms = 0.0;
   double track_ms = 0.0;

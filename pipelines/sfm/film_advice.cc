@@ -13,6 +13,7 @@
 #include "backend/scene/row_poses.h"
 #include "frontend/core/statistics.h"
 #include "frontend/tracks/companions.h"
+#include "pipelines/sfm/cuts.h"
 
 namespace cohort {
 namespace {
@@ -248,7 +249,18 @@ std::vector<std::string> FilmAdvice(const FilmedClip& clip, const ClipMeasures& 
   // The fewest ties were 0.62 (a drive), 0.63 (a headset at a low rate) and 0.64 (the light changes);
   // of every other frame of the first two, less, and the second broke into four parts.
   constexpr double kFewTies = 0.5;
-  const std::vector<Stretch> lost = WeakStretches(file.tracks, kFewTies, 0);
+  std::vector<Stretch> lost = WeakStretches(file.tracks, kFewTies, 0);
+  const std::vector<FrameIndex> cuts = CutsOf(file);
+  std::erase_if(lost, [&](const Stretch& s) {
+    return std::ranges::any_of(cuts,
+                               [&](FrameIndex cut) { return s.first < cut && cut <= s.last; });
+  });
+  if (!cuts.empty()) {
+    advice.push_back(
+        fmt::format("The clip is cut at {}: what is seen behind a cut has nothing in common with "
+                    "what is before it. Give its scenes one by one, by --frames.",
+                    CutsText(cuts)));
+  }
   if (!lost.empty()) {
     advice.push_back(
         fmt::format("At {} most points were lost: the camera moved too fast, or something covered "

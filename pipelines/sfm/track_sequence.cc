@@ -7,6 +7,7 @@
 #include "frontend/core/stopwatch.h"
 #include "frontend/track/steady_light_tracker.h"
 #include "pipelines/json/option_list.h"
+#include "pipelines/sfm/cuts.h"
 #include "pipelines/sfm/input.h"
 
 namespace cohort {
@@ -86,9 +87,11 @@ TrackFile TrackFirstPass(Sequence& sequence,
   TrackFile file = tracker.Header();
   std::vector<Observation> observations;
   std::vector<TrackEnd> ends;
+  std::vector<FrameIndex> cuts;
   if (progress) progress("track", 0, sequence.FrameCount());
   while (tracker.HasNext()) {
     TrackedFrame frame = tracker.TrackNext();
+    if (frame.result.cut) cuts.push_back(frame.info.index);
     file.frames.push_back(std::move(frame.info));
     observations.insert(
         observations.end(), frame.result.observations.begin(), frame.result.observations.end());
@@ -96,6 +99,7 @@ TrackFile TrackFirstPass(Sequence& sequence,
     if (progress) progress("track", file.frames.size(), sequence.FrameCount());
   }
   file.tracks = TrackSet::Build(std::move(observations), std::move(ends));
+  NoteCuts(cuts, file.meta);
   return file;
 }
 

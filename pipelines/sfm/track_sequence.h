@@ -63,7 +63,7 @@ class SequenceTracker {
   // Reads the first frame; throws Error without one. `sequence` must outlive this.
   SequenceTracker(Sequence& sequence, const TrackSequenceOptions& options);
 
-  // All of the file but frames and tracks. meta: the tracker's name, its options as JSON, and
+  // All of the file but frames and tracks, and where the clip is cut (cuts.h). meta: the tracker's name, its options as JSON, and
   // whether a second pass is to come.
   const TrackFile& Header() const { return header_; }
   bool HasNext();  // reads the next frame, if that has not been done

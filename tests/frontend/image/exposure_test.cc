@@ -75,6 +75,18 @@ TEST(Exposure, FlickerComesBackToWhereItBegan) {
   }
 }
 
+// Of one with so little contrast from the beginning nothing would be said.
+TEST(Exposure, LightThatFallsAtOnceIsFollowedIntoTheDark) {
+  const cv::Mat picture = test::ShiftedNoise({0, 0}).levels[0];
+  Exposure exposure;
+  exposure.Follow(picture);
+  EXPECT_NEAR(exposure.Follow(InLight(picture, 0.15, 0.0)).gain, 0.15, 0.01);
+  EXPECT_NEAR(exposure.Follow(InLight(picture, 0.15, 0.0)).gain, 0.15, 0.01);
+  Exposure in_the_dark;
+  in_the_dark.Follow(InLight(picture, 0.15, 0.0));
+  EXPECT_EQ(in_the_dark.Follow(InLight(picture, 0.1, 0.0)).gain, 1.0);
+}
+
 // What is in view after a cut is another scene: nothing is known of its light.
 TEST(Exposure, AnotherSceneKeepsTheLight) {
   const cv::Mat picture = test::ShiftedNoise({0, 0}).levels[0];

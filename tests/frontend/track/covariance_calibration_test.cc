@@ -53,6 +53,14 @@ TEST(CovarianceCalibration, FewMeasurementsSayNothing) {
   EXPECT_EQ(calibration.scale(), start);
 }
 
+// Frames that repeat exactly, of a clip that is frozen.
+TEST(CovarianceCalibration, WithoutAnyDifferenceStaysAboveNothing) {
+  RandomStream random(4, "test/calibration");
+  CovarianceCalibration calibration;
+  for (int frame = 0; frame < 50; ++frame) calibration.Update(Samples(0.0, 30, random));
+  EXPECT_GE(calibration.scale(), 0.05);
+}
+
 TEST(CovarianceCalibration, TheModelTakesThePicturesHalf) {
   const CovarianceCalibration calibration;
   Measurement m;

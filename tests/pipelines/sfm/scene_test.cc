@@ -204,6 +204,11 @@ TEST(FilmAdvice, NamesTheFramesWithoutAPoseAndThoseThatLostMost) {
   ASSERT_THAT(advice, SizeIs(2));
   EXPECT_THAT(advice[0], HasSubstr("frames 18 to 19"));
   EXPECT_THAT(advice[1], HasSubstr("frames 9 to 10"));
+
+  file.meta["cuts"] = "10";
+  const auto of_a_cut = Advice(file, model, kDaylight);
+  ASSERT_THAT(of_a_cut, SizeIs(2));
+  EXPECT_THAT(of_a_cut[1], HasSubstr("The clip is cut at frame 10"));
 }
 
 TEST(FilmAdvice, SaysThatItIsDarkAndThatTheLightJumpsOrChanges) {
