@@ -2,6 +2,7 @@
 # root are the same everywhere:
 #   cohort_add_library(tracks SOURCES a.cc PUBLIC cohort::core PRIVATE SQLite::SQLite3
 #                      PRECOMPILE <opencv2/core.hpp>)
+# APART: sources that share a name with another one, so that a unity build compiles them alone.
 # With INSTALL it is among those of cmake/install.cmake; so must be what it links of ours. LIGHT: it
 # knows no Eigen, and no headers that are worth to be precompiled.
 add_library(cohort_build_flags INTERFACE)
@@ -16,6 +17,9 @@ if(COHORT_SANITIZE)
                          -fno-omit-frame-pointer -fno-sanitize-recover=all
                          $<$<CXX_COMPILER_ID:GNU>:-Wno-maybe-uninitialized>)
   target_link_options(cohort_build_flags INTERFACE -fsanitize=${COHORT_SANITIZE})
+endif()
+if(COHORT_COVERAGE)
+  target_link_options(cohort_build_flags INTERFACE -fprofile-instr-generate)
 endif()
 
 # OpenCV's imported targets carry no include directory; this one does.
@@ -40,8 +44,9 @@ function(cohort_precompile target)
 endfunction()
 
 function(cohort_add_library name)
-  cmake_parse_arguments(ARG "INSTALL;LIGHT" "" "SOURCES;PUBLIC;PRIVATE;PRECOMPILE" ${ARGN})
-  add_library(cohort_${name} STATIC ${ARG_SOURCES})
+  cmake_parse_arguments(ARG "INSTALL;LIGHT" "" "SOURCES;APART;PUBLIC;PRIVATE;PRECOMPILE" ${ARGN})
+  add_library(cohort_${name} STATIC ${ARG_SOURCES} ${ARG_APART})
+  set_source_files_properties(${ARG_APART} PROPERTIES SKIP_UNITY_BUILD_INCLUSION ON)
   add_library(cohort::${name} ALIAS cohort_${name})
   target_compile_features(cohort_${name} PUBLIC cxx_std_20)
   target_include_directories(cohort_${name} PUBLIC
@@ -49,6 +54,9 @@ function(cohort_add_library name)
     $<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}/cohort>)
   target_link_libraries(cohort_${name} PUBLIC ${ARG_PUBLIC}
                         PRIVATE $<BUILD_INTERFACE:cohort_build_flags> ${ARG_PRIVATE})
+  if(COHORT_COVERAGE)
+    target_compile_options(cohort_${name} PRIVATE -fprofile-instr-generate -fcoverage-mapping)
+  endif()
   set_target_properties(cohort_${name} PROPERTIES EXPORT_NAME ${name})
   if(NOT ARG_LIGHT)
     cohort_precompile(cohort_${name} ${ARG_PRECOMPILE})
@@ -65,14 +73,29 @@ endfunction()
 
 # cohort_add_tests(tracks LABEL unit SOURCES a_test.cc LIBRARIES cohort::tracks)
 # One program a folder; CTest lists every TEST of it by name under the label (unit, slow, colmap).
+# Under sanitizers, where a program starts slowly, it lists every program twice: half its tests each.
+# What the label `unit` needs is built by the target unit_tests.
+add_custom_target(unit_tests)
 function(cohort_add_tests name)
-  cmake_parse_arguments(ARG "" "LABEL;TIMEOUT" "SOURCES;LIBRARIES" ${ARGN})
+  cmake_parse_arguments(ARG "" "LABEL;TIMEOUT" "SOURCES;APART;LIBRARIES" ${ARGN})
   if(NOT ARG_TIMEOUT)
     set(ARG_TIMEOUT 120)
   endif()
-  add_executable(${name}_test ${ARG_SOURCES})
+  add_executable(${name}_test ${ARG_SOURCES} ${ARG_APART})
+  set_source_files_properties(${ARG_APART} PROPERTIES SKIP_UNITY_BUILD_INCLUSION ON)
   target_link_libraries(${name}_test PRIVATE cohort_build_flags cohort_test_support ${ARG_LIBRARIES})
   cohort_precompile(${name}_test <gmock/gmock.h> <gtest/gtest.h>)
-  gtest_discover_tests(${name}_test PROPERTIES LABELS ${ARG_LABEL} TIMEOUT ${ARG_TIMEOUT}
-                       DISCOVERY_TIMEOUT 60)
+  if(ARG_LABEL STREQUAL unit)
+    add_dependencies(unit_tests ${name}_test)
+  endif()
+  if(NOT COHORT_SANITIZE)
+    gtest_discover_tests(${name}_test PROPERTIES LABELS ${ARG_LABEL} TIMEOUT ${ARG_TIMEOUT}
+                         DISCOVERY_TIMEOUT 60)
+    return()
+  endif()
+  foreach(half 0 1)
+    add_test(NAME ${name}.half_${half} COMMAND ${name}_test)
+    set_tests_properties(${name}.half_${half} PROPERTIES LABELS ${ARG_LABEL} TIMEOUT 1800
+                         ENVIRONMENT "GTEST_TOTAL_SHARDS=2;GTEST_SHARD_INDEX=${half}")
+  endforeach()
 endfunction()

@@ -37,14 +37,16 @@ constexpr Layout LayoutOfReader(std::size_t i) {
   return static_cast<Layout>(static_cast<std::size_t>(Layout::kFirstFolder) + i);
 }
 
-inline constexpr auto kLayoutNames = [] {
-  ChoiceNames<Layout, 3 + kFolderReaders.size()> names{
+inline constexpr std::size_t kLayouts = 3 + kFolderReaders.size();
+constexpr ChoiceNames<Layout, kLayouts> NamesOfLayouts() {
+  ChoiceNames<Layout, kLayouts> names{
       {{"auto", Layout::kAuto}, {"video", Layout::kVideo}, {"images", Layout::kImages}}};
   for (std::size_t i = 0; i < kFolderReaders.size(); ++i) {
     names[3 + i] = {kFolderReaders[i].layout, LayoutOfReader(i)};
   }
   return names;
-}();
+}
+inline constexpr auto kLayoutNames = NamesOfLayouts();
 
 // Opens a video file, an image folder, a glob of images, or a folder in one of the layouts above
 // (datasets/README.md). Throws Error saying what was looked for.

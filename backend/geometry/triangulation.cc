@@ -11,7 +11,7 @@ namespace cohort {
 namespace {
 
 // Depth below which a point counts as at the camera's centre; scenes are scaled to about 1.
-constexpr double kMinDepth = 1e-9;
+constexpr double kMinRayDepth = 1e-9;
 
 // Gauss-Newton on sum |n(X) - n|^2. None where a step leaves the space in front of a camera.
 std::optional<Eigen::Vector3d> Refine(std::span<const Ray> rays, Eigen::Vector3d x_in_world) {
@@ -21,7 +21,7 @@ std::optional<Eigen::Vector3d> Refine(std::span<const Ray> rays, Eigen::Vector3d
     Eigen::Vector3d gradient = Eigen::Vector3d::Zero();
     for (const Ray& ray : rays) {
       const Eigen::Vector3d x = ray.cam_from_world * x_in_world;
-      if (x.z() < kMinDepth) return std::nullopt;
+      if (x.z() < kMinRayDepth) return std::nullopt;
       const Eigen::Matrix3d rotation = ray.cam_from_world.rotation.toRotationMatrix();
       const double inverse_depth = 1.0 / x.z();
       const Eigen::Vector2d n = x.head<2>() * inverse_depth;
@@ -37,7 +37,7 @@ std::optional<Eigen::Vector3d> Refine(std::span<const Ray> rays, Eigen::Vector3d
     if (step.norm() <= 1e-10 * x_in_world.norm()) break;
   }
   for (const Ray& ray : rays) {
-    if ((ray.cam_from_world * x_in_world).z() < kMinDepth) return std::nullopt;
+    if ((ray.cam_from_world * x_in_world).z() < kMinRayDepth) return std::nullopt;
   }
   return x_in_world;
 }
@@ -113,7 +113,7 @@ std::optional<RobustTriangulation> TriangulateRobustly(std::span<const Ray> rays
 
 std::optional<double> RayError(const Ray& ray, const Eigen::Vector3d& x_in_world) {
   const Eigen::Vector3d x = ray.cam_from_world * x_in_world;
-  if (x.z() < kMinDepth) return std::nullopt;
+  if (x.z() < kMinRayDepth) return std::nullopt;
   return (x.hnormalized() - ray.n).norm();
 }
 

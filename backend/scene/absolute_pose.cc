@@ -13,7 +13,7 @@
 namespace cohort {
 namespace {
 
-constexpr double kMinDepth = 1e-6;
+constexpr double kMinPointDepth = 1e-6;
 
 // Reweighted Gauss-Newton. The weights' scale follows the median residual down, so that a start
 // that is off by many pixels still lets all points pull.
@@ -27,7 +27,7 @@ Rigid3 Refine(std::span<const PointInFrame> points, const Rigid3& start, double 
     in_front.clear();
     for (std::size_t i = 0; i < points.size(); ++i) {
       const Eigen::Vector3d x = rotation * (points[i].in_world - pose.center);
-      errors[i] = x.z() > kMinDepth ? (x.hnormalized() - points[i].n).norm() : -1.0;
+      errors[i] = x.z() > kMinPointDepth ? (x.hnormalized() - points[i].n).norm() : -1.0;
       if (errors[i] >= 0.0) in_front.push_back(errors[i]);
     }
     if (in_front.size() < 4) break;
@@ -57,7 +57,7 @@ std::size_t CountInliers(std::span<const PointInFrame> points,
   std::size_t count = 0;
   for (const PointInFrame& point : points) {
     const Eigen::Vector3d x = rotation * point.in_world + cam_from_world.translation;
-    if (x.z() > kMinDepth && (x.hnormalized() - point.n).norm() <= max_error) ++count;
+    if (x.z() > kMinPointDepth && (x.hnormalized() - point.n).norm() <= max_error) ++count;
   }
   return count;
 }

@@ -3,7 +3,6 @@
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
-#include <limits>
 #include <span>
 
 #include "backend/scene/condensed_adjustment.h"
@@ -11,8 +10,6 @@
 
 namespace cohort {
 namespace {
-
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 // Bundle adjustment of all points with an inlier, every registered camera fixed; and whose points
 // they are.

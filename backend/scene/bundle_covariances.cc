@@ -16,15 +16,15 @@ struct PointBlock {
   std::map<int, Eigen::Vector3d> W;  // by column of U
 };
 
-struct NormalEquations {
+struct JointEquations {
   std::vector<PointBlock> points;
   Eigen::MatrixXd U;
 };
 
-NormalEquations AccumulateNormalEquations(const ceres::CRSMatrix& jacobian, std::size_t points) {
+JointEquations AccumulateNormalEquations(const ceres::CRSMatrix& jacobian, std::size_t points) {
   const int first_camera = 3 * static_cast<int>(points);
   const int others = jacobian.num_cols - first_camera;
-  NormalEquations equations{std::vector<PointBlock>(points), Eigen::MatrixXd::Zero(others, others)};
+  JointEquations equations{std::vector<PointBlock>(points), Eigen::MatrixXd::Zero(others, others)};
   for (int row = 0; row < jacobian.num_rows; ++row) {
     int point = -1;
     Eigen::Vector3d d_point = Eigen::Vector3d::Zero();
@@ -60,7 +60,7 @@ std::pair<std::vector<int>, Eigen::Matrix3Xd> DenseColumns(const PointBlock& blo
   return result;
 }
 
-std::optional<Eigen::MatrixXd> InvertSchurComplement(const NormalEquations& equations) {
+std::optional<Eigen::MatrixXd> InvertSchurComplement(const JointEquations& equations) {
   Eigen::MatrixXd S = equations.U;
   for (const PointBlock& block : equations.points) {
     CheckInterruption();
@@ -88,7 +88,7 @@ std::optional<BundleCovariances> CovariancesFromJacobian(const ceres::CRSMatrix&
                                                          const JacobianColumns& columns,
                                                          std::size_t camera_count,
                                                          std::size_t point_count) {
-  const NormalEquations equations = AccumulateNormalEquations(jacobian, columns.points.size());
+  const JointEquations equations = AccumulateNormalEquations(jacobian, columns.points.size());
   const std::optional<Eigen::MatrixXd> S_inverse = InvertSchurComplement(equations);
   if (!S_inverse) return std::nullopt;
 

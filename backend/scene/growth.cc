@@ -1,14 +1,12 @@
 #include "backend/scene/growth.h"
 
 #include <algorithm>
-#include <limits>
 #include <optional>
 #include <set>
 
 namespace cohort {
 namespace {
 
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 // Frames gained between global bundle adjustments: their number grows with the logarithm of the
 // clip's length. COLMAP's is 1.1 for photographs; chosen by eye on the tuning clips.
 constexpr double kGlobalGrowth = 1.3;

@@ -4,15 +4,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "backend/scene/clip_motion.h"
 #include "frontend/core/statistics.h"
 
 namespace cohort {
 namespace {
-
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 // Less is no information, but a clip without noise, of which a right camera left up to 0.09 px on
 // rendered pictures with steps at their edges, a wrong one from 0.11 on.

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <iterator>
-#include <limits>
 #include <opencv2/calib3d.hpp>
 #include <opencv2/core/eigen.hpp>
 #include <optional>
@@ -17,7 +16,6 @@ namespace {
 constexpr int kWindowFrames = 8;
 constexpr double kMinExplained = 0.5;  // share of the window's observations
 constexpr int kMinPoints = 10;
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 std::vector<int> WindowFrames(const WhitenedTracks& whitened, const FramePairMotion& pair) {
   std::vector<int> usable;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <limits>
 #include <optional>
 #include <span>
 #include <utility>
@@ -12,6 +13,7 @@ namespace cohort {
 
 // Never beyond this is an observation an inlier [px]; COLMAP's bound.
 inline constexpr double kMaxReprojectionPx = 4.0;
+inline constexpr double kInfinity = std::numeric_limits<double>::infinity();
 // Least of the largest angle between two rays of a point [deg]; COLMAP's 1.5 is for photographs.
 // A model in which only near points count loses its scale where the camera goes ahead and the tracks
 // are short: of far points those stay that noise made near. One in which far points count loses it

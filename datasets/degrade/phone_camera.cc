@@ -7,7 +7,7 @@
 namespace cohort {
 namespace {
 
-constexpr double kGamma = 2.2;
+constexpr double kPhoneGamma = 2.2;
 constexpr double kUsualLight = 0.2;  // of a scene in good light
 constexpr double kMostStops = 1.5;
 
@@ -15,7 +15,7 @@ constexpr double kMostStops = 1.5;
 double NoiseBehindGamma(const SensorLevel& sensor) {
   const double light = sensor.gain * kUsualLight;
   const double sigma = sensor.digital_gain * std::sqrt(sensor.shot * light + sensor.read);
-  return sigma / kGamma * std::pow(sensor.digital_gain * light, 1.0 / kGamma - 1.0);
+  return sigma / kPhoneGamma * std::pow(sensor.digital_gain * light, 1.0 / kPhoneGamma - 1.0);
 }
 
 }  // namespace
@@ -66,10 +66,10 @@ PhoneCamera::PhoneCamera(const DegradeOptions& options, double frames_per_second
 cv::Mat PhoneCamera::Next(const cv::Mat& light) {
   const double stops = exposure_.NextStops(cv::mean(light)[0]);
   cv::Mat value = cv::max(sensor_.digital_gain * light, 0.0);
-  cv::pow(value, 1.0 / kGamma, value);
+  cv::pow(value, 1.0 / kPhoneGamma, value);
   value = denoiser_.Next(value);
   cv::Mat out;
-  value.convertTo(out, CV_8U, 255.0 * std::exp2(stops / kGamma));
+  value.convertTo(out, CV_8U, 255.0 * std::exp2(stops / kPhoneGamma));
   return out;
 }
 

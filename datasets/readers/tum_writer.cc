@@ -12,7 +12,7 @@
 namespace cohort {
 namespace {
 
-constexpr double kDepthUnitsPerMetre = 5000.0;
+constexpr double kUnitsPerMetre = 5000.0;
 constexpr double kMaxDepthUnits = 65535.0;
 
 std::string Seconds(std::int64_t timestamp_ns) {
@@ -29,8 +29,8 @@ void WritePng(const std::filesystem::path& file, const cv::Mat& picture) {
 cv::Mat DepthUnits(const cv::Mat& depth_m) {
   Check(depth_m.type() == CV_32FC1, "depth is CV_32FC1");
   cv::Mat units;
-  depth_m.convertTo(units, CV_16U, kDepthUnitsPerMetre);
-  units.setTo(0, depth_m > kMaxDepthUnits / kDepthUnitsPerMetre);
+  depth_m.convertTo(units, CV_16U, kUnitsPerMetre);
+  units.setTo(0, depth_m > kMaxDepthUnits / kUnitsPerMetre);
   return units;
 }
 

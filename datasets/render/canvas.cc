@@ -3,13 +3,10 @@
 #include <algorithm>
 #include <array>
 #include <cstdint>
-#include <numbers>
 #include <opencv2/imgproc.hpp>
 
 namespace cohort {
 namespace {
-
-constexpr double kTurn = 2.0 * std::numbers::pi;
 
 double SmoothStep(double from, double to, double x) {
   const double t = std::clamp((x - from) / (to - from), 0.0, 1.0);

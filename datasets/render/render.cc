@@ -15,7 +15,7 @@
 namespace cohort {
 namespace {
 
-constexpr double kGamma = 2.2;
+constexpr double kPictureGamma = 2.2;
 constexpr double kMeanLight = 0.2;  // of the first frame
 constexpr int kSamples = 9;
 
@@ -210,7 +210,7 @@ cv::Mat Renderer::LightOf(double frame, bool rolling) const {
 
 cv::Mat Renderer::RenderGray(double frame) const {
   cv::Mat value;
-  cv::pow(cv::min(RenderLight(frame), 1.0), 1.0 / kGamma, value);
+  cv::pow(cv::min(RenderLight(frame), 1.0), 1.0 / kPictureGamma, value);
   cv::Mat gray;
   value.convertTo(gray, CV_8U, 255.0);
   return gray;

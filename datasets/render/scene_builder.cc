@@ -3,14 +3,12 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 #include <utility>
 
 namespace cohort {
 namespace {
 
 using Eigen::Vector3d;
-constexpr double kTurn = 2.0 * std::numbers::pi;
 
 }  // namespace
 

@@ -8,7 +8,6 @@ namespace cohort {
 namespace {
 
 using Eigen::Vector3d;
-constexpr double kTurn = 2.0 * std::numbers::pi;
 
 void RoomShell(SceneBuilder& b, double metres_per_frame) {
   b.SetViewpoint({0, -0.1, 0}, {0, 0.35, 4.6}, metres_per_frame);

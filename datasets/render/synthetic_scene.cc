@@ -21,7 +21,7 @@ namespace {
 
 // Raise it when the same options give another scene.
 constexpr int kSceneVersion = 2;
-constexpr std::int64_t kFps = 30;
+constexpr std::int64_t kFramesPerSecond = 30;
 
 template <typename Enum, std::size_t N>
 Enum ChoiceNamed(const ChoiceNames<Enum, N>& names, const std::string& text) {
@@ -57,7 +57,7 @@ void RenderSequence(const SyntheticSceneOptions& options,
   ParallelFor(frames, threads, [&](std::size_t i) {
     const auto frame = static_cast<double>(i);
     TumWriter::Record record;
-    record.timestamp_ns = static_cast<std::int64_t>(i) * 1'000'000'000 / kFps;
+    record.timestamp_ns = static_cast<std::int64_t>(i) * 1'000'000'000 / kFramesPerSecond;
     record.picture = renderer.RenderGray(frame);
     record.depth_m = RenderDepth(scene, frame);
     record.cam_from_world = scene.CamFromWorld(frame);

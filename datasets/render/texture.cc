@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <numbers>
 #include <opencv2/core.hpp>
 
 #include "datasets/render/canvas.h"
@@ -11,8 +10,6 @@
 
 namespace cohort {
 namespace {
-
-constexpr double kTurn = 2.0 * std::numbers::pi;
 
 void Plaster(Canvas& c) {
   c.Fill(0.55);

@@ -1,10 +1,13 @@
 #pragma once
 
+#include <numbers>
 #include <opencv2/core/mat.hpp>
 
 #include "frontend/core/random_stream.h"
 
 namespace cohort {
+
+inline constexpr double kTurn = 2.0 * std::numbers::pi;  // [rad]
 
 // What a surface is made of. All are drawn from random numbers and built like photographs: a
 // 1/f-like spectrum, edges and corners of all sizes, strong and weak parts. None is a picture.

@@ -127,7 +127,7 @@ class SceneTruth final : public TrackTruth {
 
 class DepthTruth final : public TrackTruth {
  public:
-  DepthTruth(const Sequence& sequence, Camera camera)
+  DepthTruth(const Sequence& sequence, const Camera& camera)
       : sequence_(sequence), camera_(camera), masks_(sequence) {}
 
   std::optional<Anchor> Pick(FrameIndex frame, const Eigen::Vector2d& xy) override {

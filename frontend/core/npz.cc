@@ -260,7 +260,7 @@ Header ReadHeader(Member& member) {
   std::array<char, 12> start{};
   member.Read(start.data(), 8);
   if (std::string_view(start.data(), kMagic.size()) != kMagic) member.Fail("it is no .npy array");
-  const int version = start[6];
+  const int version = static_cast<unsigned char>(start[6]);
   if (version < 1 || version > 3) {
     member.Fail(fmt::format("version {} of .npy is none of 1, 2 and 3", version));
   }
@@ -456,7 +456,7 @@ void NpzWriter::Commit() {
     zip_file_set_dostime(archive.get(), static_cast<zip_uint64_t>(index), 0, kFirstDay, 0);
   }
   if (zip_close(archive.get()) != 0) fail(zip_strerror(archive.get()));
-  archive.release();  // closed
+  static_cast<void>(archive.release());  // closed
   impl_->file.Commit();
 }
 

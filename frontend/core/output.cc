@@ -9,6 +9,7 @@
 #include <cstdlib>
 #include <cstring>
 #include <memory>
+#include <utility>
 
 #include "frontend/core/error.h"
 
@@ -17,8 +18,9 @@ namespace {
 
 namespace fs = std::filesystem;
 
-fs::path WithoutTrailingSlash(const fs::path& path) {
-  return path.has_filename() ? path : path.parent_path();
+fs::path WithoutTrailingSlash(fs::path path) {
+  if (!path.has_filename()) return path.parent_path();
+  return path;
 }
 
 void CheckParent(const fs::path& path) {
@@ -66,7 +68,7 @@ void OutputFile::Commit() {
 }
 
 OutputFolder::OutputFolder(fs::path path, const std::vector<std::string>& own_names)
-    : path_(WithoutTrailingSlash(path)), partial_(path_.string() + ".partial") {
+    : path_(WithoutTrailingSlash(std::move(path))), partial_(path_.string() + ".partial") {
   if (fs::exists(path_) && !fs::is_directory(path_)) {
     ThrowError("cannot write folder {}: it is a file", path_.string());
   }

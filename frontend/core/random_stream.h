@@ -25,7 +25,7 @@ class RandomStream {
   explicit RandomStream(std::uint64_t key);
 
   std::uint64_t key_;
-  std::uint64_t state_[4];
+  std::uint64_t state_[4] = {};
   double spare_ = 0.0;
   bool has_spare_ = false;
 };

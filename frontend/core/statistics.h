@@ -14,6 +14,7 @@ namespace cohort {
 inline double Quantile(std::vector<double> values, double share) {
   if (values.empty()) return 0.0;
   const double place = share * static_cast<double>(values.size() - 1);
+  // NOLINTNEXTLINE(bugprone-incorrect-roundings): not negative
   const auto at = values.begin() + static_cast<std::ptrdiff_t>(place + 0.5);
   std::nth_element(values.begin(), at, values.end());
   return *at;

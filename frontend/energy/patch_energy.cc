@@ -22,6 +22,7 @@ struct Patches {
   alignas(32) float dx[kMostFloats];
   alignas(32) float dy[kMostFloats];
 
+  // cppcheck-suppress uninitMemberVar; Sample fills them, and zeroes before would take time
   Patches(std::span<const float> rows, int side) : n(side), stride(RoundUpToLanes(side)) {
     Check(static_cast<int>(rows.size()) == n * n && n <= kMaxPatchSide, "patch is n x n");
     for (int r = 0; r < n; ++r) {

@@ -210,7 +210,7 @@ std::optional<Eigen::Vector2d> Camera::Project(const Eigen::Vector3d& x_in_cam) 
 }
 
 Eigen::Vector2d Camera::Unproject(const Eigen::Vector2d& xy) const {
-  const Eigen::Vector2d distorted((xy.x() - cx) / fx, (xy.y() - cy) / fy);
+  Eigen::Vector2d distorted((xy.x() - cx) / fx, (xy.y() - cy) / fy);
   if (!HasDistortion()) return distorted;
   return HasAtMostFourCoefficients() ? UndistortByFour(*this, distorted)
                                      : Undistort(*this, distorted);

@@ -15,9 +15,7 @@
 #define COHORT_SIMD_CLONES
 #endif
 
-#if defined(__GNUC__) && !defined(__clang__)
 #pragma GCC diagnostic ignored "-Wpsabi"  // of passing lanes: all is inlined
-#endif
 #define COHORT_LANES_INLINE __attribute__((always_inline)) inline
 
 namespace cohort {

@@ -19,8 +19,9 @@ struct Pixels {
 };
 
 Pixels Gather(const cv::Mat& picture, double x, double y, int n, int columns, float* copy) {
-  const double left = x - n / 2;
-  const double top = y - n / 2;
+  const int half = n / 2;
+  const double left = x - half;
+  const double top = y - half;
   // Far outside, the position only has to stay representable.
   const int x0 = static_cast<int>(std::floor(std::clamp(left, -1e6, 1e6)));
   const int y0 = static_cast<int>(std::floor(std::clamp(top, -1e6, 1e6)));
@@ -87,11 +88,11 @@ struct WarpedGrid {
 };
 
 // Eight pixels and their right neighbours: two are loaded at a time.
-struct PixelPairs {
+struct AdjacentPixels {
   FloatLanes left;
   FloatLanes right;
 };
-COHORT_LANES_INLINE PixelPairs LoadPairs(const float* picture, const int* at) {
+COHORT_LANES_INLINE AdjacentPixels LoadPairs(const float* picture, const int* at) {
   using Pairs = double __attribute__((vector_size(4 * kLanes)));
   double pair[kLanes];
   for (int l = 0; l < kLanes; ++l) std::memcpy(pair + l, picture + at[l], sizeof(double));
@@ -133,8 +134,8 @@ COHORT_SIMD_CLONES void InterpolateAlong(
     const IntLanes index = row * grid.stride + column;
     int at[kLanes];
     std::memcpy(at, &index, sizeof(at));
-    const PixelPairs p = LoadPairs(grid.picture, at);
-    const PixelPairs q = LoadPairs(grid.picture + grid.stride, at);
+    const AdjacentPixels p = LoadPairs(grid.picture, at);
+    const AdjacentPixels q = LoadPairs(grid.picture + grid.stride, at);
     const FloatLanes upper = p.left + a * (p.right - p.left);
     const FloatLanes lower = q.left + a * (q.right - q.left);
     StoreLanes(upper + b * (lower - upper), values + k);

@@ -12,7 +12,7 @@ namespace cohort {
 namespace {
 
 // Gaussian blur before [px], as before measuring (PatchOptions).
-constexpr double kDenoiseSigmaPx = 0.8;
+constexpr double kSmoothingSigmaPx = 0.8;
 // Of both flows' squared lengths, allowed in addition: equation (5) of Sundaram, Brox, Keutzer
 // 2010 (frame_to_frame.h).
 constexpr double kReturnShare = 0.01;
@@ -49,7 +49,7 @@ class DenseFlowMover final : public FrameToFrameMover {
  private:
   std::vector<cv::Mat> Prepare(const Pyramid& current) const override {
     cv::Mat gray = EightBit(current);
-    cv::GaussianBlur(gray, gray, cv::Size(), kDenoiseSigmaPx);
+    cv::GaussianBlur(gray, gray, cv::Size(), kSmoothingSigmaPx);
     return {gray};
   }
 

@@ -38,7 +38,7 @@ void FillAnchorWindow(const cv::Mat& wide,
                       const Eigen::Matrix2d& picture_from_anchor,
                       int n,
                       PatchWindow& window) {
-  const double center = wide.cols / 2;
+  const auto center = static_cast<double>(wide.cols / 2);
   FillWarpedWindow(wide, {center, center}, picture_from_anchor.inverse(), n, window);
 }
 
@@ -303,7 +303,7 @@ CenterDifference CompareCenter(const Pyramid& current,
   constexpr int kStride = RoundUpToLanes(kCenterPx);
   float then[kCenterPx * kStride];
   float now[kCenterPx * kStride];
-  const double center = anchor.full.cols / 2;
+  const auto center = static_cast<double>(anchor.full.cols / 2);
   SampleWarpedInLanes(
       anchor.full, {center, center}, anchor.warp.inverse(), kCenterPx, then, kStride);
   SamplePatchInLanes(current.levels[0], xy.x(), xy.y(), kCenterPx, now, kStride);

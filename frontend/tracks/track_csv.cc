@@ -13,7 +13,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::string_view kHeader = "track_id,frame,x,y,observed,residual";
+constexpr std::string_view kColumns = "track_id,frame,x,y,observed,residual";
 constexpr std::size_t kNoColumn = static_cast<std::size_t>(-1);
 
 // Splits at commas that are not within double quotes; quotes around a field are dropped.
@@ -55,7 +55,7 @@ Columns ReadHeader(const LineReader& reader) {
     const auto it = std::find(names.begin(), names.end(), name);
     if (it == names.end() && required) {
       reader.Throw(
-          "there is no column {}: the first line must name the columns, as in {}", name, kHeader);
+          "there is no column {}: the first line must name the columns, as in {}", name, kColumns);
     }
     if (std::count(names.begin(), names.end(), name) > 1) {
       reader.Throw("there are two columns {}", name);
@@ -123,7 +123,7 @@ TracksCsv ReadTracksCsv(const fs::path& path) {
 
 void WriteTracksCsv(const fs::path& path, const TrackSet& tracks) {
   TextOutput out(path);
-  out.Text(kHeader).EndLine();
+  out.Text(kColumns).EndLine();
   for (const Observation& o : tracks.observations()) {
     out.Number(ToInt(o.feature)).Text(",").Number(ToInt(o.frame)).Text(",");
     out.Number(o.xy.x()).Text(",").Number(o.xy.y());

@@ -129,7 +129,7 @@ class TracksReader {
 
  private:
   std::string Required() const {
-    const std::string name = options_.tracks.empty() ? Find(kTrackNames) : options_.tracks;
+    std::string name = options_.tracks.empty() ? Find(kTrackNames) : options_.tracks;
     if (!name.empty() && npz_.Has(name)) return name;
     ThrowError("{} has no array {}, but {}: name the one of the positions by --npz.tracks",
                path_,

@@ -20,7 +20,7 @@ namespace fs = std::filesystem;
 constexpr std::int64_t kApplicationId = 0x636F6872;  // "cohr": tells our SQLite files from others
 // 2: with a camera that programs of version 1 would take for one of four coefficients.
 constexpr std::int64_t kVersion = 1;
-constexpr std::int64_t kNewestVersion = 2;
+constexpr std::int64_t kNewestStore = 2;
 
 constexpr const char* kSchema = R"(
   CREATE TABLE meta(key TEXT PRIMARY KEY NOT NULL, value TEXT NOT NULL) WITHOUT ROWID;
@@ -64,7 +64,7 @@ void CreateSchema(SqliteDatabase& db, const TrackFile& header, std::string_view 
   const bool more = header.camera && !header.camera->HasAtMostFourCoefficients();
   db.Execute(fmt::format("PRAGMA application_id = {}; PRAGMA user_version = {};{}",
                          kApplicationId,
-                         more ? kNewestVersion : kVersion,
+                         more ? kNewestStore : kVersion,
                          kSchema));
   for (const auto& [key, value] : header.meta) {
     Check(!IsFieldKey(key), "meta keys of a .tracks file are not its fields' names");
@@ -224,12 +224,12 @@ SqliteDatabase OpenTracks(const fs::path& path) {
   if (!fs::is_regular_file(path)) ThrowError("there is no file {}", path.string());
   auto db = OpenToRead(path);
   if (!HoldsTracks(db)) ThrowError("{} is no .tracks file of cohort", path.string());
-  if (db.UserVersion() < kVersion || db.UserVersion() > kNewestVersion) {
+  if (db.UserVersion() < kVersion || db.UserVersion() > kNewestStore) {
     ThrowError(
         "{} is a .tracks file of version {}, this program reads versions up to {}: make it again",
         path.string(),
         db.UserVersion(),
-        kNewestVersion);
+        kNewestStore);
   }
   return db;
 }

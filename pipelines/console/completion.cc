@@ -31,7 +31,7 @@ std::vector<Flag> FlagsOf(const Command& command, Tier tier) {
 std::string Brief(const std::string& text) {
   std::string brief = text;
   for (const std::string_view end : {". ", " (", ": ", "; "})
-    brief = brief.substr(0, brief.find(end));
+    brief.resize(std::min(brief.size(), brief.find(end)));
   if (brief.ends_with('.')) brief.pop_back();
   return brief;
 }

@@ -38,7 +38,8 @@ T ParseNumber(const std::string& text, std::string_view given_as, const std::str
 // The value in the JSON if it has the type of `like`.
 std::optional<OptionValue> FromJson(const Json& json, const OptionValue& like) {
   return std::visit(
-      [&json]<typename T>(const T&) -> std::optional<OptionValue> {
+      [&json](const auto& kind) -> std::optional<OptionValue> {
+        using T = std::decay_t<decltype(kind)>;
         if constexpr (std::is_same_v<T, bool>) {
           if (!json.is_boolean()) return std::nullopt;
         } else if constexpr (std::is_same_v<T, std::int64_t>) {
@@ -94,7 +95,8 @@ void SetObject(const std::vector<OptionEntry>& entries,
 
 void SetFromText(const OptionEntry& entry, const std::string& text, std::string_view given_as) {
   const OptionValue value = std::visit(
-      [&]<typename T>(const T&) -> OptionValue {
+      [&](const auto& kind) -> OptionValue {
+        using T = std::decay_t<decltype(kind)>;
         if constexpr (std::is_same_v<T, bool>) {
           return text == "true";
         } else if constexpr (std::is_arithmetic_v<T>) {
@@ -111,7 +113,8 @@ void SetFromText(const OptionEntry& entry, const std::string& text, std::string_
 
 std::string ToText(const OptionValue& value) {
   return std::visit(
-      []<typename T>(const T& v) -> std::string {
+      [](const auto& v) -> std::string {
+        using T = std::decay_t<decltype(v)>;
         if constexpr (std::is_same_v<T, bool>) {
           return v ? "on" : "off";
         } else if constexpr (std::is_same_v<T, std::vector<std::string>>) {

@@ -16,8 +16,8 @@ namespace {
 
 class ArraySequence final : public Sequence {
  public:
-  ArraySequence(const py::object& iterable, bool rgb, bool keep) : rgb_(rgb), keep_(keep) {
-    iterator_ = py::iter(iterable);
+  ArraySequence(const py::object& iterable, bool rgb, bool keep)
+      : iterator_(py::iter(iterable)), rgb_(rgb), keep_(keep) {
     if (py::hasattr(iterable, "__len__")) count_ = py::len(iterable);
   }
   ~ArraySequence() override {

@@ -17,16 +17,16 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
-double Rounded(double value) { return std::round(value * 1e4) / 1e4; }
+double RoundedShown(double value) { return std::round(value * 1e4) / 1e4; }
 
-void Append(const Eigen::Vector3d& x, Json& list) {
-  for (const double value : {x.x(), x.y(), x.z()}) list.push_back(Rounded(value));
+void AppendShown(const Eigen::Vector3d& x, Json& list) {
+  for (const double value : {x.x(), x.y(), x.z()}) list.push_back(RoundedShown(value));
 }
 
 Json PathOf(const std::map<FrameIndex, Rigid3>& cam_from_world, const Sim3& shown_from_world) {
   Json path = Json::array();
   for (const auto& [frame, pose] : cam_from_world) {
-    Append(shown_from_world * pose.Inverse().translation, path);
+    AppendShown(shown_from_world * pose.Inverse().translation, path);
   }
   return path;
 }
@@ -72,7 +72,7 @@ ShownPoints PointsOf(const Reconstruction& model,
   std::size_t i = 0;
   for (const auto& [feature, point] : model.points) {
     if (i++ % step != 0 || (point.in_world - middle).norm() > limit) continue;
-    Append(shown_from_world * point.in_world, points.xyz);
+    AppendShown(shown_from_world * point.in_world, points.xyz);
     points.error_classes.push_back(ErrorClassOf(point, shown_from_world, true_poses, truth));
   }
   return points;

@@ -17,7 +17,7 @@ test::SyntheticTracksOptions Drifting(CameraPath path) {
   return options;
 }
 
-ClipMotion MotionByDirection(const TrackFile& file, Camera camera) {
+ClipMotion MotionByDirection(const TrackFile& file, const Camera& camera) {
   const WhitenedTracks whitened(file, {});
   const std::vector<int> keyframes = SelectKeyframes(whitened, camera, 10.0, 10);
   return ClassifyDrift(whitened, camera, RankPairs(whitened, camera, keyframes));

@@ -2,8 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include <limits>
-
 #include "backend/scene/adjustment.h"
 #include "tests/backend/scene/true_model.h"
 
@@ -16,8 +14,6 @@ using test::MakeSyntheticTracks;
 using test::SyntheticTracks;
 using test::SyntheticTracksOptions;
 using test::TrueModel;
-
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 SyntheticTracks LongTracks(CameraPath path, std::uint64_t seed = 1) {
   SyntheticTracksOptions options;

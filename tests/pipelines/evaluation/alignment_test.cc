@@ -63,7 +63,7 @@ TEST(AlignPoints, AgreesWithEigenOnNoisyAndMirroredPoints) {
         const Eigen::Vector3d p = source[i].cwiseProduct(Eigen::Vector3d(1, 1, mirror));
         target.push_back(RandomSim3(3) * p + 0.1 * noise[i]);
         source_columns.col(i) = source[i];
-        target_columns.col(i) = target[i];
+        target_columns.col(i) = target.back();
       }
       const Eigen::Matrix4d expected =
           Eigen::umeyama(source_columns, target_columns, scale == AlignmentScale::kEstimated);

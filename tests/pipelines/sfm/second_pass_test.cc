@@ -12,10 +12,7 @@ constexpr double kMaxErrorPx = 3.0;
 
 class MovingPast : public testing::Test {
  protected:
-  MovingPast() {
-    test::SyntheticTracksOptions options;
-    options.path = test::CameraPath::kLateral;
-    scene_ = test::MakeSyntheticTracks(options);
+  MovingPast() : scene_(test::MakeSyntheticTracks({.path = test::CameraPath::kLateral})) {
     model_.camera = *scene_.file.camera;
     model_.cam_from_world = scene_.cam_from_world;
   }
