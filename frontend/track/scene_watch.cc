@@ -12,7 +12,10 @@
 namespace cohort {
 namespace {
 
-// docs/results/cuts.md has the figures that these stand between.
+// Of thirteen real clips joined end to end, by day, the match was 0.33 at most, and the flow over
+// 0.22 in 3 of 612; frames of one scene that went by too fast for a match of 0.5 had a flow of 0.25
+// and more, also in the dark. Where a scene sinks into noise its match falls by less than a half.
+// docs/results/cuts.md has what comes of it.
 constexpr double kSame = 0.5;   // match
 constexpr double kDrop = 0.5;   // of match, from frame to frame
 constexpr double kFlow = 0.22;  // share of blocks
