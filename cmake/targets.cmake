@@ -8,6 +8,10 @@
 add_library(cohort_build_flags INTERFACE)
 # Multiply-adds are not fused where the machine could (arm64): the same bytes on every one.
 target_compile_options(cohort_build_flags INTERFACE -Wall -Wextra -ffp-contract=off)
+if(CMAKE_UNITY_BUILD)
+  # There a source is included, and GCC suspects that others may include its anonymous namespace, too.
+  target_compile_options(cohort_build_flags INTERFACE $<$<CXX_COMPILER_ID:GNU>:-Wno-subobject-linkage>)
+endif()
 if(COHORT_WERROR)
   target_compile_options(cohort_build_flags INTERFACE -Werror)
 endif()
