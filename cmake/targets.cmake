@@ -83,7 +83,7 @@ add_custom_target(unit_tests)
 function(cohort_add_tests name)
   cmake_parse_arguments(ARG "" "LABEL;TIMEOUT" "SOURCES;APART;LIBRARIES" ${ARGN})
   if(NOT ARG_TIMEOUT)
-    set(ARG_TIMEOUT 120)
+    set(ARG_TIMEOUT 900)  # of what hangs: machines are slow at times
   endif()
   add_executable(${name}_test ${ARG_SOURCES} ${ARG_APART})
   set_source_files_properties(${ARG_APART} PROPERTIES SKIP_UNITY_BUILD_INCLUSION ON)
