@@ -79,7 +79,6 @@ endfunction()
 # One program a folder; CTest lists every TEST of it by name under the label (unit, slow, colmap).
 # Under sanitizers, where a program starts slowly, it lists every program twice: half its tests each.
 # What the label `unit` needs is built by the target unit_tests.
-add_custom_target(unit_tests)
 function(cohort_add_tests name)
   cmake_parse_arguments(ARG "" "LABEL;TIMEOUT" "SOURCES;APART;LIBRARIES" ${ARGN})
   if(NOT ARG_TIMEOUT)
