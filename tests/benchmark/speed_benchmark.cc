@@ -27,6 +27,7 @@
 #include "frontend/core/part_times.h"
 #include "frontend/core/statistics.h"
 #include "pipelines/sfm/track_sequence.h"
+#include "tests/support/frame_clip.h"
 
 namespace cohort {
 namespace {
@@ -36,37 +37,15 @@ constexpr std::size_t kFirstTimedFrame = 12;
 constexpr std::string_view kCorners = "corners";
 
 // Decoded frames.
-class Film final : public Sequence {
+class Film final : public test::FrameClip {
  public:
-  Film(Sequence& of, const std::optional<DegradeOptions>& degrade)
-      : name_(of.Name()), camera_(of.KnownCamera()) {
+  Film(Sequence& of, const std::optional<DegradeOptions>& degrade) : FrameClip(of.Name()) {
+    camera_ = of.KnownCamera();
     while (auto frame = of.Next()) {
       if (degrade) frame->gray = DegradeFrame(frame->gray, *degrade, ToInt(frame->index));
       frames_.push_back(std::move(*frame));
     }
   }
-
-  std::optional<Frame> Next() override {
-    if (next_ == frames_.size()) return std::nullopt;
-    return frames_[next_++];
-  }
-  void Rewind() override { next_ = 0; }
-  std::string Name() const override { return name_; }
-  std::filesystem::path ImageRoot() const override { return {}; }
-  std::optional<std::size_t> FrameCount() const override { return frames_.size(); }
-  std::optional<Camera> KnownCamera() const override { return camera_; }
-  const std::map<FrameIndex, Rigid3>& TrueCamFromWorld() const override { return no_poses_; }
-  std::optional<cv::Mat> TrueDepth(FrameIndex) const override { return std::nullopt; }
-  std::optional<cv::Mat> OccluderMask(FrameIndex) const override { return std::nullopt; }
-  const std::string& Warning() const override { return no_warning_; }
-
- private:
-  std::string name_;
-  std::optional<Camera> camera_;
-  std::vector<Frame> frames_;
-  std::size_t next_ = 0;
-  std::map<FrameIndex, Rigid3> no_poses_;
-  std::string no_warning_;
 };
 
 using Parts = std::map<std::string, double>;
