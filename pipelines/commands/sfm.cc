@@ -19,7 +19,7 @@ void PrintFigures(const SfmFigures& figures, const std::string& out) {
       {"frames with a pose",
        fmt::format("{} of {}", figures.model.registered, figures.model.frames)},
       {"pictures of the scene", fmt::format("{}", figures.images)},
-      {"points", fmt::format("{}", figures.points)}};
+      {"points of the scene", fmt::format("{}", figures.points)}};
   if (!figures.quality.empty()) rows.push_back({"quality", figures.quality});
   if (figures.camera_uncertainty) {
     rows.push_back({"error of the cameras by noise",

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "frontend/core/stopwatch.h"
+#include "frontend/core/worker.h"
 #include "frontend/geometry/camera_text.h"
 #include "pipelines/console/interrupt.h"
 #include "pipelines/console/progress_bar.h"
@@ -122,6 +123,7 @@ void TrackFrames(SequenceTracker& tracker,
   // A frame is written while the next one is tracked, where there are threads for both.
   const bool overlaps = cv::getNumThreads() > 1;
   std::future<void> written;
+  Worker worker;
   FrameIndex first{};
   const auto finish = [&] {
     const Stopwatch stopwatch;
@@ -138,11 +140,16 @@ void TrackFrames(SequenceTracker& tracker,
     // A resumed run tracks the finished frames once more, for the tracker's memory: the file
     // becomes the same as without the interruption.
     if (last_written && frame.info.index <= *last_written) continue;
-    written = std::async(
-        overlaps ? std::launch::async : std::launch::deferred, [&writer, frame = std::move(frame)] {
-          writer.AppendFrame(frame.info, frame.result.observations, frame.result.ends);
-        });
-    if (!overlaps) finish();
+    auto write = [&writer, frame = std::move(frame)] {
+      writer.AppendFrame(frame.info, frame.result.observations, frame.result.ends);
+    };
+    if (overlaps) {
+      written = worker.Begin(std::move(write));
+    } else {
+      const Stopwatch stopwatch;
+      write();
+      figures.write_ms += stopwatch.Milliseconds();
+    }
   }
   finish();
   if (tracker.HasNext()) {

@@ -8,7 +8,7 @@ std::optional<Frame> ReadAhead::Next() { return next_.valid() ? next_.get() : se
 
 void ReadAhead::Begin() {
   if (cv::getNumThreads() <= 1 || next_.valid() || !sequence_.AnyThreadMayRead()) return;
-  next_ = std::async(std::launch::async, [this] { return sequence_.Next(); });
+  next_ = worker_.Begin([this] { return sequence_.Next(); });
 }
 
 }  // namespace cohort

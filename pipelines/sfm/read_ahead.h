@@ -4,6 +4,7 @@
 #include <optional>
 
 #include "datasets/readers/sequence.h"
+#include "frontend/core/worker.h"
 
 namespace cohort {
 
@@ -22,7 +23,8 @@ class ReadAhead {
 
  private:
   Sequence& sequence_;
-  std::future<std::optional<Frame>> next_;  // its destructor waits
+  std::future<std::optional<Frame>> next_;
+  Worker worker_;
 };
 
 }  // namespace cohort
