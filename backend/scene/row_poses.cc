@@ -78,7 +78,7 @@ std::optional<Eigen::Vector2d> RowPoses::Project(const Camera& camera,
   constexpr double kSettledPx = 1e-6;
   double y = 0.5 * height_px_ - 0.5;
   for (int step = 0; step < kMostSteps; ++step) {
-    const auto xy = camera.Project(CamFromWorld(frame, y) * in_world);
+    auto xy = camera.Project(CamFromWorld(frame, y) * in_world);
     if (!xy) return std::nullopt;
     if (readout_ == 0.0 || std::abs(xy->y() - y) < kSettledPx) return xy;
     y = xy->y();

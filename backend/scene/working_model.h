@@ -130,11 +130,8 @@ class WorkingModel {
  private:
   std::optional<double> WhitenedError(int observation) const;
   bool IsSeenAtAngle(int track, double degrees) const;
-  bool IsSeenAtAngle(int track, std::pair<int, int> observations, double degrees) const;
-  int UpdateInliersIn(int track,
-                      std::pair<int, int> observations,
-                      double max_error,
-                      double widen = 1.0);
+  bool IsSeenAtAngle(int track, std::pair<int, int> range, double degrees) const;
+  int UpdateInliersIn(int track, std::pair<int, int> range, double max_error, double widen = 1.0);
   int MinViews() const { return registered_ >= 3 && !relaxed_ ? 3 : 2; }
   void DropPoint(int track);
   void MeasureNoise(std::vector<double>& squared_errors);

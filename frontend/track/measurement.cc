@@ -38,8 +38,9 @@ void FillAnchorWindow(const cv::Mat& wide,
                       const Eigen::Matrix2d& picture_from_anchor,
                       int n,
                       PatchWindow& window) {
-  const auto center = static_cast<double>(wide.cols / 2);
-  FillWarpedWindow(wide, {center, center}, picture_from_anchor.inverse(), n, window);
+  const int center = wide.cols / 2;
+  FillWarpedWindow(
+      wide, Eigen::Vector2d::Constant(center), picture_from_anchor.inverse(), n, window);
 }
 
 // Noise has gradients too, which Gauss-Newton's Hessian takes for texture, so that its steps are too
@@ -303,9 +304,13 @@ CenterDifference CompareCenter(const Pyramid& current,
   constexpr int kStride = RoundUpToLanes(kCenterPx);
   float then[kCenterPx * kStride];
   float now[kCenterPx * kStride];
-  const auto center = static_cast<double>(anchor.full.cols / 2);
-  SampleWarpedInLanes(
-      anchor.full, {center, center}, anchor.warp.inverse(), kCenterPx, then, kStride);
+  const int center = anchor.full.cols / 2;
+  SampleWarpedInLanes(anchor.full,
+                      Eigen::Vector2d::Constant(center),
+                      anchor.warp.inverse(),
+                      kCenterPx,
+                      then,
+                      kStride);
   SamplePatchInLanes(current.levels[0], xy.x(), xy.y(), kCenterPx, now, kStride);
   return Difference(now, then, kCenterPx, kStride);
 }

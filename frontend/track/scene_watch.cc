@@ -87,8 +87,7 @@ double Flow(const cv::Mat& before, const cv::Mat& now) {
           return false;
         }
         const cv::Point difference =
-            shifts[static_cast<std::size_t>(row * columns + column)] -
-            shifts[static_cast<std::size_t>(other_row * columns + other_column)];
+            shifts[row * columns + column] - shifts[other_row * columns + other_column];
         return std::abs(difference.x) <= kAlikePx && std::abs(difference.y) <= kAlikePx;
       };
       if (goes_like(column - 1, row) || goes_like(column + 1, row) || goes_like(column, row - 1) ||

@@ -1,6 +1,7 @@
 #include "frontend/track/track_loop.h"
 
 #include <algorithm>
+#include <cmath>
 #include <utility>
 
 #include "frontend/core/error.h"
@@ -30,8 +31,8 @@ std::optional<LossReason> TrackLoop::ReasonToEnd(const Move& move, int unconfirm
         move.xy.y() <= size_.height - 1 - border)) {
     return LossReason::kLeftImage;
   }
-  if (!mask_.empty() && mask_.at<std::uint8_t>(static_cast<int>(move.xy.y() + 0.5),
-                                               static_cast<int>(move.xy.x() + 0.5)) == 0) {
+  if (!mask_.empty() && mask_.at<std::uint8_t>(static_cast<int>(std::lround(move.xy.y())),
+                                               static_cast<int>(std::lround(move.xy.x()))) == 0) {
     return LossReason::kMasked;
   }
   if (unconfirmed_frames > options_.max_unconfirmed_frames) return LossReason::kContradicted;
