@@ -150,15 +150,16 @@ std::vector<std::string> IncludesOf(const fs::path& file) {
 
 // What is wrong with an include, if anything.
 std::optional<std::string> Fault(const std::string& file, const std::string& include) {
+  const std::string fault = file + " includes " + include;
   const auto from = PartOf(file);
   if (!from) return file + " is in no part that this test knows";
   for (const auto& [library, parts] : kOnlyIn) {
     if (!include.starts_with(library)) continue;
     const bool allowed = std::any_of(
         parts.begin(), parts.end(), [&](const auto& part) { return file.starts_with(part + "/"); });
-    if (!allowed) return file + " includes " + include;
+    if (!allowed) return fault;
   }
-  if (include.starts_with("tests/")) return file + " includes " + include;
+  if (include.starts_with("tests/")) return fault;
   const auto to = PartOf(include);
   if (!to || *to == *from) return std::nullopt;
   // A folder that may be included may be with all that is in it.

@@ -188,7 +188,7 @@ struct Desk {
 
 // What a page's commands need and this machine may not have.
 std::string MissingProgram(const std::string& document) {
-  for (const std::string program : {"snakemake"}) {
+  for (const std::string& program : {std::string("snakemake")}) {
     if (document.find("\n" + program + " ") != std::string::npos &&
         test::RunShell("command -v " + program).exit_code != 0) {
       return program;

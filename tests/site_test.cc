@@ -111,7 +111,8 @@ TEST_F(Site, LinksLeadSomewhere) {
           path.empty() ? page : (fs::path(page).parent_path() / path).lexically_normal().string();
       const bool lost_anchor = hash != std::string::npos && anchors.contains(target) &&
                                !anchors[target].contains(link.substr(hash + 1));
-      if (!fs::exists(Root() / target) || lost_anchor) dead.push_back(page + " -> " + link);
+      if (!fs::exists(Root() / target) || lost_anchor)
+        dead.push_back(fmt::format("{} -> {}", page, link));
     }
   }
   EXPECT_THAT(dead, IsEmpty());

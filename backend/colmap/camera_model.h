@@ -41,7 +41,7 @@ ColmapCamera ToColmapCamera(const Camera& camera);
 // the above that has not.
 ColmapCamera ToColmapCamera(const Camera& camera, const ColmapCamera& before);
 // As `known`. Throws Error on a model or a number of parameters that is not one of the above.
-Camera FromColmapCamera(const ColmapCamera& camera);
+Camera FromColmapCamera(const ColmapCamera& colmap);
 
 std::string ColmapModelName(ColmapCameraModel model);
 ColmapCameraModel ColmapModelFromName(const std::string& name);  // throws Error

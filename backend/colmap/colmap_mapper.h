@@ -73,22 +73,22 @@ struct ColmapResult {
 // `work_dir` is made if missing and keeps database.db, the log and COLMAP's models; what an earlier
 // run left there is replaced. A clip that does not reconstruct is a result that says why; throws
 // Error without a usable colmap program or where work_dir cannot be written.
-ColmapResult ReconstructWithColmap(const TrackFile& file,
+ColmapResult ReconstructWithColmap(const TrackFile& tracked,
                                    const ColmapOptions& options,
                                    const std::filesystem::path& work_dir);
 
 // COLMAP's bundle_adjuster alone, from a model of the same tracks by another program (ids of its
 // points are the tracks'), to the optimum of COLMAP's cost: all observations that its mapper would
 // get, weighed alike. Empty where COLMAP fails.
-ColmapResult AdjustWithColmap(const TrackFile& file,
+ColmapResult AdjustWithColmap(const TrackFile& tracked,
                               const Reconstruction& start,
                               const ColmapOptions& options,
                               const std::filesystem::path& work_dir);
 
 // Points alone, by COLMAP's point_triangulator from poses that are given and kept (true ones:
 // isolates the tracks from the solver). All frames with a pose count as registered; the camera of
-// `file` must be known.
-ColmapResult TriangulateWithColmap(const TrackFile& file,
+// `tracked` must be known.
+ColmapResult TriangulateWithColmap(const TrackFile& tracked,
                                    const std::map<FrameIndex, Rigid3>& cam_from_world,
                                    const ColmapOptions& options,
                                    const std::filesystem::path& work_dir);

@@ -48,6 +48,6 @@ struct SiftOptions {
 ColmapResult ReconstructWithSift(const TrackFile& clip,
                                  const SiftOptions& sift,
                                  const ColmapOptions& options,
-                                 const std::filesystem::path& work_dir);
+                                 const std::filesystem::path& work_folder);
 
 }  // namespace cohort

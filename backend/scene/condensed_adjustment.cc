@@ -283,7 +283,7 @@ BundleResult AdjustCondensed(WorkingModel& model,
   BundleOptions bundle = options;
   bundle.loss = RobustLoss::kNone;  // it is in the weights
   if (!options.RefinesIntrinsics()) bundle.trust_radius = kTrustRadius;
-  const BundleResult result = AdjustBundle(std::move(problem.bundle), bundle);
+  BundleResult result = AdjustBundle(std::move(problem.bundle), bundle);
   if (result.termination == BundleTermination::kFailed) return result;
   std::vector<Rigid3> moved;  // of the runs, new world from old one
   for (std::size_t run = 0; run < runs.keyframes.size(); ++run) {

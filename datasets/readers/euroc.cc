@@ -53,8 +53,8 @@ class SensorText {
       if (list == nullptr) {
         const std::size_t end = text.find(':');
         const std::string_view key = text.substr(0, end);
-        if (end == std::string_view::npos || key.find_first_not_of(kKeyCharacters) != key.npos ||
-            key.empty() ||
+        if (end == std::string_view::npos ||
+            key.find_first_not_of(kKeyCharacters) != std::string_view::npos || key.empty() ||
             (end + 1 < text.size() && text[end + 1] != ' ' && text[end + 1] != '\t')) {
           ThrowError("{} is no calibration: line {} is not `key: value`", file_, number);
         }
@@ -66,7 +66,7 @@ class SensorText {
         last = at->first;
         if (at->second.starts_with('[')) list = &at->second;
       } else {
-        if (text.find(':') != text.npos) break;
+        if (text.find(':') != std::string_view::npos) break;
         list->append(" ").append(text);
       }
       if (list != nullptr && list->ends_with(']')) list = nullptr;

@@ -54,6 +54,8 @@ class ImageListSequence final : public Sequence {
     cv::Mat picture;
     try {
       picture = ReadImage(file);
+    } catch (const SystemError&) {
+      throw;  // the same clip may be longer the next time
     } catch (const Error& e) {
       warning_ = fmt::format("read {} frames of {}: {}", read_, count_, e.what());
       count_ = read_;

@@ -37,8 +37,8 @@ class Sequence {
   virtual ~Sequence() = default;
 
   // The next frame of the range; none at the end. Throws Error naming the file on a frame of
-  // another size. A file that cannot be decoded ends the sequence: Warning() then says which and
-  // why.
+  // another size, and SystemError where the system does not give a file that is there. A file that
+  // cannot be decoded ends the sequence: Warning() then says which and why.
   virtual std::optional<Frame> Next() = 0;
   virtual void Rewind() = 0;
   // May another thread call Next, while nobody else does? Not where it runs somebody else's code.

@@ -239,7 +239,7 @@ void Canvas::Blocks(const BlockPattern& pattern, const BlockValue& value) {
       const double to_joint =
           std::min(std::min(in_u, block_w - in_u), std::min(in_v, block_h - in_v)) - 0.5 * joint;
       const double cover = SmoothStep(-0.8, 0.8, to_joint);
-      const double tone = tones[static_cast<std::size_t>(row * columns + column)];
+      const double tone = tones[row * columns + column];
       // Edges of blocks are worn and a little darker.
       const double worn = -0.15 * (1.0 - SmoothStep(0.0, 0.12 * block_h, to_joint));
       const double block = value(tone, in_v / block_h) + worn;

@@ -25,7 +25,11 @@ cv::Mat Lighting::LightMap(const Patch& patch, RandomStream random) const {
     return std::clamp(static_cast<int>(std::lround(length_m / 0.1)), 3, 60);
   };
   Eigen::AlignedBox3d box;
-  for (int i = 0; i < 64; ++i) box.extend(patch.x_in_world((i % 8) / 7.0, (i / 8) / 7.0, 0.0));
+  for (int row = 0; row < 8; ++row) {
+    for (int column = 0; column < 8; ++column) {
+      box.extend(patch.x_in_world(column / 7.0, row / 7.0, 0.0));
+    }
+  }
   const std::vector<Blocker> near = BlockersIn(box, kReach);
   const std::vector<Blocker> before_lamp =
       BlockersIn(Eigen::AlignedBox3d(box).extend(design_.lamp), LampSize());

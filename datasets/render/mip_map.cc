@@ -6,7 +6,7 @@
 
 namespace cohort {
 
-MipMap::MipMap(cv::Mat texture) {
+MipMap::MipMap(const cv::Mat& texture) {
   Check(texture.type() == CV_32FC1 && texture.cols >= 4 && texture.rows >= 4,
         "a texture is CV_32FC1, at least 4x4");
   levels_.emplace_back(texture);

@@ -11,7 +11,7 @@ namespace cohort {
 // A texture with its halved, quartered ... copies, for sampling without aliasing.
 class MipMap {
  public:
-  explicit MipMap(cv::Mat texture);
+  explicit MipMap(const cv::Mat& texture);
 
   float width() const { return levels_[0].width; }  // [texels]
   float height() const { return levels_[0].height; }

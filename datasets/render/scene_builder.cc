@@ -279,7 +279,8 @@ SceneDesign SceneBuilder::Finish() {
                                 Vector3d(view.centre + Vector3d(reach, 0, 0)),
                                 Vector3d(view.centre + Vector3d(0, 0, reach))}) {
       for (int i = 0; i <= 64; ++i) {
-        const Vector3d x = patch.x_in_world((i % 8) / 7.0, (i / 8) / 8.0, 0.0) - eye;
+        const int row = i / 8;
+        const Vector3d x = patch.x_in_world((i % 8) / 7.0, row / 8.0, 0.0) - eye;
         // Inside the field of view, as far as that can be said for every motion.
         if (x.z() < 0.5 || std::abs(x.x()) > 0.9 * x.z() || std::abs(x.y()) > 0.7 * x.z()) continue;
         nearest = std::min(nearest, x.norm());

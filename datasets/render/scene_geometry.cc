@@ -186,7 +186,7 @@ void SceneMoment::AddCandidate(std::size_t triangle) {
   if (left > right || top > bottom) return;
   for (int row = top; row <= bottom; ++row) {
     for (int column = left; column <= right; ++column) {
-      tiles_[static_cast<std::size_t>(row * tile_columns_ + column)].push_back(
+      tiles_[row * tile_columns_ + column].push_back(
           static_cast<std::uint32_t>(candidates_.size()));
     }
   }
@@ -202,7 +202,7 @@ SceneMoment::Hit SceneMoment::Cast(const Eigen::Vector2d& xy) const {
   const double time = scene_->TimeOfRow(frame_, xy.y());
   const Rigid3 cam_from_world =
       scene_->HasRollingShutter() ? scene_->CamFromWorld(time) : cam_from_world_;
-  for (const std::uint32_t i : tiles_[static_cast<std::size_t>(row * tile_columns_ + column)]) {
+  for (const std::uint32_t i : tiles_[row * tile_columns_ + column]) {
     const Candidate& candidate = candidates_[i];
     std::optional<ProjectedTriangle> at_row;
     if (scene_->HasRollingShutter()) {

@@ -245,7 +245,8 @@ void Window(Canvas& c) {
   const double h = (c.height() - frame) / rows;
   for (int i = 0; i < columns * rows; ++i) {
     const double x = frame + w * (i % columns);
-    const double y = frame + h * (i / columns);
+    const int row = i / columns;
+    const double y = frame + h * row;
     c.Paint(Canvas::Rectangle(x, y, w - frame, h - frame), 0.07, {0.4 / w, -1.2 / h});
     // What stands behind the glass, and a curtain.
     for (int k = 0; k < 3; ++k) {

@@ -58,9 +58,9 @@ bool JumpsAround(const Eigen::Vector2d& xy,
                  const InverseDepthAt& inverse_depth_at) {
   const int radius = std::max(1, static_cast<int>(std::ceil(radius_px)));
   const int side = 2 * radius + 1;
-  std::vector<double> near(static_cast<std::size_t>(side * side));
+  std::vector<double> near(side * side);
   const auto at = [&](int dx, int dy) -> double& {
-    return near[static_cast<std::size_t>((dy + radius) * side + dx + radius)];
+    return near[(dy + radius) * side + dx + radius];
   };
   for (int dy = -radius; dy <= radius; ++dy) {
     for (int dx = -radius; dx <= radius; ++dx) {

@@ -42,6 +42,13 @@ class Error : public std::runtime_error {
   }
 };
 
+// A file that is there, but that the system does not give: no right, a bad disk, no more descriptors.
+// It says nothing of what is in it.
+class SystemError : public Error {
+ public:
+  using Error::Error;
+};
+
 // A wrong flag, option name or value: exit 2.
 class UsageError : public Error {
  public:

@@ -15,6 +15,12 @@ namespace {
 
 namespace fs = std::filesystem;
 
+[[noreturn]] void ThrowUnreadable(const fs::path& path, int error) {
+  const std::string what = fmt::format("cannot read {}: {}", path.string(), std::strerror(error));
+  if (error == ENOENT || error == ENOTDIR) throw Error(what);
+  throw SystemError(what);
+}
+
 // Throws unless `status` is of a file.
 void CheckIsFile(const fs::path& path, const struct stat& status) {
   if (S_ISREG(status.st_mode)) return;
@@ -34,7 +40,7 @@ void CheckIsFile(const fs::path& path, const struct stat& status) {
 void CheckInputFile(const fs::path& path) {
   struct stat status {};
   if (stat(path.c_str(), &status) != 0 || access(path.c_str(), R_OK) != 0) {
-    ThrowError("cannot read {}: {}", path.string(), std::strerror(errno));
+    ThrowUnreadable(path, errno);
   }
   CheckIsFile(path, status);
 }
@@ -42,14 +48,14 @@ void CheckInputFile(const fs::path& path) {
 std::ifstream OpenInputFile(const fs::path& path) {
   CheckInputFile(path);
   std::ifstream stream(path, std::ios::binary);
-  if (!stream) ThrowError("cannot read {}: {}", path.string(), std::strerror(errno));
+  if (!stream) ThrowUnreadable(path, errno);
   return stream;
 }
 
 Descriptor OpenInputDescriptor(const fs::path& path) {
   // O_NONBLOCK: opening a pipe would wait for who writes into it.
   const int fd = open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK | O_NOCTTY);
-  if (fd < 0) ThrowError("cannot read {}: {}", path.string(), std::strerror(errno));
+  if (fd < 0) ThrowUnreadable(path, errno);
   struct stat status {};
   if (fstat(fd, &status) != 0 || !S_ISREG(status.st_mode)) {
     close(fd);
@@ -71,7 +77,7 @@ std::string ReadBytes(const fs::path& path, std::uint64_t max_bytes) {
   while (true) {
     const ssize_t n = read(file.get(), buffer, sizeof(buffer));
     if (n < 0 && errno == EINTR) continue;
-    if (n < 0) ThrowError("cannot read {}: {}", path.string(), std::strerror(errno));
+    if (n < 0) ThrowUnreadable(path, errno);
     if (n == 0) return bytes;
     if (bytes.size() + static_cast<std::uint64_t>(n) > max_bytes) ThrowTooLarge(path, max_bytes);
     bytes.append(buffer, static_cast<std::size_t>(n));

@@ -24,7 +24,8 @@ void CheckInputFile(const std::filesystem::path& path);
 std::ifstream OpenInputFile(const std::filesystem::path& path);
 Descriptor OpenInputDescriptor(const std::filesystem::path& path);
 
-// All of a file. Throws Error naming the path if there is none, or it is larger than `max_bytes`.
+// All of a file. Throws Error naming the path if there is none, or it is larger than `max_bytes`,
+// SystemError where the system does not give one that is there.
 std::string ReadBytes(const std::filesystem::path& path,
                       std::uint64_t max_bytes = kMaxWholeFileBytes);
 

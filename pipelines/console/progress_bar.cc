@@ -5,6 +5,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <memory>
 
@@ -30,7 +31,7 @@ std::string ProgressLine(const std::string& label,
                                  *total,
                                  speed);
   if (rate > 0.0) {
-    const auto left = static_cast<long>(static_cast<double>(*total - shown) / rate + 0.5);
+    const auto left = std::lround(static_cast<double>(*total - shown) / rate);
     line += fmt::format("  ETA {}:{:02}", left / 60, left % 60);
   }
   return line;

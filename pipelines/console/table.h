@@ -12,7 +12,7 @@ inline constexpr std::size_t kMaxTableWidth = 120;
 // right, a rule under the first row, whose cells may have several lines ("ATE\n[mm]"). Missing
 // cells at the end of a row stay empty. Columns that do not fit into `max_width` go on below,
 // beside the left ones again.
-std::string AlignedTable(const std::vector<std::vector<std::string>>& rows,
+std::string AlignedTable(const std::vector<std::vector<std::string>>& table,
                          std::size_t left_columns = 1,
                          std::size_t max_width = kMaxTableWidth);
 

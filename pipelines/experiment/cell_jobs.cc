@@ -160,7 +160,15 @@ Json TriangulateCell(const ExperimentOptions& options, const TrackCell& cell) {
       cell, GridBackend::kTriangulation, file.frames, result.reconstruction, result.summary);
 }
 
+// Its pictures would seem to be missing, or to be fewer.
+void CheckIsDegraded(const Condition& condition) {
+  if (!condition.IsDegraded()) return;
+  const Json error = ReadJsonFile(condition.folder / "degrade.json").at("error");
+  if (!error.is_null()) ThrowError("degrading failed: {}", error.get<std::string>());
+}
+
 Json ReconstructSift(const ExperimentOptions& options, const TrackCell& cell) {
+  CheckIsDegraded(cell.condition);
   const InputOptions input = cell.frames;
   const auto frames = OpenInput(input);
   TrackFile clip;  // without tracks
@@ -203,6 +211,7 @@ Json MakeTracks(const ExperimentOptions& options, const TrackCell& cell) {
   // What an earlier run left would stand for this one, should it fail.
   fs::remove(cell.Tracks());
   fs::remove(cell.TrackErrors());
+  CheckIsDegraded(cell.condition);
   if (cell.tracker.source == TrackSource::kCeiling) return TrackCeiling(options, cell);
   const TrackJobOptions track = TrackOf(options, cell);
   RunTrackJob(track);
@@ -214,6 +223,7 @@ Json MakeTracks(const ExperimentOptions& options, const TrackCell& cell) {
 }
 
 Json FollowCell(const ExperimentOptions& options, const TrackCell& cell) {
+  CheckIsDegraded(cell.condition);
   const int threads = ThreadsOfCell(options);
   cv::setNumThreads(threads == 0 ? -1 : threads);
   return RunPaperProtocol(ClipInput(options, cell.condition),

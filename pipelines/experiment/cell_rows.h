@@ -18,7 +18,7 @@ void AddModelRows(const TrackCell& cell,
                   ExperimentResults& results);
 
 // Is what a task has written that its cell cannot have any?
-bool IsNotAvailable(const std::filesystem::path& result);
+bool IsNotAvailable(const std::filesystem::path& path);
 // Has the task of a model made one of enough frames?
 bool HasModel(const nlohmann::ordered_json& result);
 // Adds what has come of the two halves of a cell's tracks (TrackCell::HasHalves), of which `model`

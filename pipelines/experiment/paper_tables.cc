@@ -77,7 +77,8 @@ std::string FigureTable(const Grid& grid, const Grid& reinitializations) {
     for (const std::string& sequence : grid.sequences) {
       const auto* cell = grid.Cell(tracker, sequence);
       std::string text = Text(MedianOf(cell), 1);
-      if (MedianOf(reinitializations.Cell(tracker, sequence)) == 0.0) text = ">" + text;
+      if (MedianOf(reinitializations.Cell(tracker, sequence)) == 0.0)
+        text = fmt::format(">{}", text);
       if (cell != nullptr && cell->size() > 1) {
         const auto [low, high] = std::minmax_element(
             cell->begin(), cell->end(), [](auto& a, auto& b) { return a.second < b.second; });

@@ -76,7 +76,7 @@ fs::path MakeModel(const SfmJobOptions& options, std::size_t frames, const Json&
     spdlog::info("more than {} frames: without covariances of cameras and points",
                  kMostFramesWithCovariances);
   }
-  const fs::path summary = fs::path(job.out) / "summary.json";
+  fs::path summary = fs::path(job.out) / "summary.json";
   const fs::path stamp = fs::path(options.out) / "model_of.json";
   const bool is_made = options.resume && fs::exists(summary) && fs::exists(stamp) &&
                        ReadJsonFile(stamp) == made_of &&

@@ -14,7 +14,7 @@ namespace cohort {
 // A NumPy array (height, width) or (height, width, 3) of uint8 or uint16 -> CV_8UC1 or CV_16UC1 of
 // its own. `rgb`: three channels are red, green, blue; else OpenCV's blue, green, red. Throws Error
 // naming `what` on any other object. The GIL is held.
-cv::Mat GrayOfArray(const pybind11::object& array, bool rgb, const std::string& what);
+cv::Mat GrayOfArray(const pybind11::object& object, bool rgb, const std::string& what);
 
 // The arrays that a Python iterable gives, as a clip: numbered from 0, without names of files and
 // time stamps. It asks for one after the other as they are needed, with the GIL, in the thread that

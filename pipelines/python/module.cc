@@ -291,15 +291,16 @@ void BindErrors(py::module_& module) {
   static const py::exception<Error> error(module, "Error", PyExc_RuntimeError);
   const py::tuple bases = py::make_tuple(error, py::handle(PyExc_ValueError));
   static const py::exception<UsageError> usage_error(module, "UsageError", bases);
-  py::register_exception_translator([](std::exception_ptr pointer) {
-    try {
-      if (pointer) std::rethrow_exception(pointer);
-    } catch (const UsageError& e) {
-      PyErr_SetString(usage_error.ptr(), e.what());
-    } catch (const Error& e) {
-      PyErr_SetString(error.ptr(), e.what());
-    }
-  });
+  py::register_exception_translator(
+      [](std::exception_ptr pointer) {  // NOLINT: by value, as pybind11 asks
+        try {
+          if (pointer) std::rethrow_exception(pointer);
+        } catch (const UsageError& e) {
+          PyErr_SetString(usage_error.ptr(), e.what());
+        } catch (const Error& e) {
+          PyErr_SetString(error.ptr(), e.what());
+        }
+      });
 }
 
 void BindCamera(py::module_& module) {

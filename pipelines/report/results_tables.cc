@@ -52,7 +52,7 @@ std::string CellText(const ValuesOfMetric& values, const Column& column) {
 
 std::string Registered(const ValuesOfMetric& model) {
   const auto registered = MedianOf(model, "registered");
-  const std::string text =
+  std::string text =
       registered
           ? fmt::format("{:.0f}/{:.0f}", *registered, MedianOf(model, "frames").value_or(0.0))
           : "-";
@@ -126,7 +126,7 @@ std::string ResultsTables(const ExperimentResults& results) {
   std::map<Line, ValuesOfMetric> values = ValuesByLine(results);
   const TextRows models = ModelRows(LinesOf(results, true), values);
   const TextRows tracks = TrackRows(LinesOf(results, false), values);
-  const std::string text = AlignedTable(WithoutEmptyColumns(models), 4);
+  std::string text = AlignedTable(WithoutEmptyColumns(models), 4);
   if (tracks.size() == 1) return text;
   return fmt::format("{}\n{}", text, AlignedTable(WithoutEmptyColumns(tracks), 3));
 }

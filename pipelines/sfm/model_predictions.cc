@@ -79,7 +79,7 @@ bool ModelPredictions::Knows(FeatureId feature, FrameIndex frame) const {
 
 std::optional<Eigen::Vector2d> ModelPredictions::InPicture(FeatureId feature,
                                                            FrameIndex frame) const {
-  const auto xy = Project(model_.points.at(feature).in_world, frame);
+  auto xy = Project(model_.points.at(feature).in_world, frame);
   if (!xy || !model_.camera.Contains(*xy, kBorderPx)) return std::nullopt;
   if (IsMasked(*xy)) return std::nullopt;
   return xy;

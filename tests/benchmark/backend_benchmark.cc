@@ -215,7 +215,7 @@ void ForEachClip(const RenderedOptions& o, bool second_pass, const Use& use) {
                          o.frames));
     }
     for (const std::string& level : o.levels) {
-      const std::string seen = base + "_" + level;
+      const std::string seen = fmt::format("{}_{}", base, level);
       const std::string tracks = fmt::format("{}_{}_{}_{}{}.tracks",
                                              seen,
                                              o.tracker,
@@ -477,7 +477,7 @@ int main(int argc, char** argv) {
     command->add_option("--tracker", rendered.tracker, "of `cohort track`");
     command->add_option("--frames", rendered.frames, "of a clip");
     command->add_option("--features", rendered.features, "in sight in a frame");
-    command->callback([&rendered, run] { run(rendered); });
+    command->callback([&rendered, run = run] { run(rendered); });
   }
 
   cohort::SyntheticOptions synthetic;

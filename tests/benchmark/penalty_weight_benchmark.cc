@@ -167,7 +167,8 @@ std::string Svg(const std::vector<Curves>& all) {
   for (std::size_t k = 0; k < all.size(); ++k) {
     const Curves& curves = all[k];
     const double x0 = kLeft + static_cast<double>(k % 3) * (kWidth + kGapX);
-    const double y0 = kTop + static_cast<double>(k / 3) * (kHeight + kGapY);
+    const std::size_t row = k / 3;
+    const double y0 = kTop + static_cast<double>(row) * (kHeight + kGapY);
     const double low = std::log10(curves.weights.front());
     const double high = std::log10(curves.weights.back());
     const auto x = [&](double m) { return x0 + kWidth * (std::log10(m) - low) / (high - low); };

@@ -93,7 +93,7 @@ void RunCommands(const fs::path& folder, const std::string& around, int threads)
                     "ceres --seeds 1 --features 60 --jobs {}",
                     threads)}) {
     const test::ProgramEnd end =
-        test::RunShell("cd " + folder.string() + " && " + program + command + " --quiet");
+        test::RunShell(fmt::format("cd {} && {}{} --quiet", folder.string(), program, command));
     ASSERT_EQ(end.exit_code, 0) << command << ": " << end.err;
   }
 }

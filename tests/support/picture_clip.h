@@ -1,7 +1,6 @@
 #pragma once
 
 #include <optional>
-#include <utility>
 
 #include "tests/support/frame_clip.h"
 #include "tests/support/hard_clips.h"
@@ -11,9 +10,9 @@ namespace cohort::test {
 // Pictures as a clip.
 class PictureClip : public FrameClip {
  public:
-  explicit PictureClip(const Pictures& pictures, std::optional<Camera> camera = std::nullopt)
+  explicit PictureClip(const Pictures& pictures, const std::optional<Camera>& camera = std::nullopt)
       : FrameClip("hard") {
-    camera_ = std::move(camera);
+    camera_ = camera;
     for (const cv::Mat& picture : pictures) Add(picture);
   }
 };

@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <limits>
 
 #include "backend/colmap/tracks_to_database.h"
@@ -63,7 +64,7 @@ std::vector<std::vector<std::pair<Index, Index>>> Shape(const TrackSet& tracks) 
   for (const FeatureId feature : tracks.features()) {
     auto& track = shape.emplace_back();
     for (const Observation& o : tracks.Track(feature)) {
-      track.emplace_back(ToInt(o.frame), static_cast<Index>(o.xy.x() / 10.0 + 0.5));
+      track.emplace_back(ToInt(o.frame), static_cast<Index>(std::lround(o.xy.x() / 10.0)));
       EXPECT_EQ(o.xy.y(), ToInt(o.frame) + 1.0);
       EXPECT_TRUE(IsObserved(o));
     }

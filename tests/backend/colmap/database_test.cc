@@ -316,7 +316,7 @@ TEST(ColmapDatabase, MatricesAreRowMajorAndActOnColmapPixels) {
   const auto points_of = [&](std::int64_t image) {
     keypoints.Bind(1, image);
     EXPECT_TRUE(keypoints.Step());
-    const auto values = As<float>(keypoints.Blob(0));
+    auto values = As<float>(keypoints.Blob(0));
     keypoints.Step();
     return values;
   };
@@ -754,12 +754,13 @@ TEST(ColmapDatabase, CamerasThatAreAlikeAreOne) {
 
 TEST(ColmapDatabase, RefusesACameraAndAPairThatCannotBe) {
   const TempDir dir;
+  constexpr const char* kNoNumber =
+      "UPDATE cameras SET params = CAST(x'000000000000F87F' || zeroblob(24) AS BLOB)";
   for (const char* wrong : {"UPDATE cameras SET width = 0",
                             "UPDATE cameras SET height = 1 << 40",
                             "UPDATE cameras SET model = 77",
                             "UPDATE cameras SET params = zeroblob(8)",
-                            "UPDATE cameras SET params = CAST(x'000000000000F87F' || "
-                            "zeroblob(24) AS BLOB)",
+                            kNoNumber,
                             "DELETE FROM images; DELETE FROM cameras",
                             "INSERT INTO matches VALUES(2147483647 * 2 + 2, 0, 2, NULL)",
                             "INSERT INTO matches VALUES(2147483647 * 2 + 9, 0, 2, NULL)",

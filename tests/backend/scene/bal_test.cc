@@ -31,12 +31,14 @@ double LargestError(const std::string& path, std::size_t* observation_count) {
   std::ifstream in(path);
   std::size_t cameras = 0;
   std::size_t points = 0;
-  in >> cameras >> points >> *observation_count;
+  std::size_t observations = 0;
+  in >> cameras >> points >> observations;
+  *observation_count = observations;
   struct Row {
     std::size_t camera, point;
     double x, y;
   };
-  std::vector<Row> rows(*observation_count);
+  std::vector<Row> rows(observations);
   for (Row& row : rows) in >> row.camera >> row.point >> row.x >> row.y;
   std::vector<double> parameters(9 * cameras + 3 * points);
   for (double& value : parameters) in >> value;

@@ -22,7 +22,6 @@ namespace {
 namespace fs = std::filesystem;
 using test::TempDir;
 using test::WriteImage;
-using test::WriteText;
 using testing::HasSubstr;
 using testing::ThrowsMessage;
 
@@ -311,7 +310,9 @@ TEST_F(DegradeClip, PhoneVideoIsDecodedBesideItsTruth) {
 }
 
 TEST_F(DegradeClip, PhoneWithoutItsEncoderLeavesNothing) {
-  const std::string path = std::getenv("PATH");
+  const char* variable = std::getenv("PATH");
+  ASSERT_NE(variable, nullptr);
+  const std::string path = variable;
   setenv("PATH", dir_.path().c_str(), 1);
   EXPECT_THAT([&] { Degrade(Options(DegradeRecipe::kPhone, 1.0), "phone"); },
               ThrowsMessage<Error>(HasSubstr("apt install ffmpeg")));

@@ -176,12 +176,24 @@ TEST(ImageFolder, AnImageThatCannotBeDecodedEndsTheSequenceAndIsSaid) {
   }
 }
 
+// It may be whole: the clip must not seem to be a shorter one.
+TEST(ImageFolder, AnImageThatTheSystemDoesNotGiveIsAnError) {
+  const TempDir dir;
+  for (const int i : {1, 2, 4}) WriteImage(dir / fmt::format("{}.png", i), i);
+  std::filesystem::create_symlink("/proc/self/mem", dir / "3.png");  // its first byte is an EIO
+  const auto sequence = OpenSequence(dir.path());
+  ASSERT_TRUE(sequence->Next());
+  ASSERT_TRUE(sequence->Next());
+  EXPECT_THAT([&] { sequence->Next(); },
+              ThrowsMessage<SystemError>(AllOf(HasSubstr("3.png"), HasSubstr("Input/output"))));
+}
+
 TEST(ImageFolder, AFirstImageThatCannotBeDecodedIsAnError) {
   const TempDir dir;
   std::ofstream(dir / "0.png") << "no image";
   WriteImage(dir / "1.png", 1);
   EXPECT_THAT([&] { OpenSequence(dir.path()); }, ThrowsMessage<Error>(HasSubstr("0.png")));
-  std::ofstream(dir / "0.png");
+  std::ofstream(dir / "0.png") << "";
   EXPECT_THAT([&] { OpenSequence(dir.path()); },
               ThrowsMessage<Error>(AllOf(HasSubstr("0.png"), HasSubstr("empty"))));
 }

@@ -131,7 +131,9 @@ TEST_F(Decoder, GivesTheSamePicturesAsTheProgramFfmpeg) {
       {"a.mov", "-c:v prores_ks"},
       {"a.gif", ""}};
   std::string outputs;
-  for (const auto& [name, codec] : files) outputs += codec + " -fps_mode passthrough " + name + " ";
+  for (const auto& [name, codec] : files) {
+    outputs += fmt::format("{} -fps_mode passthrough {} ", codec, name);
+  }
   // No block of a codec divides the sides.
   Ffmpeg("-f lavfi -i testsrc2=size=164x124:rate=25:duration=0.4,noise=alls=20:allf=t " + outputs);
   for (const auto& [name, codec] : files) {

@@ -76,7 +76,8 @@ TEST(Renderer, ShowsTheTextureWhereTheProjectionSays) {
         // Mean over the pixel and a little around it, of the plane's texture in closed form.
         double sum = 0.0;
         for (int k = 0; k < 36; ++k) {
-          const Eigen::Vector2d xy(x + ((k % 6) - 2.5) / 4.0, y + ((k / 6) - 2.5) / 4.0);
+          const int row = k / 6;
+          const Eigen::Vector2d xy(x + ((k % 6) - 2.5) / 4.0, y + (row - 2.5) / 4.0);
           const Eigen::Vector3d ray =
               world_from_cam.rotation * scene.camera().Unproject(xy).homogeneous();
           const Eigen::Vector3d hit = world_from_cam.translation +

@@ -113,7 +113,7 @@ TEST_P(BaselineTracker, SaysTheSameWithAnyNumberOfThreads) {
     cv::setNumThreads(threads);
     const auto mover = Mover();
     mover->Add(born, BuildPyramid(Picture(0, 0)));
-    const auto moves = mover->MoveFeatures(BuildPyramid(BarBefore(Picture(1.3, -0.9), 60)));
+    auto moves = mover->MoveFeatures(BuildPyramid(BarBefore(Picture(1.3, -0.9), 60)));
     cv::setNumThreads(-1);
     return moves;
   };

@@ -44,7 +44,7 @@ double Quantile(std::vector<double> values, double q) {
 std::optional<Eigen::Vector3d> TruePoint(const test::PlaneScene& scene,
                                          const Rigid3& cam_from_world,
                                          const Eigen::Vector2d& xy) {
-  const auto point = scene.PointAt(cam_from_world, xy);
+  auto point = scene.PointAt(cam_from_world, xy);
   const auto left = scene.PointAt(cam_from_world, xy - Eigen::Vector2d(12, 0));
   const auto right = scene.PointAt(cam_from_world, xy + Eigen::Vector2d(12, 0));
   if (!point || !left || !right || std::abs(left->z() - right->z()) > 0.01) return std::nullopt;

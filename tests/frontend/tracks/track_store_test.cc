@@ -319,7 +319,7 @@ TEST(TrackStore, ResumesOnlyWhatIsUnfinished) {
               ThrowsMessage<Error>(AllOf(HasSubstr("nothing to resume"), HasSubstr("a.tracks"))));
   WriteTrackFile(dir / "a.tracks", Example(1));
   EXPECT_FALSE(FindUnfinishedTracks(dir / "a.tracks"));
-  std::ofstream(dir / "a.tracks.partial");  // killed before it held anything
+  std::ofstream(dir / "a.tracks.partial") << "";  // killed before it held anything
   EXPECT_FALSE(FindUnfinishedTracks(dir / "a.tracks"));
 }
 
@@ -482,6 +482,13 @@ TEST(TrackStore, ASmallDiskThatFillsUpIsOneError) {
   EXPECT_EQ(umount((dir / "disk").c_str()), 0);
 }
 
+// A view in the place of a table.
+constexpr const char* kEndlessRows =
+    "DROP TABLE observations; CREATE VIEW observations AS WITH RECURSIVE c(n) AS "
+    "(SELECT 0 UNION ALL SELECT n + 1 FROM c) SELECT 0 AS frame, n AS track_id, 1.0 AS x, "
+    "1.0 AS y, 1 AS observed, 0.0 AS residual, NULL AS cov_xx, NULL AS cov_xy, NULL AS cov_yy "
+    "FROM c";
+
 TEST(TrackStore, TakesNothingThatCannotBe) {
   const test::TempDir dir;
   for (const char* lie :
@@ -499,10 +506,7 @@ TEST(TrackStore, TakesNothingThatCannotBe) {
         "UPDATE frames SET name = '/etc/passwd' WHERE \"index\" = 1",
         "UPDATE frames SET name = 'a' || char(10) || 'b' WHERE \"index\" = 1",
         "UPDATE frames SET name = 'a' || char(27) || '[31m' WHERE \"index\" = 1",
-        "DROP TABLE observations; CREATE VIEW observations AS WITH RECURSIVE c(n) AS "
-        "(SELECT 0 UNION ALL SELECT n + 1 FROM c) SELECT 0 AS frame, n AS track_id, 1.0 AS x, "
-        "1.0 AS y, 1 AS observed, 0.0 AS residual, NULL AS cov_xx, NULL AS cov_xy, NULL AS cov_yy "
-        "FROM c"}) {
+        kEndlessRows}) {
     WriteTrackFile(dir / "a.tracks", Example(2));
     SqliteDatabase::Open(dir / "a.tracks", SqliteDatabase::Mode::kWrite).Execute(lie);
     EXPECT_THAT([&] { ReadTrackFile(dir / "a.tracks"); },

@@ -134,9 +134,9 @@ TEST_F(Commands, AFullOrClosedStderrIsNoReasonToEnd) {
   const std::string track = "track " + clip.string() + " --tracker klt --features 30 --out ";
   for (const char* to : {"2>/dev/full", "2>&-", "2> >(exit)"}) {
     // bash, for the last.
-    const std::string run = std::string("bash -c '") + COHORT_PROGRAM + " ";
+    const std::string run = fmt::format("bash -c '{} ", COHORT_PROGRAM);
     const std::string out = Path("a.tracks");
-    const ProgramEnd good = RunShell(run + track + out + " " + to + "'");
+    const ProgramEnd good = RunShell(fmt::format("{}{}{} {}'", run, track, out, to));
     EXPECT_EQ(good.exit_code, 0) << to;
     EXPECT_THAT(good.out, HasSubstr("observations")) << to;
     EXPECT_EQ(ReadTrackFile(out).frames.size(), 8U) << to;

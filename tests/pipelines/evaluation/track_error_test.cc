@@ -15,7 +15,9 @@ constexpr ReinitializationOptions kImage{
 const Eigen::Vector2d kVelocity(2.0, -1.0);  // of every surface point [px per frame]
 
 // Everything moves at kVelocity; a point is hidden in the frames that `hidden` says.
-TrackTruthOracle Moving(std::function<bool(std::uint32_t)> hidden = [](auto) { return false; }) {
+TrackTruthOracle Moving(const std::function<bool(std::uint32_t)>& hidden = [](auto) {
+  return false;
+}) {
   return [hidden](FrameIndex anchor, const Eigen::Vector2d& xy) -> std::optional<TruePath> {
     if (xy.x() < 0.0) return std::nullopt;  // no surface there
     return [=](FrameIndex frame) -> std::optional<TrueSighting> {
@@ -33,8 +35,8 @@ std::vector<Observation> Track(
     std::uint32_t first,
     std::uint32_t end,
     const Eigen::Vector2d& start,
-    std::function<double(std::uint32_t)> error = [](auto) { return 0.0; },
-    std::function<bool(std::uint32_t)> predicted = [](auto) { return false; }) {
+    const std::function<double(std::uint32_t)>& error = [](auto) { return 0.0; },
+    const std::function<bool(std::uint32_t)>& predicted = [](auto) { return false; }) {
   std::vector<Observation> track;
   for (std::uint32_t f = first; f < end; ++f) {
     track.push_back(

@@ -146,7 +146,8 @@ Reconstruction Walk(double step, int frames = kFrames) {
   }
   for (int i = 0; i < kPoints; ++i) {
     Point3D& point = model.points[FeatureId(i)];
-    point.in_world = Eigen::Vector3d(0.25 * (i % 15) - 1.0, 0.3 * (i / 15) - 1.5, 10.0 + i % 3);
+    const int row = i / 15;
+    point.in_world = Eigen::Vector3d(0.25 * (i % 15) - 1.0, 0.3 * row - 1.5, 10.0 + i % 3);
     for (const auto& [frame, cam_from_world] : model.cam_from_world) {
       point.views.push_back({frame, *model.camera.Project(cam_from_world * point.in_world)});
     }
