@@ -65,7 +65,7 @@ void Translation(benchmark::State& state) {
   PatchWindow window;
   FillWindow(picture, places[0], n, window);
   std::size_t i = 0;
-  for (auto _ : state) {
+  for ([[maybe_unused]] auto _ : state) {
     benchmark::DoNotOptimize(LinearizeTranslation(picture, places[i++ % kPlaces], window));
   }
   Count(state,
@@ -80,7 +80,7 @@ void Fill(benchmark::State& state) {
   const auto places = Places();
   PatchWindow window;
   std::size_t i = 0;
-  for (auto _ : state) {
+  for ([[maybe_unused]] auto _ : state) {
     FillWindow(picture, places[i++ % kPlaces], n, window);
     benchmark::DoNotOptimize(window.values[0]);
   }
@@ -98,7 +98,7 @@ void FillWarped(benchmark::State& state) {
   warp << 1.03, 0.02, -0.03, 0.98;
   PatchWindow window;
   std::size_t i = 0;
-  for (auto _ : state) {
+  for ([[maybe_unused]] auto _ : state) {
     FillWarpedWindow(picture, places[i++ % kPlaces], warp, n, window);
     benchmark::DoNotOptimize(window.values[0]);
   }
@@ -115,7 +115,7 @@ void Warp(benchmark::State& state) {
   PatchWindow seen;
   FillWindow(picture, {100.3, 100.6}, n, window);
   FillWindow(picture, {100.8, 100.1}, n, seen);
-  for (auto _ : state) benchmark::DoNotOptimize(LinearizeWarp(seen, window));
+  for ([[maybe_unused]] auto _ : state) benchmark::DoNotOptimize(LinearizeWarp(seen, window));
   Count(state, kWarpSummed * Square(n), 6 * Square(n));
 }
 BENCHMARK(Warp)->Arg(21)->Arg(31);
@@ -127,7 +127,7 @@ void Compare(benchmark::State& state) {
   PatchWindow seen;
   FillWindow(picture, {100.3, 100.6}, n, window);
   FillWindow(picture, {100.8, 100.1}, n, seen);
-  for (auto _ : state) benchmark::DoNotOptimize(CompareWindows(seen, window));
+  for ([[maybe_unused]] auto _ : state) benchmark::DoNotOptimize(CompareWindows(seen, window));
   Count(state, kCompared * Square(n), 2 * Square(n));
 }
 BENCHMARK(Compare)->Arg(21)->Arg(31);
@@ -146,7 +146,7 @@ COHORT_SIMD_CLONES void MultiplyAndAdd(float by, float* values) {
 
 void RoofOfOperations(benchmark::State& state) {
   std::array<float, kChains * kLanes> values{};
-  for (auto _ : state) {
+  for ([[maybe_unused]] auto _ : state) {
     MultiplyAndAdd(0.5F, values.data());
     benchmark::DoNotOptimize(values[0]);
   }
@@ -166,7 +166,8 @@ COHORT_SIMD_CLONES float Read(const float* values, std::size_t count) {
 void RoofOfBytes(benchmark::State& state) {
   const std::vector<float> values(static_cast<std::size_t>(state.range(0)) * 1024 / sizeof(float),
                                   1.0F);
-  for (auto _ : state) benchmark::DoNotOptimize(Read(values.data(), values.size()));
+  for ([[maybe_unused]] auto _ : state)
+    benchmark::DoNotOptimize(Read(values.data(), values.size()));
   state.counters["bytes_per_second"] =
       benchmark::Counter(static_cast<double>(sizeof(float) * values.size()),
                          benchmark::Counter::kIsIterationInvariantRate);

@@ -141,7 +141,7 @@ void Race(benchmark::State& state, const Film& film) {
   const auto features = static_cast<int>(state.range(0));
   const auto history_length = static_cast<int>(state.range(1));
   const TrackSequenceOptions ours = Options(features, history_length);
-  for (auto _ : state) {
+  for ([[maybe_unused]] auto _ : state) {
     enum : std::size_t { kOurs, kKlt21, kKlt31, kRacers };
     std::vector<std::unique_ptr<Racer>> racers;
     for (const auto& options : {ours, Klt(features, 21), Klt(features, 31)}) {
