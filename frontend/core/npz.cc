@@ -11,6 +11,7 @@
 #include <cmath>
 #include <cstring>
 #include <deque>
+#include <functional>
 #include <limits>
 #include <optional>
 
@@ -359,13 +360,95 @@ NpzArray NpzReader::Read(const std::string& name) {
   return array;
 }
 
+// ---- writing ----
+
+namespace {
+
+// One NAME.npy as libzip asks for it: its header, then its rows.
+class Rows {
+ public:
+  using Fill = std::function<void(std::size_t row, std::span<std::byte> bytes)>;
+
+  Rows(std::string header, std::size_t rows, std::size_t row_bytes, Fill fill)
+      : header_(std::move(header)), rows_(rows), row_(row_bytes), fill_(std::move(fill)) {}
+
+  // What zip_source_function calls.
+  static zip_int64_t Answer(void* self, void* data, zip_uint64_t size, zip_source_cmd_t command) {
+    return static_cast<Rows*>(self)->Answer(data, size, command);
+  }
+
+ private:
+  zip_int64_t Answer(void* data, zip_uint64_t size, zip_source_cmd_t command) {
+    switch (command) {
+      case ZIP_SOURCE_OPEN:
+        next_row_ = 0;
+        rest_ = std::as_bytes(std::span(header_));
+        return 0;
+      case ZIP_SOURCE_READ:
+        return static_cast<zip_int64_t>(Read({static_cast<std::byte*>(data), size}));
+      case ZIP_SOURCE_STAT: {
+        auto* const stat = static_cast<zip_stat_t*>(data);
+        zip_stat_init(stat);
+        stat->valid = ZIP_STAT_SIZE;
+        stat->size = header_.size() + rows_ * row_.size();
+        return sizeof(*stat);
+      }
+      case ZIP_SOURCE_ERROR:
+        return zip_error_to_data(&no_error_, data, size);
+      case ZIP_SOURCE_CLOSE:
+      case ZIP_SOURCE_FREE:
+        return 0;
+      case ZIP_SOURCE_SUPPORTS:
+        return zip_source_make_command_bitmap(ZIP_SOURCE_OPEN,
+                                              ZIP_SOURCE_READ,
+                                              ZIP_SOURCE_CLOSE,
+                                              ZIP_SOURCE_STAT,
+                                              ZIP_SOURCE_ERROR,
+                                              ZIP_SOURCE_FREE,
+                                              -1);
+      default:
+        return -1;
+    }
+  }
+
+  // As many bytes as there are, up to those asked for: how they are cut would show in what is packed.
+  std::size_t Read(std::span<std::byte> out) {
+    std::size_t written = 0;
+    while (written < out.size()) {
+      if (rest_.empty()) {
+        if (next_row_ == rows_) break;
+        fill_(next_row_++, row_);
+        rest_ = row_;
+        continue;
+      }
+      const std::size_t size = std::min(rest_.size(), out.size() - written);
+      std::copy_n(rest_.begin(), size, out.begin() + static_cast<std::ptrdiff_t>(written));
+      rest_ = rest_.subspan(size);
+      written += size;
+    }
+    return written;
+  }
+
+  std::string header_;
+  std::size_t rows_;
+  std::vector<std::byte> row_;
+  Fill fill_;
+  std::size_t next_row_ = 0;
+  std::span<const std::byte> rest_;
+  zip_error_t no_error_{};
+};
+
+}  // namespace
+
 struct NpzWriter::Impl {
   explicit Impl(const fs::path& path) : file(path), path(path) {}
 
-  void AddBytes(const std::string& name,
-                const std::string& descr,
-                std::span<const std::size_t> shape,
-                std::span<const std::byte> data) {
+  void AddRows(const std::string& name,
+               const std::string& descr,
+               std::span<const std::size_t> shape,
+               std::size_t rows,
+               std::size_t row_bytes,
+               Rows::Fill fill) {
     std::string tuple;
     for (const std::size_t size : shape) tuple += fmt::format("{}, ", size);
     std::string header =
@@ -374,19 +457,50 @@ struct NpzWriter::Impl {
     constexpr std::size_t kPrefix = 10;
     header.append(63 - (kPrefix + header.size()) % 64, ' ');
     header += '\n';
-    std::string& bytes = members.emplace_back(kMagic);
-    bytes += '\1';
-    bytes += '\0';
+    std::string start(kMagic);
+    start += '\1';
+    start += '\0';
     const auto length = static_cast<std::uint16_t>(header.size());
-    bytes.append(reinterpret_cast<const char*>(&length), sizeof(length));
-    bytes += header;
-    bytes.append(reinterpret_cast<const char*>(data.data()), data.size());
+    start.append(reinterpret_cast<const char*>(&length), sizeof(length));
+    members.emplace_back(start + header, rows, row_bytes, std::move(fill));
     names.push_back(name + std::string(kSuffix));
+  }
+
+  template <typename T>
+  void AddRows(const std::string& name,
+               const std::string& descr,
+               std::span<const std::size_t> shape,
+               FillRow<T> fill) {
+    const std::size_t row_values = CountOf(shape.subspan(1)).value();
+    AddRows(name,
+            descr,
+            shape,
+            shape.front(),
+            row_values * sizeof(T),
+            [fill = std::move(fill), row = std::vector<T>(row_values)](
+                std::size_t index, std::span<std::byte> bytes) mutable {
+              fill(index, row);
+              std::ranges::copy(std::as_bytes(std::span(row)), bytes.begin());
+            });
+  }
+
+  void AddBytes(const std::string& name,
+                const std::string& descr,
+                std::span<const std::size_t> shape,
+                std::span<const std::byte> data) {
+    AddRows(
+        name,
+        descr,
+        shape,
+        1,
+        data.size(),
+        [kept = std::vector<std::byte>(data.begin(), data.end())](
+            std::size_t, std::span<std::byte> bytes) { std::ranges::copy(kept, bytes.begin()); });
   }
 
   OutputFile file;
   fs::path path;
-  std::deque<std::string> members;  // the archive points into them until it is closed
+  std::deque<Rows> members;  // the archive points to them until it is closed
   std::vector<std::string> names;
 };
 
@@ -413,6 +527,24 @@ void NpzWriter::Add(const std::string& name,
                     std::span<const std::int64_t> values) {
   Check(CountOf(shape) == values.size(), "an array has as many values as its shape says");
   impl_->AddBytes(name, "<i8", shape, std::as_bytes(values));
+}
+
+void NpzWriter::AddRows(const std::string& name,
+                        std::span<const std::size_t> shape,
+                        FillRow<double> fill) {
+  impl_->AddRows(name, "<f8", shape, std::move(fill));
+}
+
+void NpzWriter::AddRows(const std::string& name,
+                        std::span<const std::size_t> shape,
+                        FillRow<float> fill) {
+  impl_->AddRows(name, "<f4", shape, std::move(fill));
+}
+
+void NpzWriter::AddBoolRows(const std::string& name,
+                            std::span<const std::size_t> shape,
+                            FillRow<std::uint8_t> fill) {
+  impl_->AddRows(name, "|b1", shape, std::move(fill));
 }
 
 void NpzWriter::AddBools(const std::string& name,
@@ -442,8 +574,7 @@ void NpzWriter::Commit() {
   Zip archive(zip_open(impl_->file.partial().c_str(), ZIP_CREATE | ZIP_TRUNCATE, &code));
   if (archive == nullptr) fail(ZipErrorText(code).c_str());
   for (std::size_t i = 0; i < impl_->members.size(); ++i) {
-    const std::string& bytes = impl_->members[i];
-    zip_source_t* source = zip_source_buffer(archive.get(), bytes.data(), bytes.size(), 0);
+    zip_source_t* source = zip_source_function(archive.get(), Rows::Answer, &impl_->members[i]);
     if (source == nullptr) fail(zip_strerror(archive.get()));
     const zip_int64_t index =
         zip_file_add(archive.get(), impl_->names[i].c_str(), source, ZIP_FL_ENC_UTF_8);

@@ -3,6 +3,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <span>
 #include <string>
@@ -59,6 +60,15 @@ class NpzWriter {
   void Add(const std::string& name,
            std::span<const std::size_t> shape,
            std::span<const std::int64_t>);
+  // An array that is never held whole: Commit asks for each index of the first axis, in order, what
+  // lies behind it. `fill` throws nothing.
+  template <typename T>  // double, float, std::uint8_t (as NumPy's bool)
+  using FillRow = std::function<void(std::size_t row, std::span<T> values)>;
+  void AddRows(const std::string& name, std::span<const std::size_t> shape, FillRow<double> fill);
+  void AddRows(const std::string& name, std::span<const std::size_t> shape, FillRow<float> fill);
+  void AddBoolRows(const std::string& name,
+                   std::span<const std::size_t> shape,
+                   FillRow<std::uint8_t> fill);
   // Bytes 0 and 1, as NumPy's bool.
   void AddBools(const std::string& name,
                 std::span<const std::size_t> shape,

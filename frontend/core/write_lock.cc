@@ -113,6 +113,18 @@ std::optional<WriteLock> WriteLock::TryOf(const fs::path& path) {
   return lock;
 }
 
+WriteLock WriteLock::Await(const fs::path& path) {
+  WriteLock lock(open(path.c_str(), O_RDWR | O_CREAT | O_NOFOLLOW | O_CLOEXEC, 0644));
+  int status = -1;
+  if (lock.descriptor_ >= 0) {
+    do {
+      status = flock(lock.descriptor_, LOCK_EX);
+    } while (status != 0 && errno == EINTR);
+  }
+  if (status != 0) ThrowError("cannot lock {}: {}", path.string(), std::strerror(errno));
+  return lock;
+}
+
 WriteLock& WriteLock::operator=(WriteLock&& other) noexcept {
   std::swap(descriptor_, other.descriptor_);
   return *this;

@@ -21,6 +21,10 @@ class WriteLock {
   // The same without waiting: none if another run holds it.
   static std::optional<WriteLock> TryOf(const std::filesystem::path& path);
 
+  // An empty file that is there for this alone, made where it is missing and left behind: waits for as
+  // long as another run holds it. Throws Error where there are no locks.
+  static WriteLock Await(const std::filesystem::path& path);
+
   WriteLock(WriteLock&& other) noexcept : descriptor_(other.descriptor_) { other.descriptor_ = -1; }
   WriteLock& operator=(WriteLock&& other) noexcept;
   ~WriteLock();

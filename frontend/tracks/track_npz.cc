@@ -355,35 +355,47 @@ void WriteTracksNpz(const fs::path& path, const TrackFile& file) {
   }
   const std::size_t shape[] = {file.frames.size(), columns, 2};
   const std::size_t covariance_shape[] = {file.frames.size(), columns, 3};
-  const std::size_t cells = file.frames.size() * columns;
-  std::vector<double> tracks(2 * cells, kNaN);
-  std::vector<std::uint8_t> visible(cells, 0);
-  std::vector<double> residuals(cells, kNaN);
-  std::vector<float> covariances(3 * cells, std::numeric_limits<float>::quiet_NaN());
   std::vector<std::int64_t> track_ids;
   std::vector<std::int64_t> frame_indices;
   for (const FeatureId feature : features) track_ids.push_back(ToInt(feature));
-  for (std::size_t t = 0; t < file.frames.size(); ++t) {
-    frame_indices.push_back(ToInt(file.frames[t].index));
+  for (const FrameInfo& frame : file.frames) frame_indices.push_back(ToInt(frame.index));
+  // Frame by frame: most of the cells of a long clip are empty, and all together may be many GB.
+  const auto each = [&](std::size_t t, const auto& visit) {
     auto column = features.begin();
     for (const Observation* o : file.tracks.InFrame(file.frames[t].index)) {
       column = std::lower_bound(column, features.end(), o->feature);
-      const std::size_t cell = t * columns + static_cast<std::size_t>(column - features.begin());
-      tracks[2 * cell] = o->xy.x();
-      tracks[2 * cell + 1] = o->xy.y();
-      visible[cell] = IsObserved(*o) ? 1 : 0;
-      residuals[cell] = o->residual;
-      if (!o->covariance) continue;
-      covariances[3 * cell] = o->covariance->xx;
-      covariances[3 * cell + 1] = o->covariance->xy;
-      covariances[3 * cell + 2] = o->covariance->yy;
+      visit(static_cast<std::size_t>(column - features.begin()), *o);
     }
-  }
+  };
   NpzWriter npz(path);
-  npz.Add("tracks", shape, std::span<const double>(tracks));
-  npz.AddBools("visibility", std::span(shape).first(2), visible);
-  npz.Add("residual", std::span(shape).first(2), std::span<const double>(residuals));
-  npz.Add("covariance", covariance_shape, std::span<const float>(covariances));
+  npz.AddRows("tracks", shape, [&](std::size_t t, std::span<double> xy) {
+    std::ranges::fill(xy, kNaN);
+    each(t, [&](std::size_t column, const Observation& o) {
+      xy[2 * column] = o.xy.x();
+      xy[2 * column + 1] = o.xy.y();
+    });
+  });
+  npz.AddBoolRows(
+      "visibility", std::span(shape).first(2), [&](std::size_t t, std::span<std::uint8_t> visible) {
+        std::ranges::fill(visible, 0);
+        each(t, [&](std::size_t column, const Observation& o) {
+          visible[column] = IsObserved(o) ? 1 : 0;
+        });
+      });
+  npz.AddRows(
+      "residual", std::span(shape).first(2), [&](std::size_t t, std::span<double> residuals) {
+        std::ranges::fill(residuals, kNaN);
+        each(t, [&](std::size_t column, const Observation& o) { residuals[column] = o.residual; });
+      });
+  npz.AddRows("covariance", covariance_shape, [&](std::size_t t, std::span<float> covariances) {
+    std::ranges::fill(covariances, std::numeric_limits<float>::quiet_NaN());
+    each(t, [&](std::size_t column, const Observation& o) {
+      if (!o.covariance) return;
+      covariances[3 * column] = o.covariance->xx;
+      covariances[3 * column + 1] = o.covariance->xy;
+      covariances[3 * column + 2] = o.covariance->yy;
+    });
+  });
   npz.Add("track_ids", std::span(shape).subspan(1, 1), std::span<const std::int64_t>(track_ids));
   npz.Add("frame_indices", std::span(shape).first(1), std::span<const std::int64_t>(frame_indices));
   npz.Commit();

@@ -2,10 +2,10 @@
 
 #include <nlohmann/json.hpp>
 
+#include "frontend/core/write_lock.h"
 #include "pipelines/console/messages.h"
 #include "pipelines/console/version.h"
 #include "pipelines/experiment/collection.h"
-#include "pipelines/experiment/file_lock.h"
 #include "pipelines/experiment/paper_tables.h"
 #include "pipelines/report/headline_output.h"
 #include "pipelines/report/report.h"
@@ -33,7 +33,7 @@ void RunCompare(const ExperimentOptions& options) {
   const ExperimentPlan plan = RunCells(options);
   const std::filesystem::path out = options.out;
   // Shards may end together: the last to write has seen what all others finished.
-  const FileLock lock(out / "cells" / "results.lock");
+  const WriteLock lock = WriteLock::Await(out / "cells" / "results.lock");
   const ExperimentResults results = CollectResults(plan);
   const auto headline = MakeHeadline(results);
   WriteResultsCsv(out / "results.csv", results);

@@ -16,10 +16,10 @@
 
 #include "frontend/core/error.h"
 #include "frontend/core/stopwatch.h"
+#include "frontend/core/write_lock.h"
 #include "pipelines/console/interrupt.h"
 #include "pipelines/console/messages.h"
 #include "pipelines/console/progress_bar.h"
-#include "pipelines/experiment/file_lock.h"
 #include "pipelines/json/json_file.h"
 #include "pipelines/sfm/fingerprint.h"
 
@@ -60,8 +60,8 @@ bool IsDone(const Task& task) {
   const Stopwatch stopwatch;
   int exit_code = 0;
   try {
-    std::optional<FileLock> lock;
-    if (task.shared) lock.emplace(task.result.string() + ".lock");
+    std::optional<WriteLock> lock;
+    if (task.shared) lock = WriteLock::Await(task.result.string() + ".lock");
     if (!task.shared || !IsDone(task)) {
       Json figures;
       Json error;

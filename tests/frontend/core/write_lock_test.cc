@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <atomic>
 #include <chrono>
 #include <filesystem>
 #include <optional>
@@ -76,6 +77,24 @@ TEST(WriteLock, IsSharedByThoseWhoSaySo) {
   const WriteLock first = WriteLock::Of(dir.path(), true);
   const WriteLock second = WriteLock::Of(dir.path(), true);
   EXPECT_FALSE(WriteLock::TryOf(dir.path()));
+}
+
+TEST(WriteLock, AQueueWaitsForAsLongAsItTakes) {
+  const test::TempDir dir;
+  std::optional<WriteLock> first = WriteLock::Await(dir / "lock");
+  std::atomic<bool> entered = false;
+  std::jthread second([&] {
+    const WriteLock lock = WriteLock::Await(dir / "lock");
+    entered = true;
+  });
+  std::this_thread::sleep_for(std::chrono::milliseconds(50));
+  EXPECT_FALSE(entered);
+  first.reset();
+  second.join();
+  EXPECT_TRUE(entered);
+  EXPECT_EQ(ReadBytes(dir / "lock"), "");
+  EXPECT_THAT([&] { WriteLock::Await(dir / "no/lock"); },
+              ThrowsMessage<Error>(HasSubstr("no/lock")));
 }
 
 }  // namespace
