@@ -37,8 +37,8 @@ struct Workspace {
   fs::path images;  // COLMAP wants an existing folder even if it reads no image
 
   // Absolute: COLMAP takes a path that begins with a dash for an option.
-  Workspace(const fs::path& work_dir, const TrackFile& file)
-      : folder(fs::absolute(work_dir)),
+  Workspace(const fs::path& work_folder, const TrackFile& file)
+      : folder(fs::absolute(work_folder)),
         database(folder / "database.db"),
         log(folder / "colmap.log") {
     std::error_code error;
@@ -305,12 +305,12 @@ std::string DescribeEnd(const ColmapProgram& program,
 
 ColmapResult ReconstructWithColmap(const TrackFile& tracked,
                                    const ColmapOptions& options,
-                                   const fs::path& work_dir) {
+                                   const fs::path& work_folder) {
   ValidateOptions(options);
   const TrackFile file = WithoutWeakObservations(tracked, options.database.max_relative_sigma);
   const Stopwatch total;
   ColmapProgram program(options.program, options.max_minutes);
-  const Workspace workspace(work_dir, file);
+  const Workspace workspace(work_folder, file);
 
   ColmapResult result;
   result.log = workspace.log;
@@ -354,12 +354,12 @@ ColmapResult ReconstructWithColmap(const TrackFile& tracked,
 ColmapResult AdjustWithColmap(const TrackFile& tracked,
                               const Reconstruction& start,
                               const ColmapOptions& options,
-                              const fs::path& work_dir) {
+                              const fs::path& work_folder) {
   ValidateOptions(options);
   const TrackFile file = WithoutWeakObservations(tracked, options.database.max_relative_sigma);
   const Stopwatch total;
   ColmapProgram program(options.program, options.max_minutes);
-  const Workspace workspace(work_dir, file);
+  const Workspace workspace(work_folder, file);
   ColmapResult result;
   result.log = workspace.log;
   Reconstruction model = start;
@@ -386,7 +386,7 @@ ColmapResult AdjustWithColmap(const TrackFile& tracked,
 ColmapResult TriangulateWithColmap(const TrackFile& tracked,
                                    const std::map<FrameIndex, Rigid3>& cam_from_world,
                                    const ColmapOptions& options,
-                                   const fs::path& work_dir) {
+                                   const fs::path& work_folder) {
   ValidateOptions(options);
   const TrackFile file = WithoutWeakObservations(tracked, options.database.max_relative_sigma);
   if (!file.KnowsCamera()) {
@@ -394,7 +394,7 @@ ColmapResult TriangulateWithColmap(const TrackFile& tracked,
   }
   const Stopwatch total;
   ColmapProgram program(options.program, options.max_minutes);
-  const Workspace workspace(work_dir, file);
+  const Workspace workspace(work_folder, file);
   ColmapResult result;
   result.log = workspace.log;
 

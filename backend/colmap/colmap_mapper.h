@@ -70,12 +70,12 @@ struct ColmapResult {
 // intrinsics kept where they are known. What counts is what registered: COLMAP's exit code says
 // nothing of that. Of a feature that it gave two points (one of them of false matches, which can
 // bend a camera) one is kept, and COLMAP's bundle_adjuster runs once more to the optimum.
-// `work_dir` is made if missing and keeps database.db, the log and COLMAP's models; what an earlier
+// `work_folder` is made if missing and keeps database.db, the log and COLMAP's models; what an earlier
 // run left there is replaced. A clip that does not reconstruct is a result that says why; throws
-// Error without a usable colmap program or where work_dir cannot be written.
+// Error without a usable colmap program or where work_folder cannot be written.
 ColmapResult ReconstructWithColmap(const TrackFile& tracked,
                                    const ColmapOptions& options,
-                                   const std::filesystem::path& work_dir);
+                                   const std::filesystem::path& work_folder);
 
 // COLMAP's bundle_adjuster alone, from a model of the same tracks by another program (ids of its
 // points are the tracks'), to the optimum of COLMAP's cost: all observations that its mapper would
@@ -83,7 +83,7 @@ ColmapResult ReconstructWithColmap(const TrackFile& tracked,
 ColmapResult AdjustWithColmap(const TrackFile& tracked,
                               const Reconstruction& start,
                               const ColmapOptions& options,
-                              const std::filesystem::path& work_dir);
+                              const std::filesystem::path& work_folder);
 
 // Points alone, by COLMAP's point_triangulator from poses that are given and kept (true ones:
 // isolates the tracks from the solver). All frames with a pose count as registered; the camera of
@@ -91,6 +91,6 @@ ColmapResult AdjustWithColmap(const TrackFile& tracked,
 ColmapResult TriangulateWithColmap(const TrackFile& tracked,
                                    const std::map<FrameIndex, Rigid3>& cam_from_world,
                                    const ColmapOptions& options,
-                                   const std::filesystem::path& work_dir);
+                                   const std::filesystem::path& work_folder);
 
 }  // namespace cohort

@@ -32,6 +32,7 @@ constexpr std::size_t kMaxHeaderBytes = 1 << 16;
 constexpr std::size_t kMaxDimensions = 64;                // NumPy's
 constexpr std::size_t kMaxValues = std::size_t{1} << 30;  // 8 GB in memory
 constexpr std::size_t kChunkBytes = 1 << 20;
+constexpr zip_uint32_t kDeflateLevel = 6;
 constexpr std::uint64_t kMaxDeflateRatio = 1040;  // what deflate can reach, and a little more
 
 // ---- the types of NumPy ----
@@ -585,6 +586,9 @@ void NpzWriter::Commit() {
     // 1980-01-01, the first day of zip: the same arrays are the same bytes.
     constexpr zip_uint16_t kFirstDay = (1 << 5) | 1;
     zip_file_set_dostime(archive.get(), static_cast<zip_uint64_t>(index), 0, kFirstDay, 0);
+    // NumPy's level: libzip's own, 9, is ten times slower on empty cells, for a twentieth of the size.
+    zip_set_file_compression(
+        archive.get(), static_cast<zip_uint64_t>(index), ZIP_CM_DEFLATE, kDeflateLevel);
   }
   if (zip_close(archive.get()) != 0) fail(zip_strerror(archive.get()));
   static_cast<void>(archive.release());  // closed

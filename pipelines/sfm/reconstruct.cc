@@ -89,8 +89,8 @@ bool MayBeStuck(const TrackSet& tracks,
 
 ReconstructResult MapByColmap(const TrackFile& file,
                               const ColmapOptions& options,
-                              const fs::path& work_dir) {
-  ColmapResult model = ReconstructWithColmap(file, options, work_dir);
+                              const fs::path& work_folder) {
+  ColmapResult model = ReconstructWithColmap(file, options, work_folder);
   return {std::move(model.reconstruction), std::move(model.summary), {}, std::nullopt};
 }
 
@@ -99,11 +99,11 @@ ReconstructResult MapByColmap(const TrackFile& file,
 ReconstructResult MapOrAdjust(const TrackFile& file,
                               const MapperResult& by_ceres,
                               const ReconstructOptions& options,
-                              const fs::path& work_dir) {
-  ReconstructResult mapped = MapByColmap(file, options.colmap, work_dir);
+                              const fs::path& work_folder) {
+  ReconstructResult mapped = MapByColmap(file, options.colmap, work_folder);
   if (!options.ceres_start || !MayBeStuck(file.tracks, mapped, by_ceres)) return mapped;
   ColmapResult adjusted =
-      AdjustWithColmap(file, by_ceres.reconstruction, options.colmap, work_dir / "from_ceres");
+      AdjustWithColmap(file, by_ceres.reconstruction, options.colmap, work_folder / "from_ceres");
   const Reconstruction& model = adjusted.reconstruction;
   if (model.cam_from_world.empty()) return mapped;
   if (!mapped.summary.Failed() && Misfit(file.tracks, model, mapped.reconstruction) >
@@ -118,16 +118,16 @@ ReconstructResult MapOrAdjust(const TrackFile& file,
 
 ReconstructResult ReconstructByColmap(TrackFile file,
                                       ReconstructOptions options,
-                                      const fs::path& work_dir,
+                                      const fs::path& work_folder,
                                       const StageProgress& progress) {
   // Tracks of pictures that came from no file have none to write.
   if (file.image_root.empty() && !file.source.empty() && options.write_frames) {
-    fs::create_directories(work_dir);
-    WriteVideoFrames(file, work_dir / "images", progress);
-    file.image_root = (work_dir / "images").string();
+    fs::create_directories(work_folder);
+    WriteVideoFrames(file, work_folder / "images", progress);
+    file.image_root = (work_folder / "images").string();
   }
   if (!options.global_shutter && !options.ceres_start) {
-    return MapByColmap(file, options.colmap, work_dir);
+    return MapByColmap(file, options.colmap, work_folder);
   }
   const MapperResult by_ceres = ReconstructWithCeres(file, options.ceres);
   if (options.ceres_start && !file.KnowsCamera() && !by_ceres.summary.Failed()) {
@@ -135,12 +135,12 @@ ReconstructResult ReconstructByColmap(TrackFile file,
     options.colmap.hold_guess = true;
   }
   if (!options.global_shutter || by_ceres.reconstruction.readout == 0.0) {
-    return MapOrAdjust(file, by_ceres, options, work_dir);
+    return MapOrAdjust(file, by_ceres, options, work_folder);
   }
   ReconstructResult result =
-      MapOrAdjust(AsGlobalShutter(file, by_ceres.reconstruction), by_ceres, options, work_dir);
+      MapOrAdjust(AsGlobalShutter(file, by_ceres.reconstruction), by_ceres, options, work_folder);
   // A bent model of Ceres' may correct what was right.
-  if (result.summary.Failed()) return MapOrAdjust(file, by_ceres, options, work_dir);
+  if (result.summary.Failed()) return MapOrAdjust(file, by_ceres, options, work_folder);
   ShowAsSeen(file.tracks, by_ceres.reconstruction.readout, result.reconstruction);
   return result;
 }

@@ -6,7 +6,11 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cstdint>
 #include <limits>
+#include <span>
+#include <vector>
 
 #include "frontend/core/error.h"
 #include "frontend/core/output.h"
@@ -82,6 +86,18 @@ TEST(Npz, NumpyReadsWhatIsWritten) {
     const std::vector<std::int64_t> integers{-1, std::int64_t{1} << 62};
     npz.Add("reals", shape, std::span<const double>(reals));
     npz.Add("floats", shape, std::span<const float>(floats));
+    npz.AddRows("rows", shape, [](std::size_t row, std::span<double> values) {
+      std::ranges::fill(values, 0.5 + static_cast<double>(row));
+    });
+    // Larger than what libzip asks for at a time.
+    const std::size_t large[] = {3, 5000, 2};
+    npz.AddRows("large", large, [](std::size_t row, std::span<float> values) {
+      for (std::size_t i = 0; i < values.size(); ++i) {
+        values[i] = static_cast<float>(row * values.size() + i);
+      }
+    });
+    const std::size_t none[] = {2, 0};
+    npz.AddBoolRows("none", none, [](std::size_t, std::span<std::uint8_t>) {});
     npz.Add("integers", std::span(shape).first(1), std::span<const std::int64_t>(integers));
     npz.AddBools("bools", std::span(shape).first(1), std::vector<std::uint8_t>{1, 0});
     npz.AddTexts("texts", std::vector<std::string>{"a", "b/\xC3\xA9.png", ""});
@@ -93,10 +109,14 @@ TEST(Npz, NumpyReadsWhatIsWritten) {
                      "print(z['reals'].tolist(), z['reals'].dtype)\n"
                      "print(z['floats'].tolist(), z['floats'].dtype)\n"
                      "print(z['integers'].tolist(), z['bools'].tolist(), z['bools'].dtype)\n"
+                     "print(z['rows'].tolist(), z['large'].dtype, z['large'].shape)\n"
+                     "print((z['large'].ravel() == np.arange(30000)).all(), z['none'].shape)\n"
                      "print(ascii([text.decode() for text in z['texts']]))"),
             "[[0.1, -1.0, 5e-324], [1e+308, 0.0, 3.0]] float64\n"
             "[[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]] float32\n"
             "[-1, 4611686018427387904] [True, False] bool\n"
+            "[[0.5, 0.5, 0.5], [1.5, 1.5, 1.5]] float32 (3, 5000, 2)\n"
+            "True (2, 0)\n"
             "['a', 'b/\\xe9.png', '']\n");
   write("b.npz");
   EXPECT_EQ(ReadBytes(dir / "a.npz"), ReadBytes(dir / "b.npz"));
