@@ -268,7 +268,12 @@ ColmapCamera ReadCameras(SqliteDatabase& db, const std::filesystem::path& path) 
         "(colmap feature_extractor --ImageReader.single_camera 1)",
         path.string());
   }
-  if (!camera) ThrowError("COLMAP database {} has no camera", path.string());
+  if (!camera) {
+    const bool has_images = db.Prepare("SELECT 1 FROM images").Step();
+    ThrowError("COLMAP database {} has no {}: run colmap feature_extractor and a matcher on it",
+               path.string(),
+               has_images ? "camera of its images" : "images");
+  }
   return *camera;
 }
 

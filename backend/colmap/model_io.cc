@@ -105,10 +105,10 @@ class TextReader {
   bool NextLine(bool may_be_empty = false) {
     while (std::getline(stream_, line_)) {
       ++number_;
-      if (!line_.empty() && line_.back() == '\r') line_.pop_back();
+      Trim();
       position_ = 0;
       if (!line_.empty() && line_[0] == '#') continue;
-      if (may_be_empty || line_.find_first_not_of(' ') != std::string::npos) return true;
+      if (may_be_empty || !line_.empty()) return true;
     }
     return false;
   }
@@ -147,6 +147,13 @@ class TextReader {
   }
 
  private:
+  // As COLMAP does: blanks at a line's ends belong neither to a comment nor to a name.
+  void Trim() {
+    constexpr const char* kBlanks = " \t\r";
+    line_.erase(0, std::min(line_.find_first_not_of(kBlanks), line_.size()));
+    line_.erase(line_.find_last_not_of(kBlanks) + 1);
+  }
+
   fs::path path_;
   std::istringstream stream_;
   std::string line_;

@@ -14,6 +14,7 @@
 #include "frontend/core/statistics.h"
 #include "frontend/core/stopwatch.h"
 #include "frontend/image/read_image.h"
+#include "frontend/image/write_image.h"
 
 namespace cohort {
 namespace {
@@ -61,8 +62,7 @@ void WriteFrames(const TrackFile& clip, const SiftOptions& options, const fs::pa
     } else {
       picture.convertTo(out, CV_8U);
     }
-    const fs::path written = folder / NameInWork(frame);
-    if (!cv::imwrite(written.string(), out)) ThrowError("cannot write {}", written.string());
+    WriteImage(folder / NameInWork(frame), out);
   }
 }
 

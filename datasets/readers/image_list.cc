@@ -5,6 +5,7 @@
 #include "datasets/readers/gray_image.h"
 #include "frontend/core/error.h"
 #include "frontend/core/input_file.h"
+#include "frontend/core/input_record.h"
 #include "frontend/image/read_image.h"
 
 namespace cohort {
@@ -24,6 +25,7 @@ class ImageListSequence final : public Sequence {
                  range.first);
     }
     for (const ImageList::Image& image : list_.images) {
+      InputRecord::Add(list_.root / image.name);  // before hours of work, not when it is read
       if (const std::string fault = FaultOfPictureName(image.name); !fault.empty()) {
         ThrowError("{}: the name of picture '{}' {}: rename it", list_.name, image.name, fault);
       }

@@ -8,6 +8,7 @@
 
 #include "frontend/core/error.h"
 #include "frontend/geometry/camera_text.h"
+#include "frontend/image/write_image.h"
 
 namespace cohort {
 namespace {
@@ -21,9 +22,7 @@ std::string Seconds(std::int64_t timestamp_ns) {
 }
 
 void WritePng(const std::filesystem::path& file, const cv::Mat& picture) {
-  std::vector<std::uint8_t> bytes;
-  cv::imencode(".png", picture, bytes, {cv::IMWRITE_PNG_COMPRESSION, 1});
-  WriteBytes(file, {reinterpret_cast<const char*>(bytes.data()), bytes.size()});
+  WriteImage(file, picture, {cv::IMWRITE_PNG_COMPRESSION, 1});
 }
 
 cv::Mat DepthUnits(const cv::Mat& depth_m) {

@@ -119,7 +119,8 @@ ProgramEnd RunProgram(const fs::path& program,
   if (child == 0) {
     // Only calls that are safe after fork in a program with threads.
     prctl(PR_SET_PDEATHSIG, SIGKILL);
-    signal(SIGPIPE, SIG_DFL);             // we ignore it, others count on it
+    signal(SIGPIPE, SIG_DFL);  // we ignore it, others count on it
+    signal(SIGXFSZ, SIG_DFL);
     if (getppid() != parent) _exit(127);  // it died before the line above
     dup2(null.get(), STDIN_FILENO);
     dup2(output, STDOUT_FILENO);

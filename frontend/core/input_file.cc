@@ -9,6 +9,7 @@
 #include <cstring>
 
 #include "frontend/core/error.h"
+#include "frontend/core/input_record.h"
 
 namespace cohort {
 namespace {
@@ -43,6 +44,7 @@ void CheckInputFile(const fs::path& path) {
     ThrowUnreadable(path, errno);
   }
   CheckIsFile(path, status);
+  InputRecord::Add(path);
 }
 
 std::ifstream OpenInputFile(const fs::path& path) {
@@ -61,6 +63,7 @@ Descriptor OpenInputDescriptor(const fs::path& path) {
     close(fd);
     CheckIsFile(path, status);
   }
+  InputRecord::Add(path);
   return Descriptor(fd);
 }
 

@@ -17,7 +17,8 @@ namespace cohort {
 inline constexpr std::uint64_t kMaxWholeFileBytes = std::uint64_t{1} << 32;
 
 // Throws Error naming the path unless it is a file that may be read. A pipe would be waited for, a
-// device may have no end: neither is a file.
+// device may have no end: neither is a file. What is read, here and below, no output of the program
+// takes the place of (InputRecord).
 void CheckInputFile(const std::filesystem::path& path);
 
 // The same, opened.

@@ -14,6 +14,7 @@
 #include <functional>
 #include <limits>
 #include <optional>
+#include <system_error>
 
 #include "frontend/core/error.h"
 #include "frontend/core/input_file.h"
@@ -442,7 +443,21 @@ class Rows {
 }  // namespace
 
 struct NpzWriter::Impl {
-  explicit Impl(const fs::path& path) : file(path), path(path) {}
+  explicit Impl(const fs::path& path) : file(path), path(path) { RemoveLeftovers(); }
+
+  // libzip writes PARTIAL.XXXXXX, then renames it; a run that was killed left it.
+  void RemoveLeftovers() const {
+    const std::string begin = file.partial().filename().string() + ".";
+    std::error_code error;
+    std::vector<fs::path> leftovers;
+    for (const auto& entry : fs::directory_iterator(fs::absolute(path).parent_path(), error)) {
+      const std::string name = entry.path().filename().string();
+      if (name.starts_with(begin) && name.size() == begin.size() + 6) {
+        leftovers.push_back(entry.path());
+      }
+    }
+    for (const fs::path& leftover : leftovers) fs::remove(leftover, error);
+  }
 
   void AddRows(const std::string& name,
                const std::string& descr,

@@ -8,10 +8,13 @@
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
+#include <map>
 #include <memory>
+#include <system_error>
 #include <utility>
 
 #include "frontend/core/error.h"
+#include "frontend/core/input_record.h"
 
 namespace cohort {
 namespace {
@@ -31,6 +34,20 @@ void CheckParent(const fs::path& path) {
   if (access(parent.c_str(), W_OK) != 0) {
     ThrowError(
         "cannot write {}: folder {}: {}", path.string(), parent.string(), std::strerror(errno));
+  }
+}
+
+// Of /dev and /proc files can be made, and a device or the link to a stream replaced: by root at least.
+bool IsOfTheSystem(const fs::path& path) {
+  std::error_code error;
+  const std::string folder = fs::canonical(fs::absolute(path).parent_path(), error).string() + "/";
+  return folder.starts_with("/proc/") ||
+         (folder.starts_with("/dev/") && !folder.starts_with("/dev/shm/"));
+}
+
+void CheckIsNoInput(const fs::path& path) {
+  if (InputRecord::Holds(path)) {
+    ThrowError("cannot write {}: this run reads that file; give another name", path.string());
   }
 }
 
@@ -63,6 +80,7 @@ OutputFile::~OutputFile() {
 }
 
 void OutputFile::Commit() {
+  CheckIsNoInput(path_);  // once more: what came later
   Rename(partial_, path_);
   committed_ = true;
 }
@@ -83,6 +101,7 @@ OutputFolder::OutputFolder(fs::path path, const std::vector<std::string>& own_na
       }
     }
   }
+  CheckFolderHoldsNoInput(path_);
   lock_ = WriteLock::OfNewFolder(partial_);
 }
 
@@ -92,6 +111,7 @@ OutputFolder::~OutputFolder() {
 
 void OutputFolder::Commit() {
   if (fs::exists(path_)) {
+    CheckFolderHoldsNoInput(path_);
     // Swapped in one step, so that there is a whole folder at every moment; file systems that
     // cannot do that get two renames.
     if (renameat2(AT_FDCWD, partial_.c_str(), AT_FDCWD, path_.c_str(), RENAME_EXCHANGE) == 0) {
@@ -114,7 +134,38 @@ void OutputFolder::Commit() {
 
 void CheckOutputPath(const fs::path& path) {
   if (fs::is_directory(path)) ThrowError("cannot write {}: it is a folder", path.string());
+  if (IsOfTheSystem(path) || (fs::exists(path) && !fs::is_regular_file(path))) {
+    ThrowError(
+        "cannot write {}: it is no file, but a pipe, a socket or a device; give a name of a file",
+        path.string());
+  }
   CheckParent(path);
+  CheckIsNoInput(path);
+}
+
+void CheckFolderHoldsNoInput(const fs::path& folder) {
+  if (const auto file = InputRecord::FindBelow(folder)) {
+    ThrowError("cannot replace folder {}: this run reads {}; give another folder",
+               folder.string(),
+               file->string());
+  }
+}
+
+void CheckDistinctOutputs(
+    std::initializer_list<std::pair<std::string_view, std::filesystem::path>> outputs) {
+  std::map<fs::path, std::string_view> options;
+  for (const auto& [option, path] : outputs) {
+    if (path.empty()) continue;
+    // A link in the place of an output is replaced, not followed.
+    const fs::path folder = fs::weakly_canonical(fs::absolute(path).parent_path());
+    const auto [other, is_new] = options.emplace(folder / path.filename(), option);
+    if (!is_new) {
+      ThrowUsageError("{} and {} are both {}: give each a name of its own",
+                      other->second,
+                      option,
+                      path.string());
+    }
+  }
 }
 
 void WriteBytes(const fs::path& path, std::string_view bytes) {
@@ -122,7 +173,8 @@ void WriteBytes(const fs::path& path, std::string_view bytes) {
   const bool written = file != nullptr &&
                        std::fwrite(bytes.data(), 1, bytes.size(), file.get()) == bytes.size() &&
                        std::fflush(file.get()) == 0;
-  if (!written) ThrowError("cannot write {}: {}", path.string(), std::strerror(errno));
+  const bool closed = file != nullptr && std::fclose(file.release()) == 0;
+  if (!written || !closed) ThrowError("cannot write {}: {}", path.string(), std::strerror(errno));
 }
 
 }  // namespace cohort

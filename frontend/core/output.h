@@ -1,9 +1,11 @@
 #pragma once
 
 #include <filesystem>
+#include <initializer_list>
 #include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "frontend/core/input_file.h"
@@ -20,7 +22,8 @@ namespace cohort {
 //   out.Commit();
 class OutputFile {
  public:
-  // Throws at once where the folder is missing or not writable, or the path is a folder.
+  // Throws at once where the folder is missing or not writable, the path is a folder, a pipe, a socket
+  // or a device, or the run reads this very file (InputRecord; Commit looks again).
   explicit OutputFile(std::filesystem::path path);
   OutputFile(const OutputFile&) = delete;
   OutputFile& operator=(const OutputFile&) = delete;
@@ -37,7 +40,7 @@ class OutputFile {
 };
 
 // The same for a folder. An existing folder is replaced whole; so that a slip of the hand deletes
-// nothing, one that holds an entry not in `own_names` is refused at once.
+// nothing, one that holds an entry not in `own_names`, or a file that the run reads, is refused at once.
 class OutputFolder {
  public:
   OutputFolder(std::filesystem::path path, const std::vector<std::string>& own_names);
@@ -57,6 +60,13 @@ class OutputFolder {
 
 // What OutputFile checks at once, for those who write a file in another way.
 void CheckOutputPath(const std::filesystem::path& path);
+
+// The same for those who replace a folder in another way.
+void CheckFolderHoldsNoInput(const std::filesystem::path& folder);
+
+// Throws UsageError where two options name the same file; empty ones are not given.
+void CheckDistinctOutputs(
+    std::initializer_list<std::pair<std::string_view, std::filesystem::path>> outputs);
 
 // Writes bytes to a file in place; for whole or not at all write OutputFile's partial().
 void WriteBytes(const std::filesystem::path& path, std::string_view bytes);

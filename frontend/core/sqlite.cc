@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cstring>
 #include <limits>
 
 #include "frontend/core/error.h"
@@ -95,11 +96,19 @@ std::string UriOf(const fs::path& path) {
   return uri;
 }
 
+// SQLite's words, and where a file could not be opened the system's, which say why.
+std::string WhatSqliteSays(sqlite3* db) {
+  const std::string what = sqlite3_errmsg(db);
+  const int reason = sqlite3_system_errno(db);  // stays there after later errors of other kinds
+  const bool tells = (sqlite3_errcode(db) & 0xFF) == SQLITE_CANTOPEN && reason != 0;
+  return tells ? what + ": " + std::strerror(reason) : what;
+}
+
 [[noreturn]] void ThrowSqlite(sqlite3* db) {
   const char* path = sqlite3_db_filename(db, "main");
   ThrowError("database {}: {}{}",
              path != nullptr ? path : "(unnamed)",
-             sqlite3_errmsg(db),
+             WhatSqliteSays(db),
              Advice(sqlite3_extended_errcode(db)));
 }
 
@@ -248,7 +257,7 @@ SqliteDatabase SqliteDatabase::Open(const fs::path& path, Mode mode) {
   if (result != SQLITE_OK) {
     ThrowError("database {}: {}",
                path.string(),
-               raw != nullptr ? sqlite3_errmsg(raw) : sqlite3_errstr(result));
+               raw != nullptr ? WhatSqliteSays(raw) : sqlite3_errstr(result));
   }
   // Files of others hold what they like: no code of theirs (views, triggers, functions in the schema)
   // is run, and what says of its own size that it is larger than its page is an error.

@@ -221,7 +221,7 @@ std::optional<Camera> ReadCamera(SqliteDatabase& db, const fs::path& path) {
 }
 
 SqliteDatabase OpenTracks(const fs::path& path) {
-  if (!fs::is_regular_file(path)) ThrowError("there is no file {}", path.string());
+  CheckInputFile(path);
   auto db = OpenToRead(path);
   if (!HoldsTracks(db)) ThrowError("{} is no .tracks file of cohort", path.string());
   if (db.UserVersion() < kVersion || db.UserVersion() > kNewestStore) {

@@ -7,6 +7,7 @@
 #include "backend/scene/bal.h"
 #include "backend/scene/mapper.h"
 #include "backend/scene/rolling_shutter.h"
+#include "frontend/core/output.h"
 #include "frontend/tracks/opensfm_tracks.h"
 #include "frontend/tracks/track_csv.h"
 #include "frontend/tracks/track_npz.h"
@@ -55,6 +56,12 @@ void RunExport(const ExportCommandOptions& options) {
   if (!options.bal.empty() && options.model.empty()) {
     ThrowUsageError("--bal is a problem of cameras and points: give their folder by --model");
   }
+  CheckDistinctOutputs({{"--colmap-database", options.colmap_database},
+                        {"--csv", options.csv},
+                        {"--npz", options.npz},
+                        {"--covariances", options.covariances},
+                        {"--opensfm", options.opensfm},
+                        {"--bal", options.bal}});
   const TrackFile file = TracksToExport(options);
   if (!options.colmap_database.empty()) ExportColmapDatabase(file, options);
   if (!options.csv.empty()) {

@@ -7,6 +7,8 @@
 
 #include "backend/colmap/model_io.h"
 #include "datasets/open_sequence.h"
+#include "frontend/core/input_record.h"
+#include "frontend/core/output.h"
 #include "frontend/tracks/track_store.h"
 #include "pipelines/console/progress_bar.h"
 #include "pipelines/console/table.h"
@@ -18,6 +20,7 @@ namespace cohort {
 namespace {
 
 void RefineTracks(const RefineCommandOptions& options) {
+  CheckDistinctOutputs({{"--out", options.out}, {"--json", options.json}});
   const TrackFile file = ReadTrackFile(options.tracks);
   const Reconstruction model = ReadModelFolder(options.model);
   if (model.points.empty()) {
@@ -38,6 +41,8 @@ void RefineTracks(const RefineCommandOptions& options) {
   SecondPass second = MeasureAgain(
       file, model, *sequence, ReadMask(mask), options.of_model.second_pass, ProgressBars());
   second.file.meta["refined_from"] = AbsolutePath(options.tracks);
+  // In the place of the old ones, where the same name is given.
+  if (options.out == options.tracks) InputRecord::Forget(options.out);
   WriteTrackFile(options.out, second.file);
 
   const SecondPassFigures& figures = second.figures;

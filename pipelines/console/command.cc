@@ -17,8 +17,10 @@
 #include <opencv2/core.hpp>
 #include <opencv2/core/utils/logger.hpp>
 #include <stdexcept>
+#include <system_error>
 
 #include "frontend/core/error.h"
+#include "frontend/core/input_record.h"
 #include "pipelines/console/messages.h"
 #include "pipelines/console/version.h"
 
@@ -90,6 +92,20 @@ int Fail(int exit_code, std::string_view prefix, std::string_view what) {
   return exit_code;
 }
 
+// The standard library's own text of it names calls of C++.
+std::string WhatFailed(const std::filesystem::filesystem_error& e) {
+  const std::string reason = e.code().message();
+  std::error_code error;
+  const bool is_gone =
+      std::filesystem::current_path(error).empty() && error == std::errc::no_such_file_or_directory;
+  if (is_gone && e.path1().is_relative()) {
+    return "the current folder is gone: change to another, or give absolute paths";
+  }
+  if (e.path1().empty()) return reason;
+  if (e.path2().empty()) return fmt::format("cannot use {}: {}", e.path1().string(), reason);
+  return fmt::format("cannot use {} and {}: {}", e.path1().string(), e.path2().string(), reason);
+}
+
 // A file that is opened while one of the standard streams is closed would get its number, and the
 // log or the table would be written into that file. Closed ones are opened so that writing fails.
 void OpenStandardStreams() {
@@ -109,6 +125,8 @@ int RunProgram(const std::vector<Command>& commands, std::span<const std::string
   try {
     OpenStandardStreams();
     signal(SIGPIPE, SIG_IGN);  // a reader who leaves does not end the work
+    signal(SIGXFSZ, SIG_IGN);  // a file that may not grow is a write that fails
+    const InputRecord record;
     SetUpLogging();
     const int exit_code = Dispatch(commands, arguments);
     if (std::fflush(stdout) != 0)
@@ -126,7 +144,7 @@ int RunProgram(const std::vector<Command>& commands, std::span<const std::string
     if (e.code == cv::Error::StsNoMem) return Fail(1, "", kOutOfMemory);
     return Fail(1, "internal: ", e.what());
   } catch (const std::filesystem::filesystem_error& e) {
-    return Fail(1, "", e.what());
+    return Fail(1, "", WhatFailed(e));
   } catch (const std::exception& e) {
     // fmt::print throws at a full disk.
     if (std::ferror(stdout) != 0) return Fail(1, "", "cannot write to standard output");

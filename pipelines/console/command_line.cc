@@ -8,6 +8,7 @@
 #include <numeric>
 #include <sstream>
 
+#include "frontend/core/input_record.h"
 #include "pipelines/json/json_file.h"
 
 namespace cohort {
@@ -305,7 +306,10 @@ ParseOutcome ParseCommandLine(const CommandLine& line,
   }
   if (!app.remaining().empty()) ThrowUnexpected(app, line, app.remaining().front());
 
-  if (!config.empty()) SetFromJson(entries, ReadJsonFile(config), config);
+  if (!config.empty()) {
+    SetFromJson(entries, ReadJsonFile(config), config);
+    InputRecord::Add(config);
+  }
   for (std::size_t i = 0; i < options.size(); ++i) Apply(options[i], bound[i]->results());
   if (quiet) spdlog::set_level(spdlog::level::warn);
   if (dump_config) {

@@ -8,6 +8,8 @@
 #include <nlohmann/json.hpp>
 #include <system_error>
 
+#include "frontend/core/input_record.h"
+#include "frontend/core/output.h"
 #include "frontend/core/write_lock.h"
 #include "pipelines/experiment/cell_rows.h"
 #include "pipelines/experiment/cell_tasks.h"
@@ -60,16 +62,31 @@ void CheckWhatIsFinished(const ExperimentOptions& options, const ExperimentPlan&
   }
 }
 
+// What is removed whole must be of an earlier run, and hold no input.
+void CheckCellsAreOurs(const ExperimentOptions& options, const fs::path& cells) {
+  for (const std::string& input : options.inputs) InputRecord::Add(input);
+  CheckFolderHoldsNoInput(cells);
+  if (!fs::is_directory(cells) || fs::is_empty(cells)) return;
+  for (const auto& entry : fs::directory_iterator(cells)) {
+    const std::string name = entry.path().filename().string();
+    if (name == "results.lock" || (name.starts_with("clip0") && name.ends_with(".json"))) return;
+  }
+  ThrowError("{} is in the way of the cells, and not of a comparison: give another --out",
+             cells.string());
+}
+
 }  // namespace
 
 ExperimentPlan RunCells(const ExperimentOptions& options) {
   ExperimentPlan plan = PlanWithoutClips(options);
+  const bool anew = !options.resume && !options.collect && options.shard.empty();
+  if (anew) CheckCellsAreOurs(options, plan.cells_folder);
   MakeFolder(plan.cells_folder);
   // Shards share a folder, and who collects may look at any time; two whole grids may not.
   const WriteLock lock = WriteLock::Of(options.out, options.collect || !options.shard.empty());
   const std::vector<GridClip> clips = ProbeClips(options, plan);
   // Not before the inputs are known to be good. Other shards may be at work in the same folder.
-  if (!options.resume && !options.collect && options.shard.empty()) {
+  if (anew) {
     fs::remove_all(plan.cells_folder);
     MakeFolder(plan.cells_folder);
   }

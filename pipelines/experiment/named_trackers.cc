@@ -6,6 +6,7 @@
 #include <set>
 #include <string_view>
 
+#include "frontend/core/input_record.h"
 #include "pipelines/experiment/parse_unsigned.h"
 #include "pipelines/json/json_file.h"
 #include "pipelines/json/option_list.h"
@@ -42,6 +43,7 @@ TrackerOptions NamedTracker(const std::string& name, const TrackerOptions& base)
   TrackerOptions options = base;
   if (name.ends_with(".json")) {
     SetFromJson(ListOptions(options), ReadJsonFile(name), name);
+    InputRecord::Add(name);
     return options;
   }
   for (const auto& [text, kind] : kTrackerNames) {

@@ -7,6 +7,8 @@
 #include <opencv2/core/utility.hpp>
 #include <utility>
 
+#include "frontend/core/input_record.h"
+#include "frontend/core/output.h"
 #include "frontend/core/stopwatch.h"
 #include "frontend/core/worker.h"
 #include "frontend/geometry/camera_text.h"
@@ -177,6 +179,7 @@ TrackFile RunSecondPass(TrackFile file,
 
 std::optional<TrackFigures> RunTrackJob(const TrackJobOptions& options) {
   cv::setNumThreads(options.threads == 0 ? -1 : options.threads);
+  CheckDistinctOutputs({{"--out", options.out}, {"--json", options.json}});
   const auto sequence = OpenInput(options.input);
   const cv::Mat mask = ReadMask(options.mask);
   SequenceTracker tracker(*sequence,
@@ -191,6 +194,7 @@ std::optional<TrackFigures> RunTrackJob(const TrackJobOptions& options) {
     return std::nullopt;
   }
   TrackFigures figures;
+  if (options.resume) InputRecord::Forget(options.out);  // it was looked at
   if (!earlier.complete) {
     TrackWriter writer = earlier.last_frame ? TrackWriter::Resume(options.out)
                                             : TrackWriter::Create(options.out, header);
@@ -205,6 +209,7 @@ std::optional<TrackFigures> RunTrackJob(const TrackJobOptions& options) {
     const Stopwatch stopwatch;
     TrackFile file = ReadTrackFile(options.out);
     file = RunSecondPass(std::move(file), *sequence, mask, options.second_pass);
+    InputRecord::Forget(options.out);
     WriteTrackFile(options.out, file);
     figures.second_pass_ms = stopwatch.Milliseconds();
   }

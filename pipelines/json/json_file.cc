@@ -2,9 +2,11 @@
 
 #include <cstdint>
 #include <nlohmann/json.hpp>
+#include <string>
 
 #include "frontend/core/error.h"
 #include "frontend/core/input_file.h"
+#include "frontend/core/input_record.h"
 #include "frontend/core/output.h"
 
 namespace cohort {
@@ -20,7 +22,9 @@ void WriteJsonFile(const std::filesystem::path& path, const Json& json) {
 Json ReadJsonFile(const std::filesystem::path& path) {
   constexpr std::uint64_t kMaxBytes = std::uint64_t{1} << 26;  // in memory some 30 times as many
   try {
-    return Json::parse(ReadBytes(path, kMaxBytes));
+    const std::string bytes = ReadBytes(path, kMaxBytes);
+    InputRecord::Forget(path);  // nearly all are ours, and written again
+    return Json::parse(bytes);
   } catch (const nlohmann::json::parse_error& e) {
     ThrowError("{}: is no JSON (byte {})", path.string(), e.byte);
   } catch (const nlohmann::json::exception& e) {  // a number that fits none

@@ -9,7 +9,8 @@ namespace cohort {
 
 // Indented, whole or not at all.
 void WriteJsonFile(const std::filesystem::path& path, const nlohmann::ordered_json& json);
-// Throws Error naming the path on a file that is missing, is no JSON or has more than 64 MiB.
+// Throws Error naming the path on a file that is missing, is no JSON or has more than 64 MiB. Others than
+// our own, which are written again, the caller adds to the InputRecord.
 nlohmann::ordered_json ReadJsonFile(const std::filesystem::path& path);
 // Reads one of which `use` takes what should be there: what is missing, or of another type, is an
 // Error naming the path.

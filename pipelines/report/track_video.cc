@@ -10,8 +10,10 @@
 #include <set>
 #include <string>
 
+#include "datasets/open_sequence.h"
 #include "frontend/core/child_process.h"
 #include "frontend/core/error.h"
+#include "frontend/core/input_record.h"
 #include "frontend/core/output.h"
 #include "pipelines/report/brightening.h"
 #include "pipelines/report/track_picture.h"
@@ -110,6 +112,23 @@ void ForEachFrame(const std::set<FrameIndex>& wanted,
   }
 }
 
+// cv::VideoWriter says nothing of a disk that is full.
+void CheckVideo(const fs::path& path, std::size_t frames) {
+  std::size_t written = 0;
+  try {
+    const auto video = OpenSequence(path.string(), Layout::kVideo);
+    while (video->Next()) ++written;
+  } catch (const Error&) {  // nothing of it can be read
+  }
+  InputRecord::Forget(path);
+  if (written != frames) {
+    ThrowError("cannot write {}: {} of {} frames arrived; is the disk full?",
+               path.string(),
+               written,
+               frames);
+  }
+}
+
 void WriteMp4(const fs::path& path,
               const std::vector<TrackFile>& files,
               Sequence& sequence,
@@ -143,9 +162,7 @@ void WriteMp4(const fs::path& path,
     if (progress) progress("show", i + 1, wanted.size());
   });
   writer.release();
-  if (!fs::exists(path) || fs::file_size(path) == 0) {
-    ThrowError("cannot write {}: is the disk full?", path.string());
-  }
+  CheckVideo(path, wanted.size());
 }
 
 void ToGif(const fs::path& video, const fs::path& gif) {
@@ -167,7 +184,8 @@ void ToGif(const fs::path& video, const fs::path& gif) {
                   gif.string()},
                  null.get());
   if (end.exit_code != 0 || end.signal != 0) {
-    ThrowError("cannot write {}: ffmpeg ended with {}", gif.string(), end.Brief());
+    ThrowError(
+        "cannot write {}: ffmpeg ended with {}; is the disk full?", gif.string(), end.Brief());
   }
 }
 
@@ -180,7 +198,8 @@ void WriteTrackVideo(const fs::path& path,
                      int width_px,
                      const StageProgress& progress) {
   if (path.extension() != ".mp4" && path.extension() != ".gif") {
-    ThrowUsageError("{}: give a name that ends in .mp4 or .gif", path.string());
+    ThrowUsageError("{}: give a name that ends in .mp4 or .gif, or for a page in .html",
+                    path.string());
   }
   // Absolute: in other names FFmpeg sees protocols, and its program options.
   OutputFile out(fs::absolute(path));

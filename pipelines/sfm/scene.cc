@@ -16,6 +16,7 @@
 #include "backend/scene/row_poses.h"
 #include "frontend/core/output.h"
 #include "frontend/core/statistics.h"
+#include "frontend/image/write_image.h"
 #include "pipelines/json/json_file.h"
 
 namespace cohort {
@@ -216,6 +217,9 @@ cv::Mat UndistortionMap(const Camera& from, const Camera& to) {
   return map;
 }
 
+constexpr std::array<const char*, 4> kSceneNames{
+    "images", "sparse", "sparse_pc.ply", "transforms.json"};
+
 // Of the pictures in a folder, those with a name of ours.
 std::vector<std::string> OwnImages(const fs::path& folder) {
   std::vector<std::string> names;
@@ -366,13 +370,9 @@ void WriteImages(const TrackFile& file,
       cv::LUT(picture, table, bright);
       picture = bright;
     }
-    const std::string path = (out.partial() / ImageName(frame.index)).string();
-    bool written = false;
-    try {
-      written = cv::imwrite(path, picture, {cv::IMWRITE_JPEG_QUALITY, options.jpeg_quality});
-    } catch (const cv::Exception&) {  // the line below says it
-    }
-    if (!written) ThrowError("cannot write {}: is the disk full?", path);
+    WriteImage(out.partial() / ImageName(frame.index),
+               picture,
+               {cv::IMWRITE_JPEG_QUALITY, options.jpeg_quality});
   });
   out.Commit();
 }
@@ -479,12 +479,20 @@ void CheckSceneFolder(const fs::path& folder) {
   if (!fs::is_directory(folder)) return;
   const OutputFolder images(folder / "images", OwnImages(folder / "images"));
   const OutputFolder sparse(folder / "sparse", {"0"});
+  // COLMAP's and Nerfstudio's projects have the same names: a folder without our tracks is none of ours.
+  for (const char* name : kSceneNames) {
+    if (fs::exists(folder / name) && !fs::exists(folder / "clip.tracks")) {
+      ThrowError("{} holds {}, which is not of a scene of ours: give another folder",
+                 folder.string(),
+                 name);
+    }
+  }
 }
 
 void RemoveScene(const fs::path& folder) {
   CheckSceneFolder(folder);
   std::error_code ignored;
-  for (const char* name : {"images", "sparse", "sparse_pc.ply", "transforms.json"}) {
+  for (const char* name : kSceneNames) {
     fs::remove_all(folder / name, ignored);
   }
 }

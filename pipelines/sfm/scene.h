@@ -66,8 +66,8 @@ Camera UndistortedCamera(const Camera& camera);
 // along +z, as viewers expect.
 Rigid3 SceneFromModel(const Reconstruction& model);
 
-// Throws Error where a folder of a scene holds what WriteScene could not replace, as it is none of
-// its own.
+// Throws Error where a folder holds what WriteScene would replace, but no scene of ours: something of
+// its names and no clip.tracks, other pictures than ours, or the clip itself.
 void CheckSceneFolder(const std::filesystem::path& folder);
 // Removes what WriteScene wrote there, and nothing else.
 void RemoveScene(const std::filesystem::path& folder);

@@ -1,12 +1,12 @@
 #include "pipelines/sfm/video_frames.h"
 
-#include <opencv2/imgcodecs.hpp>
 #include <string>
 #include <vector>
 
 #include "datasets/open_sequence.h"
 #include "frontend/core/error.h"
 #include "frontend/core/output.h"
+#include "frontend/image/write_image.h"
 
 namespace cohort {
 
@@ -32,10 +32,7 @@ void WriteVideoFrames(const TrackFile& file,
                  wanted.name,
                  kWithout);
     }
-    const std::string path = (out.partial() / wanted.name).string();
-    if (!cv::imwrite(path, frame->gray)) {
-      ThrowError("cannot write {}: is the disk full?", path);
-    }
+    WriteImage(out.partial() / wanted.name, frame->gray);
     if (progress) progress("write frames", ++done, file.frames.size());
   }
   out.Commit();

@@ -774,6 +774,22 @@ TEST(ColmapDatabase, RefusesACameraAndAPairThatCannotBe) {
   }
 }
 
+TEST(ColmapDatabase, WithoutImagesSaysSoAndNotThatItHasNoCamera) {
+  const TempDir dir;
+  for (const char* emptied : {"DELETE FROM images", "DELETE FROM images; DELETE FROM cameras"}) {
+    WriteColmapDatabase(dir / "a.db", ThreeFrames());
+    Open(dir / "a.db").Execute(emptied);
+    EXPECT_THAT([&] { ReadColmapDatabase(dir / "a.db"); },
+                ThrowsMessage<Error>(testing::AllOf(HasSubstr("a.db has no images"),
+                                                    HasSubstr("colmap feature_extractor"))))
+        << emptied;
+  }
+  WriteColmapDatabase(dir / "a.db", ThreeFrames());
+  Open(dir / "a.db").Execute("DELETE FROM cameras");
+  EXPECT_THAT([&] { ReadColmapDatabase(dir / "a.db"); },
+              ThrowsMessage<Error>(HasSubstr("has no camera of its images")));
+}
+
 TEST(ColmapDatabase, NamesADamagedOrForeignFile) {
   const TempDir dir;
   {

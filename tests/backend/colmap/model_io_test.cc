@@ -229,6 +229,29 @@ TEST(ColmapModel, NamesTheLineOrByteThatIsDamaged) {
               ThrowsMessage<Error>(HasSubstr("images.bin is cut short or damaged")));
 }
 
+// As COLMAP does.
+TEST(ColmapModel, BlanksAtTheEndsOfALineOfTextAreNoPartOfIt) {
+  const TempDir dir;
+  WriteBytes(dir / "cameras.txt", "  \t# indented\n\t1 PINHOLE 640 480 500 500 320 240 \t\r\n\t\n");
+  WriteBytes(dir / "images.txt",
+             "\t# indented\n"
+             " 1 1 0 0 0 0 0 1 1 a b.png \t\n\n"         // no points: an empty line,
+             "2 1 0 0 0 0 0 1 1 b.png\r\n \t\r\n"        // or one of blanks
+             "3 1 0 0 0 0 0 1 1 c.png\t\n\t5 6 7\t\r\n"  //
+             "\n");
+  WriteBytes(dir / "points3D.txt", " \t\n\t7 0 0 0 1 2 3 0.5 3 0\t\n\t# indented");
+  const ColmapModel model = ReadColmapModel(dir.path());
+  EXPECT_EQ(model.cameras.at(1).params.size(), 4u);
+  ASSERT_EQ(model.images.size(), 3u);
+  EXPECT_EQ(model.images.at(1).name, "a b.png");
+  EXPECT_TRUE(model.images.at(1).points2d.empty());
+  EXPECT_EQ(model.images.at(2).name, "b.png");
+  EXPECT_TRUE(model.images.at(2).points2d.empty());
+  EXPECT_EQ(model.images.at(3).name, "c.png");
+  EXPECT_EQ(model.images.at(3).points2d.at(0).point3d, 7u);
+  EXPECT_EQ(model.points.at(7).track.size(), 1u);
+}
+
 TEST(ColmapModel, TakesNoNumbersThatAreNone) {
   const TempDir dir;
   const std::string cameras = "1 PINHOLE 640 480 500 500 320 240\n";

@@ -238,7 +238,11 @@ TEST(Npz, ADamagedFileIsOneErrorThatNamesIt) {
 TEST(Npz, AnOldFileStaysUntilTheNewOneIsWhole) {
   const TempDir dir;
   WriteBytes(dir / "a.npz", "old");
+  WriteBytes(dir / "a.npz.partial.Xy12Zz", "what libzip had of a run that was killed");
+  WriteBytes(dir / "a.npz.partial.notes.txt", "is not of its kind");
   { const NpzWriter npz(dir / "a.npz"); }
+  EXPECT_FALSE(std::filesystem::exists(dir / "a.npz.partial.Xy12Zz"));
+  EXPECT_TRUE(std::filesystem::exists(dir / "a.npz.partial.notes.txt"));
   EXPECT_EQ(ReadBytes(dir / "a.npz"), "old");
   EXPECT_THAT([&] { NpzWriter(dir / "no/a.npz"); }, ThrowsMessage<Error>(HasSubstr("no/a.npz")));
 }

@@ -2,8 +2,10 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/stat.h>
 
 #include "frontend/core/error.h"
+#include "frontend/core/input_record.h"
 #include "tests/support/temp_dir.h"
 
 namespace cohort {
@@ -61,6 +63,62 @@ TEST(OutputFile, AFullDiskIsAnError) {
   if (!std::filesystem::exists("/dev/full")) GTEST_SKIP() << "no /dev/full";
   EXPECT_THAT([] { WriteBytes("/dev/full", std::string(100'000, 'x')); },
               ThrowsMessage<Error>(HasSubstr("No space left")));
+}
+
+TEST(OutputFile, ADeviceOrAPipeIsNoPlaceForAFile) {
+  const test::TempDir dir;
+  ASSERT_EQ(mkfifo((dir / "pipe").c_str(), 0600), 0);
+  for (const std::string path : {"/dev/null", "/dev/stdout", "/proc/self/fd/1", "/dev/new"}) {
+    EXPECT_THAT([&] { CheckOutputPath(path); }, ThrowsMessage<Error>(HasSubstr("it is no file")))
+        << path;
+  }
+  EXPECT_THAT([&] { OutputFile out(dir / "pipe"); },
+              ThrowsMessage<Error>(HasSubstr("it is no file")));
+  EXPECT_TRUE(std::filesystem::is_fifo(dir / "pipe"));
+}
+
+TEST(InputRecord, NoOutputTakesThePlaceOfAFileThatTheRunReads) {
+  const test::TempDir dir;
+  const InputRecord record;
+  std::filesystem::create_directory(dir / "folder");
+  std::filesystem::create_directory_symlink("folder", dir / "link");
+  WriteBytes(dir / "folder/a", "precious");
+  WriteBytes(dir / "folder/b", "other");
+  {
+    OutputFile early(dir / "folder/a");
+    WriteBytes(early.partial(), "new");
+    static_cast<void>(ReadBytes(dir / "link/a"));
+    EXPECT_THAT([&] { early.Commit(); },
+                ThrowsMessage<Error>(HasSubstr("this run reads that file")));
+  }
+  EXPECT_THAT([&] { CheckOutputPath(dir / "folder/../folder/a"); },
+              ThrowsMessage<Error>(HasSubstr("this run reads that file")));
+  EXPECT_THAT(
+      [&] {
+        OutputFolder out(dir / "folder", {"a", "b"});
+      },
+      ThrowsMessage<Error>(HasSubstr("folder/a; give another folder")));
+  EXPECT_EQ(ReadBytes(dir / "folder/a"), "precious");
+  EXPECT_NO_THROW(CheckOutputPath(dir / "folder/b"));
+  InputRecord::Forget(dir / "folder/a");
+  EXPECT_NO_THROW(CheckOutputPath(dir / "folder/a"));
+}
+
+TEST(InputRecord, IsOfTheProgramAlone) {
+  const test::TempDir dir;
+  WriteBytes(dir / "a", "old");
+  static_cast<void>(ReadBytes(dir / "a"));
+  EXPECT_NO_THROW(CheckOutputPath(dir / "a"));
+}
+
+TEST(Outputs, AreDistinctFiles) {
+  const test::TempDir dir;
+  EXPECT_NO_THROW(CheckDistinctOutputs({{"--out", "a"}, {"--json", ""}, {"--csv", ""}}));
+  EXPECT_THAT(
+      [&] {
+        CheckDistinctOutputs({{"--out", dir / "a"}, {"--json", dir / "x/../a"}});
+      },
+      ThrowsMessage<UsageError>(HasSubstr("--out and --json are both")));
 }
 
 TEST(OutputFolder, ReplacesItsOwnFolderWhole) {

@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <sys/resource.h>
 #include <sys/stat.h>
 
 #include <array>
@@ -13,6 +14,7 @@
 
 #include "frontend/core/error.h"
 #include "frontend/core/output.h"
+#include "tests/support/child_process.h"
 #include "tests/support/temp_dir.h"
 
 namespace cohort {
@@ -62,6 +64,18 @@ TEST(Sqlite, NamesThePathOfAFileThatIsMissingOrNoDatabase) {
   EXPECT_THAT([&] { SqliteDatabase::Open(dir / "text.db", Mode::kRead); },
               testing::ThrowsMessage<Error>(testing::AllOf(testing::HasSubstr("text.db"),
                                                            testing::HasSubstr("not a database"))));
+}
+
+TEST(Sqlite, SaysWhyAFileCannotBeOpened) {
+  const test::TempDir dir;
+  EXPECT_EQ(test::RunInChild([&] {
+              const rlimit none{0, 0};  // of descriptors
+              setrlimit(RLIMIT_NOFILE, &none);
+              SqliteDatabase::Open(dir / "a.db", Mode::kCreate);
+              return "opened";
+            }),
+            "threw: database " + (dir / "a.db").string() +
+                ": unable to open database file: Too many open files");
 }
 
 // A view may go on for ever: what is in a file is data, never a program.

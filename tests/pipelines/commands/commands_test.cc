@@ -19,6 +19,7 @@
 #include "frontend/core/error.h"
 #include "frontend/core/sqlite.h"
 #include "frontend/tracks/track_store.h"
+#include "tests/support/child_process.h"
 #include "tests/support/program.h"
 #include "tests/support/temp_dir.h"
 
@@ -178,6 +179,43 @@ TEST_F(Commands, AnErrorIsOneLineWhateverNamesAreInIt) {
   WriteText(folder + "/x\ny.png", "no picture");
   ExpectFailure(
       RunCohort(Track(folder)), 1, AllOf(HasSubstr("picture 'x y.png'"), HasSubstr("rename")));
+}
+
+// Where the standard library throws by itself, in words of its own.
+TEST_F(Commands, APathThatTheSystemRefusesIsNamedWithTheReason) {
+  const std::string clip = WriteImages(Path("clip"), 3);
+  const std::string long_name = Path(std::string(256, 'a'));
+  ExpectFailure(RunCohort("evaluate " + long_name + " --truth " + clip),
+                1,
+                HasSubstr("cannot use " + long_name + ": File name too long\n"));
+  fs::create_directory(Path("loop"));
+  fs::create_symlink("rgb.txt", Path("loop/rgb.txt"));
+  ExpectFailure(
+      RunCohort(Track(Path("loop"))),
+      1,
+      HasSubstr("cannot use " + Path("loop/rgb.txt") + ": Too many levels of symbolic links\n"));
+
+  const std::string in_gone =
+      "mkdir " + Path("gone") + " && cd " + Path("gone") + " && rmdir " + Path("gone") + " && ";
+  ExpectFailure(RunShell(in_gone + COHORT_PROGRAM + " synth a --frames 1"),
+                1,
+                AllOf(HasSubstr("the current folder is gone"), HasSubstr("change to another")));
+}
+
+TEST_F(Commands, AFolderThatMayNotBeReadIsNamedWithTheReason) {
+  const std::string clip = WriteImages(Path("clip"), 3);
+  fs::permissions(dir_.path(), fs::perms(0755));
+  fs::permissions(clip, fs::perms::none);
+  const auto run = [](const std::string& arguments) {  // as a user who is not root
+    return test::RunInChild([&] {
+      test::DropRoot();
+      return RunCohort(arguments).err;
+    });
+  };
+  if (!run("--version").empty()) GTEST_SKIP() << "others may not run " << COHORT_PROGRAM;
+  EXPECT_EQ(run(Track(clip)),
+            "cohort: error: cannot use " + clip + "/rgb.txt: Permission denied\n");
+  fs::permissions(clip, fs::perms::owner_all);
 }
 
 TEST_F(Commands, APictureThatClaimsToBeHugeIsOneLine) {
@@ -897,6 +935,95 @@ TEST_F(Interruption, OtherOptionsDoNotResume) {
   ExpectFailure(
       RunCohort(Tracking("hurt") + " --resume --window 9"), 1, HasSubstr("other options"));
   EXPECT_FALSE(ReadTrackFile(Path("hurt.tracks")).complete);
+}
+
+// A slip of the hand loses nothing.
+TEST_F(Commands, NoOutputTakesThePlaceOfAnInput) {
+  const std::string clip = Path("clip");
+  ASSERT_EQ(RunCohort("synth " + clip +
+                      " --frames 8 --width-px 160 --height-px 120 --focal-px 131 --quiet")
+                .exit_code,
+            0);
+  const std::string video = WriteVideo(Path("v.avi"), 8);
+  ASSERT_EQ(RunCohort(Track(clip)).exit_code, 0);
+  const std::string tracks = Path("a.tracks");
+  ASSERT_EQ(RunCohort("export " + tracks + " --csv " + Path("a.csv") + " --quiet").exit_code, 0);
+  cv::imwrite(Path("mask.png"), cv::Mat(120, 160, CV_8UC1, cv::Scalar(255)));
+  WriteText(Path("config.json"), "{}");
+  const auto all_bytes = [&] {
+    std::map<std::string, std::string> bytes;
+    for (const auto& entry : fs::recursive_directory_iterator(dir_.path())) {
+      if (entry.is_regular_file()) bytes[entry.path().string()] = ReadBytes(entry.path());
+    }
+    return bytes;
+  };
+  const auto before = all_bytes();
+  const std::string options = " --tracker klt --features 30 --quiet ";
+  for (const std::string& line : {
+           "track " + video + options + "--out " + video,
+           "track " + clip + options + "--out " + clip + "/rgb.txt",
+           "track " + clip + options + "--out " + clip + "/rgb/000001.png",
+           "track " + clip + options + "--mask " + Path("mask.png") + " --out " + Path("mask.png"),
+           "track " + clip + options + "--config " + Path("config.json") + " --out " +
+               Path("config.json"),
+           "export " + tracks + " --csv " + tracks,
+           "export " + tracks + " --colmap-database " + tracks,
+           "import " + Path("a.csv") + " --images " + clip + " --out " + Path("a.csv"),
+           "evaluate " + tracks + " --truth " + clip + " --json " + tracks,
+           "evaluate " + tracks + " --truth " + clip + " --json " + clip + "/groundtruth.txt",
+           "degrade " + clip + "/rgb " + clip,
+           "degrade '" + clip + "/rgb/*.png' " + clip,
+       }) {
+    ExpectFailure(RunCohort(line), 1, HasSubstr("this run reads"));
+    EXPECT_EQ(all_bytes(), before) << line;
+  }
+  for (const std::string& line : {
+           "track " + clip + options + "--out " + Path("b") + " --json " + Path("b"),
+           "export " + tracks + " --csv " + Path("b") + " --npz " + Path("b"),
+       }) {
+    ExpectFailure(RunCohort(line), 2, HasSubstr("are both"));
+  }
+  EXPECT_EQ(all_bytes(), before);
+  // What a run has made is its own to make again.
+  EXPECT_EQ(RunCohort(Track(clip)).exit_code, 0);
+}
+
+TEST_F(Commands, CompareRemovesNoCellsButItsOwn) {
+  const std::string clip = WriteImages(Path("clip"), 8);
+  fs::create_directories(Path("out/cells"));
+  WriteText(Path("out/cells/microscope.tif"), "precious");
+  const std::string options = " --trackers klt --backends ceres --features 30 --quiet --out ";
+  ExpectFailure(RunCohort("compare " + clip + options + Path("out")),
+                1,
+                AllOf(HasSubstr("out/cells is in the way"), HasSubstr("give another --out")));
+  EXPECT_EQ(ReadBytes(Path("out/cells/microscope.tif")), "precious");
+  fs::create_directories(Path("other"));
+  fs::rename(clip, Path("other/cells"));
+  ExpectFailure(RunCohort("compare " + Path("other/cells") + options + Path("other")),
+                1,
+                HasSubstr("this run reads"));
+  EXPECT_TRUE(fs::exists(ImagePath(Path("other/cells"), 7)));
+}
+
+// A file that may not grow is a disk that is full, without root.
+TEST_F(Commands, AFileThatMayNotGrowIsOneLineAndTheOldOneStays) {
+  const std::string clip = WriteImages(Path("clip"), 8);
+  ASSERT_EQ(RunCohort(Track(clip)).exit_code, 0);
+  for (const char* name : {"old.csv", "old.npz", "old.db", "old.mp4"}) WriteText(Path(name), "old");
+  const std::string limited = std::string("ulimit -f 1; ") + COHORT_PROGRAM + " ";
+  const std::string tracks = Path("a.tracks");
+  for (const std::string& line : {"export " + tracks + " --csv " + Path("old.csv"),
+                                  "export " + tracks + " --npz " + Path("old.npz"),
+                                  "export " + tracks + " --colmap-database " + Path("old.db"),
+                                  "show " + tracks + " --quiet --out " + Path("old.mp4")}) {
+    ExpectFailure(RunShell(limited + line), 1, HasSubstr("old."));
+  }
+  for (const char* name : {"old.csv", "old.npz", "old.db", "old.mp4"}) {
+    EXPECT_EQ(ReadBytes(Path(name)), "old") << name;
+  }
+  for (const auto& entry : fs::directory_iterator(dir_.path())) {
+    EXPECT_EQ(entry.path().string().find(".partial"), std::string::npos) << entry.path();
+  }
 }
 
 TEST_F(Commands, CompareMeasuresEveryCellAndResumes) {

@@ -2,6 +2,7 @@
 // place: the mapper itself would take its time (reconstruct_colmap_test.cc runs it).
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/stat.h>
 
 #include <nlohmann/json.hpp>
 
@@ -123,6 +124,16 @@ TEST_F(ReconstructCommand, SaysInOneLineThatColmapRegisteredNothingAndWhereItsLo
   EXPECT_EQ(summary["backend"], "colmap");
   EXPECT_EQ(summary["registered"], 0);
   EXPECT_EQ(summary["failed"], true);
+}
+
+TEST_F(ReconstructCommand, ThatIsGivenAPipeSaysThatItIsOne) {
+  ASSERT_EQ(mkfifo(Path("pipe").c_str(), 0600), 0);
+  const test::ProgramEnd end =
+      test::RunCohort("reconstruct " + Path("pipe") + " --quiet --out " + Path("m"));
+  EXPECT_EQ(end.exit_code, 1);
+  EXPECT_EQ(end.err,
+            "cohort: error: cannot read " + Path("pipe") +
+                ": it is a pipe, a socket or a device, no file\n");
 }
 
 TEST_F(ReconstructCommand, SaysHowToDoWithoutAVideoThatIsGone) {

@@ -304,5 +304,30 @@ TEST_F(Sfm, ReplacesNothingThatIsNotItsOwn) {
   EXPECT_FALSE(fs::exists(scene / "clip.tracks")) << "it says so before the work";
 }
 
+// COLMAP's and Nerfstudio's projects have folders of the same names.
+TEST_F(Sfm, AProjectOfOthersIsLeftAlone) {
+  const test::TempDir project;
+  fs::create_directories(project / "images");
+  for (const auto& entry : fs::directory_iterator(*dir_ / "clip")) {
+    const cv::Mat picture = cv::imread(entry.path().string());
+    cv::imwrite((project / "images" / entry.path().stem()).string() + ".jpg", picture);
+  }
+  for (const bool with_model : {false, true}) {
+    if (with_model) {
+      fs::remove_all(project / "images");
+      fs::create_directories(project / "sparse/0");
+      WriteBytes(project / "sparse/0/cameras.bin", "precious");
+    }
+    const std::string input =
+        with_model ? (*dir_ / "clip").string() : (project / "images").string();
+    const test::ProgramEnd end =
+        test::RunCohort("sfm " + input + " --features 60 --out " + project.path().string());
+    EXPECT_EQ(end.exit_code, 1);
+    EXPECT_THAT(end.err, HasSubstr("which is not of a scene of ours: give another folder"));
+    EXPECT_FALSE(fs::exists(project / "clip.tracks"));
+  }
+  EXPECT_EQ(ReadBytes(project / "sparse/0/cameras.bin"), "precious");
+}
+
 }  // namespace
 }  // namespace cohort

@@ -103,8 +103,14 @@ TEST_F(Show, OfClipsThatAreNotOneSaysSoAndLeavesNothing) {
   EXPECT_EQ(end.exit_code, 1);
   EXPECT_THAT(end.err, HasSubstr("320x240 and 160x120"));
   EXPECT_FALSE(fs::exists(Path("never.mp4")));
-  EXPECT_EQ(
-      test::RunCohort("show " + Path("a.tracks") + " --quiet --out " + Path("v.xyz")).exit_code, 2);
+}
+
+TEST_F(Show, NamesTheKindsOfFilesThatItWrites) {
+  const test::ProgramEnd end =
+      test::RunCohort("show " + Path("a.tracks") + " --quiet --out " + Path("v.xyz"));
+  EXPECT_EQ(end.exit_code, 2);
+  EXPECT_THAT(end.err,
+              AllOf(HasSubstr("v.xyz"), HasSubstr(".mp4"), HasSubstr(".gif"), HasSubstr(".html")));
 }
 
 TEST_F(Show, TellsClipsOfOneSizeApart) {

@@ -98,10 +98,12 @@ TEST_P(Undistorted, HasNoBlankBorderAndWastesLittle) {
   EXPECT_LT(nearest_px, 2.0) << "it could see more";
 }
 
+constexpr const char* kLenses[] = {"Pinhole", "Barrel", "Pincushion", "Fisheye"};
 INSTANTIATE_TEST_SUITE_P(
     OfEveryLens,
     Undistorted,
-    testing::Values(Lens(0.0), Lens(-0.25), Lens(0.15), Lens(-0.01, CameraModel::kFisheye)));
+    testing::Values(Lens(0.0), Lens(-0.25), Lens(0.15), Lens(-0.01, CameraModel::kFisheye)),
+    [](const auto& lens) { return kLenses[lens.index]; });
 
 TEST(UndistortedCamera, OfAPinholeInTheMiddleIsTheSame) {
   Camera camera = Camera::Guess(640, 480);

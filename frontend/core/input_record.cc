@@ -1,0 +1,73 @@
+#include "frontend/core/input_record.h"
+
+#include <mutex>
+#include <set>
+#include <string>
+#include <system_error>
+
+namespace cohort {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::mutex mutex;
+bool is_on = false;
+std::set<std::string> files;
+
+// The name itself, not what it leads to if it is a link: empty if there is no such folder.
+std::string EntryOf(const fs::path& path) {
+  std::error_code error;
+  const fs::path absolute = fs::absolute(path, error);
+  if (error) return {};
+  const fs::path folder = fs::canonical(absolute.parent_path(), error);
+  return error ? std::string() : (folder / absolute.filename()).string();
+}
+
+std::string TargetOf(const fs::path& path) {
+  std::error_code error;
+  const fs::path target = fs::canonical(path, error);
+  return error ? std::string() : target.string();
+}
+
+}  // namespace
+
+InputRecord::InputRecord() {
+  const std::lock_guard lock(mutex);
+  is_on = true;
+  files.clear();
+}
+
+InputRecord::~InputRecord() {
+  const std::lock_guard lock(mutex);
+  is_on = false;
+}
+
+void InputRecord::Add(const fs::path& file) {
+  const std::lock_guard lock(mutex);
+  if (!is_on) return;
+  files.insert(EntryOf(file));
+  files.insert(TargetOf(file));
+}
+
+void InputRecord::Forget(const fs::path& file) {
+  const std::lock_guard lock(mutex);
+  files.erase(EntryOf(file));
+  files.erase(TargetOf(file));
+}
+
+bool InputRecord::Holds(const fs::path& path) {
+  const std::lock_guard lock(mutex);
+  return is_on && fs::path(path).has_filename() && files.contains(EntryOf(path));
+}
+
+std::optional<fs::path> InputRecord::FindBelow(const fs::path& folder) {
+  const std::lock_guard lock(mutex);
+  const std::string itself = TargetOf(folder);
+  if (!is_on || itself.empty()) return std::nullopt;
+  if (files.contains(itself)) return itself;
+  const auto file = files.lower_bound(itself + "/");
+  if (file == files.end() || !file->starts_with(itself + "/")) return std::nullopt;
+  return *file;
+}
+
+}  // namespace cohort

@@ -1,0 +1,27 @@
+#pragma once
+
+#include <filesystem>
+#include <optional>
+
+namespace cohort {
+
+// Which files a run has read, so that none of its outputs takes the place of one: a slip of the hand
+// (`track v.mp4 --out v.mp4`) loses nothing. On while one lives, as in the program; whoever uses the
+// libraries may well read a file and write it anew.
+class InputRecord {
+ public:
+  InputRecord();
+  InputRecord(const InputRecord&) = delete;
+  InputRecord& operator=(const InputRecord&) = delete;
+  ~InputRecord();
+
+  static void Add(const std::filesystem::path& file);
+  // This file is the run's own to replace.
+  static void Forget(const std::filesystem::path& file);
+  // Whether what is renamed to the path would take the place of a file that was read.
+  static bool Holds(const std::filesystem::path& path);
+  // A file that was read in this folder, or below; the folder, where it is itself added.
+  static std::optional<std::filesystem::path> FindBelow(const std::filesystem::path& folder);
+};
+
+}  // namespace cohort
