@@ -8,12 +8,10 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
-#include <numeric>
 #include <opencv2/calib3d.hpp>
 #include <opencv2/core/eigen.hpp>
 
 #include "backend/geometry/best_rotation.h"
-#include "frontend/core/random_stream.h"
 #include "frontend/core/statistics.h"
 
 namespace cohort {
@@ -22,10 +20,6 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::Vector2d;
 using Eigen::Vector3d;
-
-// Of more matches than these RANSAC looks at so many, drawn at random: what it finds is refined on
-// all, and its time grows with their number.
-constexpr std::size_t kMaxRansacMatches = 10000;
 
 constexpr double kDegreesPerRadian = 180.0 / std::numbers::pi;
 
@@ -60,23 +54,9 @@ struct PairPoints {
   std::vector<Vector3d> ray1, ray2;  // (nx, ny, 1)
   Matrix3d k = Matrix3d::Identity();
   Matrix3d k_inverse = Matrix3d::Identity();
-  std::vector<std::size_t> drawn;  // for RANSAC
 
   std::size_t size() const { return px1.size(); }
 };
-
-// Indices 0 .. count - 1, or kMaxRansacMatches of them.
-std::vector<std::size_t> DrawMatches(std::size_t count) {
-  std::vector<std::size_t> indices(count);
-  std::iota(indices.begin(), indices.end(), std::size_t{0});
-  if (count <= kMaxRansacMatches) return indices;
-  RandomStream random(0, "matches for RANSAC");
-  for (std::size_t i = 0; i < kMaxRansacMatches; ++i) {
-    std::swap(indices[i], indices[i + random.Below(count - i)]);
-  }
-  indices.resize(kMaxRansacMatches);
-  return indices;
-}
 
 PairPoints Undistort(std::span<const Vector2d> xy1,
                      std::span<const Vector2d> xy2,
@@ -92,15 +72,14 @@ PairPoints Undistort(std::span<const Vector2d> xy1,
     add(xy1[i], points.px1, points.ray1);
     add(xy2[i], points.px2, points.ray2);
   }
-  points.drawn = DrawMatches(points.size());
   return points;
 }
 
-cv::Mat AsCvPoints(const std::vector<Vector2d>& points, const std::vector<std::size_t>& drawn) {
-  cv::Mat m(static_cast<int>(drawn.size()), 1, CV_64FC2);
+cv::Mat AsCvPoints(const std::vector<Vector2d>& points) {
+  cv::Mat m(static_cast<int>(points.size()), 1, CV_64FC2);
   for (int i = 0; i < m.rows; ++i) {
-    const Vector2d& point = points[drawn[static_cast<std::size_t>(i)]];
-    m.at<cv::Vec2d>(i) = {point.x(), point.y()};
+    m.at<cv::Vec2d>(i) = {points[static_cast<std::size_t>(i)].x(),
+                          points[static_cast<std::size_t>(i)].y()};
   }
   return m;
 }
@@ -135,8 +114,8 @@ std::optional<Matrix3d> RobustEssential(const PairPoints& points, double max_err
   const double focal_px = 0.5 * (points.k(0, 0) + points.k(1, 1));
   const cv::Mat identity = cv::Mat::eye(3, 3, CV_64F);
   cv::Mat mask;
-  return AsMatrix3(cv::findEssentialMat(AsCvPoints(n1, points.drawn),
-                                        AsCvPoints(n2, points.drawn),
+  return AsMatrix3(cv::findEssentialMat(AsCvPoints(n1),
+                                        AsCvPoints(n2),
                                         identity,
                                         identity,
                                         cv::noArray(),
@@ -147,18 +126,14 @@ std::optional<Matrix3d> RobustEssential(const PairPoints& points, double max_err
 
 std::optional<Matrix3d> RobustFundamental(const PairPoints& points, double max_error_px) {
   cv::Mat mask;
-  return AsMatrix3(cv::findFundamentalMat(AsCvPoints(points.px1, points.drawn),
-                                          AsCvPoints(points.px2, points.drawn),
-                                          mask,
-                                          RobustParameters(max_error_px)));
+  return AsMatrix3(cv::findFundamentalMat(
+      AsCvPoints(points.px1), AsCvPoints(points.px2), mask, RobustParameters(max_error_px)));
 }
 
 std::optional<Matrix3d> RobustHomography(const PairPoints& points, double max_error_px) {
   cv::Mat mask;
-  return AsMatrix3(cv::findHomography(AsCvPoints(points.px1, points.drawn),
-                                      AsCvPoints(points.px2, points.drawn),
-                                      mask,
-                                      RobustParameters(max_error_px)));
+  return AsMatrix3(cv::findHomography(
+      AsCvPoints(points.px1), AsCvPoints(points.px2), mask, RobustParameters(max_error_px)));
 }
 
 double TransferError(const Matrix3d& h, const Vector2d& x1, const Vector2d& x2) {

@@ -45,7 +45,14 @@ constexpr std::array<std::string_view, 13> kPictureMarks{"\x89PNG\r\n\x1A\n"sv,
                                                          "\x59\xA6\x6A\x95"sv,
                                                          "\xFF\x4F\xFF\x51"sv};
 
+// DICOM tells itself at byte 128, whatever the first ones are; where OpenCV's decoder of those does not
+// take them ("P4" and no blank), GDCM's would.
+bool IsDicom(std::string_view bytes) {
+  return bytes.size() >= 132 && bytes.substr(128, 4) == "DICM";
+}
+
 bool IsPicture(std::string_view bytes) {
+  if (IsDicom(bytes)) return false;
   const auto starts = [bytes](std::string_view mark) { return bytes.starts_with(mark); };
   return std::ranges::any_of(kPictureMarks, starts) ||
          bytes.starts_with("\0\0\0\x0CjP  \r\n\x87\n"sv) ||

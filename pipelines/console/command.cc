@@ -17,7 +17,6 @@
 #include <opencv2/core.hpp>
 #include <opencv2/core/utils/logger.hpp>
 #include <stdexcept>
-#include <system_error>
 
 #include "frontend/core/error.h"
 #include "frontend/core/input_record.h"
@@ -90,20 +89,6 @@ int Dispatch(const std::vector<Command>& commands, std::span<const std::string> 
 int Fail(int exit_code, std::string_view prefix, std::string_view what) {
   std::fputs(fmt::format("cohort: error: {}{}\n", prefix, OneLine(what)).c_str(), OwnStderr());
   return exit_code;
-}
-
-// The standard library's own text of it names calls of C++.
-std::string WhatFailed(const std::filesystem::filesystem_error& e) {
-  const std::string reason = e.code().message();
-  std::error_code error;
-  const bool is_gone =
-      std::filesystem::current_path(error).empty() && error == std::errc::no_such_file_or_directory;
-  if (is_gone && e.path1().is_relative()) {
-    return "the current folder is gone: change to another, or give absolute paths";
-  }
-  if (e.path1().empty()) return reason;
-  if (e.path2().empty()) return fmt::format("cannot use {}: {}", e.path1().string(), reason);
-  return fmt::format("cannot use {} and {}: {}", e.path1().string(), e.path2().string(), reason);
 }
 
 // A file that is opened while one of the standard streams is closed would get its number, and the

@@ -68,12 +68,12 @@ bool IsDone(const Task& task) {
       try {
         figures = task.run();
       } catch (const std::exception& e) {
-        error = OneLine(e.what());
+        error = OneLine(WhatFailed(e));
       }
       WriteResult(task, figures, error, stopwatch.Seconds());
     }
   } catch (const std::exception& e) {
-    std::fputs(fmt::format("cohort: error: {}\n", OneLine(e.what())).c_str(), OwnStderr());
+    std::fputs(fmt::format("cohort: error: {}\n", OneLine(WhatFailed(e))).c_str(), OwnStderr());
     exit_code = 1;
   }
   std::fflush(stdout);

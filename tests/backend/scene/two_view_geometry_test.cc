@@ -77,20 +77,6 @@ TEST(TwoViewGeometry, RejectsAThirdOfFalseMatches) {
   }
 }
 
-TEST(TwoViewGeometry, OfThousandsOfMatchesUsesAllThoughRansacSeesSome) {
-  SyntheticTracksOptions options;
-  options.points = 30000;
-  options.noise_px = 0.5;
-  options.outlier_fraction = 0.18;
-  const PairResult r = EstimatePair(MakeSyntheticTracks(options), 2, 17);
-  EXPECT_EQ(r.geometry.kind, TwoViewKind::kCalibrated);
-  EXPECT_GT(r.geometry.inlier_count, 15000u);
-  // A tenth of what 300 matches are allowed: it falls with the root of their number.
-  EXPECT_LT(r.rotation_error_deg, 0.03);
-  EXPECT_LT(r.direction_error_deg, 0.15);
-  EXPECT_LT(r.true_inliers_lost, 200u);
-}
-
 TEST(TwoViewGeometry, WorksWithFewMatchesAndWithDistortion) {
   for (std::uint64_t seed = 1; seed <= 10; ++seed) {
     SyntheticTracksOptions options;
