@@ -23,7 +23,7 @@ void SilenceLibraries() {
 std::string WhatFailed(const std::exception& exception) {
   const auto* refused = dynamic_cast<const std::filesystem::filesystem_error*>(&exception);
   if (refused == nullptr) return exception.what();
-  const std::string reason = refused->code().message();
+  std::string reason = refused->code().message();
   std::error_code error;
   const bool is_gone =
       std::filesystem::current_path(error).empty() && error == std::errc::no_such_file_or_directory;
