@@ -14,15 +14,6 @@ std::mutex mutex;
 bool is_on = false;
 std::set<std::string> files;
 
-// The name itself, not what it leads to if it is a link: empty if there is no such folder.
-std::string EntryOf(const fs::path& path) {
-  std::error_code error;
-  const fs::path absolute = fs::absolute(path, error);
-  if (error) return {};
-  const fs::path folder = fs::canonical(absolute.parent_path(), error);
-  return error ? std::string() : (folder / absolute.filename()).string();
-}
-
 std::string TargetOf(const fs::path& path) {
   std::error_code error;
   const fs::path target = fs::canonical(path, error);
@@ -30,6 +21,12 @@ std::string TargetOf(const fs::path& path) {
 }
 
 }  // namespace
+
+std::string EntryOf(const fs::path& path) {
+  std::error_code error;  // whoever opens it says what is wrong with it
+  const fs::path folder = fs::weakly_canonical(fs::absolute(path, error).parent_path(), error);
+  return (folder / path.filename()).string();
+}
 
 InputRecord::InputRecord() {
   const std::lock_guard lock(mutex);

@@ -2,8 +2,13 @@
 
 #include <filesystem>
 #include <optional>
+#include <string>
 
 namespace cohort {
+
+// What a path is an entry of, whole, and its name there: where that is a link, not what it leads to.
+// Two of the same replace each other.
+std::string EntryOf(const std::filesystem::path& path);
 
 // Which files a run has read, so that none of its outputs takes the place of one: a slip of the hand
 // (`track v.mp4 --out v.mp4`) loses nothing. On while one lives, as in the program; whoever uses the

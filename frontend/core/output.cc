@@ -153,12 +153,10 @@ void CheckFolderHoldsNoInput(const fs::path& folder) {
 
 void CheckDistinctOutputs(
     std::initializer_list<std::pair<std::string_view, std::filesystem::path>> outputs) {
-  std::map<fs::path, std::string_view> options;
+  std::map<std::string, std::string_view> options;
   for (const auto& [option, path] : outputs) {
     if (path.empty()) continue;
-    // A link in the place of an output is replaced, not followed.
-    const fs::path folder = fs::weakly_canonical(fs::absolute(path).parent_path());
-    const auto [other, is_new] = options.emplace(folder / path.filename(), option);
+    const auto [other, is_new] = options.emplace(EntryOf(path), option);
     if (!is_new) {
       ThrowUsageError("{} and {} are both {}: give each a name of its own",
                       other->second,
