@@ -192,10 +192,11 @@ void VideoDecoder::OpenFile() {
     }
   }
   if (stream_ < 0) {
-    ThrowError(
-        "cannot open {} as a video: FFmpeg finds no video in it (an MP4 that was cut short has "
-        "lost its index)",
-        name_);
+    ThrowError("cannot open {} as a video: FFmpeg finds {}",
+               name_,
+               format_ != nullptr && format_->nb_streams > 0
+                   ? "sound or text in it, but no video"
+                   : "no video in it (an MP4 that was cut short has lost its index)");
   }
 }
 

@@ -84,7 +84,8 @@ std::string ProgramEnd::Brief() const {
 
 std::optional<fs::path> FindProgram(const std::string& program) {
   const auto usable = [](const fs::path& path) {
-    return fs::is_regular_file(path) && access(path.c_str(), X_OK) == 0;
+    std::error_code ignored;  // of a folder that may not be entered, as another user's
+    return fs::is_regular_file(path, ignored) && access(path.c_str(), X_OK) == 0;
   };
   if (program.find('/') != std::string::npos) {
     return usable(program) ? std::optional(fs::absolute(program)) : std::nullopt;

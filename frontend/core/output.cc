@@ -35,6 +35,14 @@ void CheckParent(const fs::path& path) {
     ThrowError(
         "cannot write {}: folder {}: {}", path.string(), parent.string(), std::strerror(errno));
   }
+  // In a folder such as /tmp nobody replaces what another user has put there.
+  struct stat of_parent {};
+  struct stat old {};
+  const uid_t user = geteuid();
+  if (user != 0 && stat(parent.c_str(), &of_parent) == 0 && (of_parent.st_mode & S_ISVTX) != 0 &&
+      of_parent.st_uid != user && lstat(path.c_str(), &old) == 0 && old.st_uid != user) {
+    ThrowError("cannot replace {}: it is another user's; give another name", path.string());
+  }
 }
 
 // Of /dev and /proc files can be made, and a device or the link to a stream replaced: by root at least.
@@ -122,7 +130,11 @@ void OutputFolder::Commit() {
       if (mkdtemp(old.data()) == nullptr) {
         ThrowError("cannot write {}: {}", path_.string(), std::strerror(errno));
       }
-      Rename(path_, fs::path(old) / "old");
+      if (std::rename(path_.c_str(), (fs::path(old) / "old").c_str()) != 0) {
+        const int error = errno;
+        RemoveQuietly(old);
+        ThrowError("cannot replace {}: {}", path_.string(), std::strerror(error));
+      }
       Rename(partial_, path_);
       RemoveQuietly(old);
     }

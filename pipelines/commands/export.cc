@@ -37,6 +37,7 @@ TrackFile TracksToExport(const ExportCommandOptions& options) {
   if (!options.global_shutter) return file;
   const Reconstruction model = options.model.empty() ? ReconstructWithCeres(file).reconstruction
                                                      : ReadModelFolder(options.model);
+  CheckIsModelOf(model, options.model, file, options.tracks);
   if (model.readout == 0.0) {
     spdlog::warn("{}: no rolling shutter is known of; the positions are written as they are",
                  options.model.empty() ? options.tracks : options.model);

@@ -31,6 +31,8 @@ TrackFile ReadFrames(const InputOptions& input) {
   }
   if (!sequence->Warning().empty()) spdlog::warn("{}", sequence->Warning());
   DescribeInput(input, *sequence, file);
+  const std::string doubt = DoubtOfCamera(file.camera);
+  if (!doubt.empty()) spdlog::warn("{}", doubt);
   return file;
 }
 
@@ -130,6 +132,37 @@ ImportedTracks ReadTracks(TracksForm form,
   return {};
 }
 
+// What nobody saw is not observed. Where it is most, the tracks are not of these pictures.
+void PredictOutside(const ImportCommandOptions& options, const TrackFile& file, TrackSet& tracks) {
+  const auto is_outside = [&file](const Observation& o) {
+    return IsObserved(o) && !(o.xy.x() >= -0.5 && o.xy.y() >= -0.5 &&
+                              o.xy.x() <= file.width_px - 0.5 && o.xy.y() <= file.height_px - 0.5);
+  };
+  const auto all = tracks.observations();
+  const auto outside = std::count_if(all.begin(), all.end(), is_outside);
+  if (outside == 0) return;
+  const auto observed = std::count_if(all.begin(), all.end(), IsObserved);
+  if (2 * outside > observed) {
+    ThrowError(
+        "{}: {} of {} observed positions lie outside the pictures of {}, which are {} x {}: "
+        "give the clip that the tracks are of",
+        options.tracks,
+        outside,
+        observed,
+        options.input.input,
+        file.width_px,
+        file.height_px);
+  }
+  spdlog::warn("{}: {} observed positions lie outside the picture, and count as predicted",
+               options.tracks,
+               outside);
+  std::vector<Observation> observations(all.begin(), all.end());
+  for (Observation& o : observations) {
+    if (is_outside(o)) o.state = ObservationState::kPredicted;
+  }
+  tracks = TrackSet::Build(std::move(observations));
+}
+
 }  // namespace
 
 void RunImport(const ImportCommandOptions& options) {
@@ -148,6 +181,7 @@ void RunImport(const ImportCommandOptions& options) {
   if (imported.camera && !given && (!file.camera || imported.camera->known)) {
     file.camera = imported.camera;
   }
+  PredictOutside(options, file, imported.tracks);
   file.tracks = std::move(imported.tracks);
   file.meta["program"] = fmt::format("cohort {}", kVersion);
   file.meta["tracker"] = "import";

@@ -26,14 +26,7 @@ void RefineTracks(const RefineCommandOptions& options) {
   if (model.points.empty()) {
     ThrowError("{}: the model has no points to look for: reconstruct first", options.model);
   }
-  for (const auto& [feature, point] : model.points) {
-    if (file.tracks.Track(feature).empty()) {
-      ThrowError("{}: point {} is no track of {}: give the tracks that the model was made of",
-                 options.model,
-                 ToInt(feature),
-                 options.tracks);
-    }
-  }
+  CheckIsModelOf(model, options.model, file, options.tracks);
   const auto sequence = OpenSequence(options.images.empty() ? file.source : options.images);
   const auto of_tracks = file.meta.find("mask");  // that they were made with
   const std::string mask =

@@ -10,6 +10,7 @@
 #include "pipelines/report/clip_report.h"
 #include "pipelines/report/track_video.h"
 #include "pipelines/sfm/fingerprint.h"
+#include "pipelines/sfm/reconstruct.h"
 
 namespace cohort {
 namespace {
@@ -64,7 +65,10 @@ std::unique_ptr<Sequence> OpenClipOf(const ShowOptions& options, const TrackFile
 
 void WritePageOf(const ShowOptions& options, const TrackFile& file, Sequence& sequence) {
   ClipReport report;
-  if (!options.model.empty()) report = ReadClipReport(options.model);
+  if (!options.model.empty()) {
+    report = ReadClipReport(options.model);
+    CheckIsModelOf(report.model, options.model, file, options.tracks.front());
+  }
   report.title = fs::path(file.source).filename().string();
   WriteClipReport(options.out, report, file, sequence, ProgressBars());
 }

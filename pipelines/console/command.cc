@@ -17,6 +17,7 @@
 #include <opencv2/core.hpp>
 #include <opencv2/core/utils/logger.hpp>
 #include <stdexcept>
+#include <string_view>
 
 #include "frontend/core/error.h"
 #include "frontend/core/input_record.h"
@@ -133,6 +134,11 @@ int RunProgram(const std::vector<Command>& commands, std::span<const std::string
   } catch (const std::exception& e) {
     // fmt::print throws at a full disk.
     if (std::ferror(stdout) != 0) return Fail(1, "", "cannot write to standard output");
+    // As libraries say it that begin threads.
+    if (std::string_view(e.what()).find(std::strerror(EAGAIN)) != std::string_view::npos) {
+      return Fail(
+          1, "", "the system gives no more threads or processes (ulimit -u); fewer: --threads 1");
+    }
     return Fail(1, "internal: ", e.what());
   }
 }

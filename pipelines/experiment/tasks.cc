@@ -41,10 +41,15 @@ void WriteResult(const Task& task, const Json& figures, const Json& error, doubl
 bool IsDone(const Task& task) {
   if (!fs::exists(task.result)) return false;
   bool done = false;
-  UseJsonFile(task.result, [&](const Json& result) {
-    done = result.at("error").is_null() && result.value("program", "") == FingerprintOfProgram() &&
-           result.at("options") == Json::parse(task.options);
-  });
+  try {
+    UseJsonFile(task.result, [&](const Json& result) {
+      done = result.at("error").is_null() &&
+             result.value("program", "") == FingerprintOfProgram() &&
+             result.at("options") == Json::parse(task.options);
+    });
+  } catch (const Error& error) {
+    spdlog::warn("{}; it is made anew", error.what());
+  }
   return done;
 }
 

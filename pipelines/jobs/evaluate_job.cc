@@ -1,5 +1,7 @@
 #include "pipelines/jobs/evaluate_job.h"
 
+#include <spdlog/spdlog.h>
+
 #include <algorithm>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -71,8 +73,32 @@ Json CalibrationToJson(const CalibrationFigure& figure) {
           {"tenths", tenths}};
 }
 
+// Throws Error where the tracks cannot be of the clip.
+void CheckIsClipOf(const TrackFile& file, const std::string& tracks, Sequence& sequence) {
+  const auto picture = sequence.Next();
+  sequence.Rewind();
+  if (picture && (picture->gray.cols != file.width_px || picture->gray.rows != file.height_px)) {
+    ThrowError(
+        "{} is of pictures of {}x{}, those of {} have {}x{}: give the clip that the tracks are of",
+        tracks,
+        file.width_px,
+        file.height_px,
+        sequence.Name(),
+        picture->gray.cols,
+        picture->gray.rows);
+  }
+  const auto frames = sequence.FrameCount();
+  if (frames && !file.frames.empty() && ToInt(file.frames.back().index) >= *frames) {
+    ThrowError("{} has a frame {}, {} has {} frames: give the clip that the tracks are of",
+               tracks,
+               ToInt(file.frames.back().index),
+               sequence.Name(),
+               *frames);
+  }
+}
+
 Json EvaluateTrackFile(const std::string& path,
-                       const Sequence& sequence,
+                       Sequence& sequence,
                        TrackTruth* truth,
                        double edge_px) {
   if (truth == nullptr) {
@@ -82,6 +108,7 @@ Json EvaluateTrackFile(const std::string& path,
         sequence.Name());
   }
   const TrackFile file = ReadTrackFile(path);
+  CheckIsClipOf(file, path, sequence);
   ReinitializationOptions options;
   options.width_px = file.width_px;
   options.height_px = file.height_px;
@@ -193,7 +220,30 @@ ModelTruth TruthOfPoses(const Sequence& sequence, TrackTruth* truth) {
 // A model under the frames of a clip: by the names of its images where they are its frames', else by
 // number.
 Reconstruction ReadModelOf(const fs::path& folder, Sequence& sequence) {
-  if (IsNumberedByFrame(folder)) return ReadReconstruction(folder);
+  if (IsNumberedByFrame(folder)) {
+    Reconstruction model = ReadReconstruction(folder);
+    const auto frames = sequence.FrameCount();
+    if (frames && !model.cam_from_world.empty() &&
+        ToInt(model.cam_from_world.rbegin()->first) >= *frames) {
+      ThrowError("{} has a frame {}, {} has {} frames: give the clip that the model is of",
+                 folder.string(),
+                 ToInt(model.cam_from_world.rbegin()->first),
+                 sequence.Name(),
+                 *frames);
+    }
+    const auto picture = sequence.Next();
+    if (picture && (picture->gray.cols != model.camera.width_px ||
+                    picture->gray.rows != model.camera.height_px)) {
+      spdlog::warn("{} is of pictures of {}x{}, those of {} have {}x{}: is it of this clip?",
+                   folder.string(),
+                   model.camera.width_px,
+                   model.camera.height_px,
+                   sequence.Name(),
+                   picture->gray.cols,
+                   picture->gray.rows);
+    }
+    return model;
+  }
   std::vector<FrameInfo> frames;
   while (const auto frame = sequence.Next()) {
     frames.push_back({frame->index, frame->name, frame->timestamp_ns});

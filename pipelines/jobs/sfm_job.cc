@@ -3,6 +3,7 @@
 #include <spdlog/spdlog.h>
 
 #include <filesystem>
+#include <map>
 #include <nlohmann/json.hpp>
 
 #include "frontend/core/output.h"
@@ -58,11 +59,34 @@ Json ModelMadeOf(Json made_of) {
   return made_of;
 }
 
-bool IsMadeOf(const fs::path& summary, const Json& made_of) {
-  if (!fs::exists(summary)) return false;
-  const Json json = ReadJsonFile(summary);
-  const auto found = json.find("made_of");
-  return found != json.end() && *found == made_of;
+using Fingerprints = std::map<std::string, std::string>;
+
+// `stamp`, of the scene folder, says what its `files` were made of, and what they were.
+bool IsStillThere(const fs::path& folder, const char* stamp, const Json& made_of) {
+  if (!fs::exists(folder / stamp)) return false;
+  try {
+    const Json json = ReadJsonFile(folder / stamp);
+    return json.at("made_of") == made_of &&
+           AreStillThere(folder, json.at("files").get<Fingerprints>());
+  } catch (const Json::exception&) {  // of another version
+    return false;
+  } catch (const Error&) {  // damaged
+    return false;
+  }
+}
+
+constexpr const char* kModelStamp = "model_of.json";
+
+bool HasModel(const fs::path& folder, const Json& made_of) {
+  return fs::exists(folder / "model" / "summary.json") &&
+         IsStillThere(folder, kModelStamp, made_of);
+}
+
+// Of the tracks and of what was made of them. The model's summary has a time in it, and is no part.
+Fingerprints FilesOfModel(const fs::path& folder) {
+  Fingerprints files = FingerprintsOfOutputs(folder, {"clip.tracks", "model"});
+  files.erase("model/summary.json");
+  return files;
 }
 
 // The model of the tracks, made anew unless it is of them already: its summary.json.
@@ -76,20 +100,16 @@ fs::path MakeModel(const SfmJobOptions& options, std::size_t frames, const Json&
     spdlog::info("more than {} frames: without covariances of cameras and points",
                  kMostFramesWithCovariances);
   }
-  fs::path summary = fs::path(job.out) / "summary.json";
-  const fs::path stamp = fs::path(options.out) / "model_of.json";
-  const bool is_made = options.resume && fs::exists(summary) && fs::exists(stamp) &&
-                       ReadJsonFile(stamp) == made_of &&
-                       fs::last_write_time(stamp) >= fs::last_write_time(job.tracks);
-  if (is_made) {
+  if (options.resume && HasModel(options.out, made_of)) {
     spdlog::info("{} is complete already", job.out);
   } else {
+    const fs::path stamp = fs::path(options.out) / kModelStamp;
     std::error_code ignored;
     fs::remove(stamp, ignored);
     RunReconstructJob(job);
-    WriteJsonFile(stamp, made_of);
+    WriteJsonFile(stamp, {{"made_of", made_of}, {"files", FilesOfModel(options.out)}});
   }
-  return summary;
+  return fs::path(job.out) / "summary.json";
 }
 
 template <typename T>
@@ -130,7 +150,8 @@ Json ClipToJson(const ClipMeasures& clip) {
 Json SummaryOf(const SfmFigures& figures,
                const std::vector<FrameIndex>& cuts,
                const ClipMeasures& clip,
-               const Json& made_of) {
+               const Json& made_of,
+               const Fingerprints& files) {
   Json json{{"registered", figures.model.registered},
             {"frames", figures.model.frames},
             {"images", figures.images},
@@ -144,7 +165,8 @@ Json SummaryOf(const SfmFigures& figures,
             {"cuts", NumbersOf(cuts)},
             {"film_better", figures.film_better},
             {"clip", ClipToJson(clip)},
-            {"made_of", made_of}};
+            {"made_of", made_of},
+            {"files", files}};
   return json;
 }
 
@@ -165,7 +187,9 @@ SfmFigures RunSfmJob(const SfmJobOptions& options) {
   const fs::path summary = folder / "summary.json";
   const auto sequence = OpenInput(options.input);
   const Json made_of = SceneMadeOf(options, *sequence);
-  if (options.resume && IsMadeOf(summary, made_of)) {
+  const Json model_made_of = ModelMadeOf(made_of);
+  if (options.resume && IsStillThere(folder, "summary.json", made_of) &&
+      HasModel(folder, model_made_of)) {
     spdlog::info("{} is complete already", options.out);
     return FiguresOfSummary(folder);
   }
@@ -179,8 +203,9 @@ SfmFigures RunSfmJob(const SfmJobOptions& options) {
   RunTrackJob(TrackOptionsOf(options));
   fs::remove(summary, error);
   const TrackFile file = ReadTrackFile(folder / "clip.tracks");
-  SfmFigures figures = FiguresOf(MakeModel(options, file.frames.size(), ModelMadeOf(made_of)));
+  SfmFigures figures = FiguresOf(MakeModel(options, file.frames.size(), model_made_of));
   std::vector<double> brightness;
+  Fingerprints files;
   Reconstruction model;
   if (figures.model.registered > 0) {
     model = ReadModelFolder(folder / "model");
@@ -189,6 +214,7 @@ SfmFigures RunSfmJob(const SfmJobOptions& options) {
     figures.images = scene.images.size();
     figures.points = scene.points;
     brightness = scene.brightness;
+    files = FingerprintsOfOutputs(folder, {kSceneOutputs.begin(), kSceneOutputs.end()});
   } else {
     RemoveScene(folder);  // that of an earlier run would not be of these tracks
     brightness = BrightnessOfFrames(file, *sequence, ProgressBars());
@@ -201,7 +227,7 @@ SfmFigures RunSfmJob(const SfmJobOptions& options) {
       .features_wanted = static_cast<std::size_t>(options.tracker.detector.max_features)};
   const ClipMeasures measures = MeasureClip(clip);
   figures.film_better = FilmAdvice(clip, measures);
-  WriteJsonFile(summary, SummaryOf(figures, CutsOf(file), measures, made_of));
+  WriteJsonFile(summary, SummaryOf(figures, CutsOf(file), measures, made_of, files));
   return figures;
 }
 

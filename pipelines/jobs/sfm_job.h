@@ -42,7 +42,11 @@ struct SfmJobOptions {
            "Go on where an interrupted run with the same options ended, instead of "
            "beginning anew.",
            Tier::kCommon);
-    v.Number("seed", o.seed, 0U, 4294967295U, "of random draws; kept in the file's options");
+    v.Number("seed",
+             o.seed,
+             0U,
+             4294967295U,
+             "of random draws; none of the trackers there are makes any");
     v.Number("threads",
              o.threads,
              0,

@@ -193,6 +193,8 @@ std::optional<TrackFigures> RunTrackJob(const TrackJobOptions& options) {
     spdlog::info("{} is complete already", options.out);
     return std::nullopt;
   }
+  const std::string doubt = DoubtOfCamera(header.camera);
+  if (!doubt.empty()) spdlog::warn("{}", doubt);
   TrackFigures figures;
   if (options.resume) InputRecord::Forget(options.out);  // it was looked at
   if (!earlier.complete) {

@@ -257,6 +257,10 @@ Json PerFrame(const TrackFile& file, const Reconstruction& model) {
 ClipReport ReadClipReport(const fs::path& model_folder) {
   ClipReport report;
   report.title = model_folder.filename().string();
+  if (!fs::exists(model_folder / "summary.json")) {
+    ThrowError("{}: give a model folder of `cohort reconstruct`: it has no summary.json",
+               model_folder.string());
+  }
   UseJsonFile(model_folder / "summary.json", [&report](const Json& summary) {
     report.facts = {
         {"frames with a pose",

@@ -109,7 +109,8 @@ Json DataOf(const ExperimentResults& results, const ExperimentOptions& options) 
             {"rows", RowsOf(results)},
             {"failures", NotesOf(results.failures)},
             {"not_available", NotesOf(results.not_available)},
-            {"calibration", CalibrationHistogramsToJson(results)}};
+            {"calibration",
+             Illustration("calibration", [&] { return CalibrationHistogramsToJson(results); })}};
   const std::vector<const TrackCell*> shown = ShowcaseCells(results);
   if (shown.empty()) return data;
   data["pictures"] = Illustration("pictures", [&] { return TrackPicturesToJson(shown); });

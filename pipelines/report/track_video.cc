@@ -97,12 +97,14 @@ void ForEachFrame(const std::set<FrameIndex>& wanted,
   while (const auto frame = sequence.Next()) {
     if (!wanted.contains(frame->index)) continue;
     if (frame->gray.cols != file.width_px || frame->gray.rows != file.height_px) {
-      ThrowError("the pictures of {} are {}x{}, the tracks are of {}x{}: give --images",
-                 sequence.Name(),
-                 frame->gray.cols,
-                 frame->gray.rows,
-                 file.width_px,
-                 file.height_px);
+      ThrowError(
+          "the pictures of {} are {}x{}, the tracks are of {}x{}: give the clip that they are of "
+          "by --images",
+          sequence.Name(),
+          frame->gray.cols,
+          frame->gray.rows,
+          file.width_px,
+          file.height_px);
     }
     use(*frame, done++);
   }
@@ -156,7 +158,11 @@ void WriteMp4(const fs::path& path,
                                            cv::VideoWriter::fourcc('a', 'v', 'c', '1'),
                                            frames_per_second,
                                            picture.size())) {
-      ThrowError("cannot write {}: OpenCV's FFmpeg has no H.264 here", path.string());
+      ThrowError(
+          "cannot write {}: OpenCV's FFmpeg begins no video in H.264: it has none, or the system "
+          "gives "
+          "no threads or memory",
+          path.string());
     }
     writer.write(picture);
     if (progress) progress("show", i + 1, wanted.size());

@@ -216,7 +216,9 @@ std::vector<std::string> FilmAdvice(const FilmedClip& clip, const ClipMeasures& 
   const std::vector<Stretch> without_pose = Runs(file, [&](std::size_t i) {
     return !clip.model.cam_from_world.contains(file.frames[i].index);
   });
-  if (clip.model.cam_from_world.empty()) {
+  if (file.frames.size() < 2) {
+    advice.emplace_back("The clip has one frame: a model needs two, from different places.");
+  } else if (clip.model.cam_from_world.empty()) {
     advice.emplace_back(WhyNoModel(clip.termination));
   } else if (!without_pose.empty()) {
     advice.push_back(

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <filesystem>
@@ -50,6 +51,12 @@ void AddFile(const fs::path& path, Fnv1a& hash) {
   }
 }
 
+std::string FingerprintOfFile(const fs::path& file) {
+  Fnv1a hash;
+  AddFile(file, hash);
+  return hash.Digits();
+}
+
 }  // namespace
 
 std::string FingerprintOfFrames(const Sequence& sequence) {
@@ -61,11 +68,8 @@ std::string FingerprintOfFrames(const Sequence& sequence) {
 }
 
 std::string FingerprintOfClip(const std::string& input) {
+  if (fs::is_regular_file(input)) return FingerprintOfFile(input);
   Fnv1a hash;
-  if (fs::is_regular_file(input)) {
-    AddFile(input, hash);
-    return hash.Digits();
-  }
   fs::path folder = fs::absolute(input);  // of a glob that which holds it
   while (!fs::is_directory(folder)) folder = folder.parent_path();
   std::set<fs::path> files;
@@ -75,6 +79,30 @@ std::string FingerprintOfClip(const std::string& input) {
     AddFile(file, hash);
   }
   return hash.Digits();
+}
+
+std::map<std::string, std::string> FingerprintsOfOutputs(const fs::path& folder,
+                                                         const std::vector<std::string>& names) {
+  std::map<std::string, std::string> fingerprints;
+  const auto add = [&](const fs::path& file) {
+    fingerprints[file.lexically_relative(folder).string()] = FingerprintOfFile(file);
+  };
+  for (const std::string& name : names) {
+    if (!fs::is_directory(folder / name)) {
+      add(folder / name);
+      continue;
+    }
+    for (const auto& entry : fs::recursive_directory_iterator(folder / name)) {
+      if (entry.is_regular_file()) add(entry.path());
+    }
+  }
+  return fingerprints;
+}
+
+bool AreStillThere(const fs::path& folder, const std::map<std::string, std::string>& fingerprints) {
+  return std::all_of(fingerprints.begin(), fingerprints.end(), [&folder](const auto& output) {
+    return FingerprintOfFile(folder / output.first) == output.second;
+  });
 }
 
 const std::string& FingerprintOfProgram() {

@@ -1,6 +1,9 @@
 #pragma once
 
+#include <filesystem>
+#include <map>
 #include <string>
+#include <vector>
 
 #include "datasets/readers/sequence.h"
 
@@ -17,6 +20,14 @@ std::string FingerprintOfFrames(const Sequence& sequence);
 // Changes when a file of the input does, be it of the frames or of the truth: a file, or all that
 // the folder holds.
 std::string FingerprintOfClip(const std::string& input);
+
+// The fingerprints of what a run wrote, by their names in `folder`: `names` are files, or folders of
+// which all files count.
+std::map<std::string, std::string> FingerprintsOfOutputs(const std::filesystem::path& folder,
+                                                         const std::vector<std::string>& names);
+// Whether they are all there as they were. Others may have come since.
+bool AreStillThere(const std::filesystem::path& folder,
+                   const std::map<std::string, std::string>& fingerprints);
 
 // Changes when the running program does: its bytes. The libraries that it loads are not in it.
 const std::string& FingerprintOfProgram();

@@ -30,6 +30,20 @@ Camera ParseCamera(const std::string& text, int width_px, int height_px) {
 
 }  // namespace
 
+std::string DoubtOfCamera(const std::optional<Camera>& camera) {
+  if (!camera) return "";
+  const bool is_inside = camera->cx >= 0.0 && camera->cy >= 0.0 && camera->cx < camera->width_px &&
+                         camera->cy < camera->height_px;
+  if (is_inside) return "";
+  return fmt::format(
+      "the camera's principal point ({:g}, {:g}) lies outside its pictures of {} x {}: is the "
+      "calibration of pictures of another size?",
+      camera->cx,
+      camera->cy,
+      camera->width_px,
+      camera->height_px);
+}
+
 std::unique_ptr<Sequence> OpenInput(const InputOptions& options) {
   return OpenSequence(options.input,
                       options.layout,

@@ -47,6 +47,9 @@ struct InputOptions {
   }
 };
 
+// What is to be doubted of a camera, a line with what to do; empty: nothing.
+std::string DoubtOfCamera(const std::optional<Camera>& camera);
+
 std::unique_ptr<Sequence> OpenInput(const InputOptions& options);
 
 // The camera given, else the sequence's own, else none. Throws UsageError on another text.

@@ -217,9 +217,6 @@ cv::Mat UndistortionMap(const Camera& from, const Camera& to) {
   return map;
 }
 
-constexpr std::array<const char*, 4> kSceneNames{
-    "images", "sparse", "sparse_pc.ply", "transforms.json"};
-
 // Of the pictures in a folder, those with a name of ours.
 std::vector<std::string> OwnImages(const fs::path& folder) {
   std::vector<std::string> names;
@@ -479,9 +476,10 @@ void CheckSceneFolder(const fs::path& folder) {
   if (!fs::is_directory(folder)) return;
   const OutputFolder images(folder / "images", OwnImages(folder / "images"));
   const OutputFolder sparse(folder / "sparse", {"0"});
-  // COLMAP's and Nerfstudio's projects have the same names: a folder without our tracks is none of ours.
-  for (const char* name : kSceneNames) {
-    if (fs::exists(folder / name) && !fs::exists(folder / "clip.tracks")) {
+  // COLMAP's and Nerfstudio's projects have the same names: a folder without our files is none of ours.
+  const bool is_ours = fs::exists(folder / "clip.tracks") || fs::exists(folder / "model_of.json");
+  for (const char* name : kSceneOutputs) {
+    if (fs::exists(folder / name) && !is_ours) {
       ThrowError("{} holds {}, which is not of a scene of ours: give another folder",
                  folder.string(),
                  name);
@@ -492,7 +490,7 @@ void CheckSceneFolder(const fs::path& folder) {
 void RemoveScene(const fs::path& folder) {
   CheckSceneFolder(folder);
   std::error_code ignored;
-  for (const char* name : kSceneNames) {
+  for (const char* name : kSceneOutputs) {
     fs::remove_all(folder / name, ignored);
   }
 }

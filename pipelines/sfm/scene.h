@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <filesystem>
 #include <optional>
@@ -66,8 +67,12 @@ Camera UndistortedCamera(const Camera& camera);
 // along +z, as viewers expect.
 Rigid3 SceneFromModel(const Reconstruction& model);
 
+// What WriteScene writes.
+inline constexpr std::array<const char*, 4> kSceneOutputs{
+    "images", "sparse", "sparse_pc.ply", "transforms.json"};
+
 // Throws Error where a folder holds what WriteScene would replace, but no scene of ours: something of
-// its names and no clip.tracks, other pictures than ours, or the clip itself.
+// its names and neither clip.tracks nor model_of.json, other pictures than ours, or the clip itself.
 void CheckSceneFolder(const std::filesystem::path& folder);
 // Removes what WriteScene wrote there, and nothing else.
 void RemoveScene(const std::filesystem::path& folder);

@@ -40,21 +40,18 @@ void ForEachFrame(const TrackFile& file,
   for (const FrameInfo& wanted : file.frames) {
     while (frame && frame->index < wanted.index) frame = frames.Next();
     if (!frame || frame->index != wanted.index) {
-      ThrowError(
-          "{}: has no frame {} ({}), which the tracks are of: give the same clip by --images",
-          sequence.Name(),
-          ToInt(wanted.index),
-          wanted.name);
+      ThrowError("{}: has no frame {} ({}), which the tracks are of: give the same clip",
+                 sequence.Name(),
+                 ToInt(wanted.index),
+                 wanted.name);
     }
     if (frame->gray.cols != file.width_px || frame->gray.rows != file.height_px) {
-      ThrowError(
-          "{}: frames of {} x {} px, but the tracks are of {} x {}: give the same clip by "
-          "--images",
-          sequence.Name(),
-          frame->gray.cols,
-          frame->gray.rows,
-          file.width_px,
-          file.height_px);
+      ThrowError("{}: frames of {} x {} px, but the tracks are of {} x {}: give the same clip",
+                 sequence.Name(),
+                 frame->gray.cols,
+                 frame->gray.rows,
+                 file.width_px,
+                 file.height_px);
     }
     if (&wanted != &file.frames.back()) frames.Begin();
     use(*frame);

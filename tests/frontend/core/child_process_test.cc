@@ -28,6 +28,15 @@ TEST(ChildProcess, TellsHowItEnded) {
   EXPECT_EQ(both.text, "out\nerr\n");
 }
 
+// As root's folders are to others; here of a name that no folder can have.
+TEST(FindProgram, GoesOnBehindAFolderThatCannotBeEntered) {
+  const std::string path = std::getenv("PATH");
+  const std::string locked = "/" + std::string(300, 'a') + ":";
+  ASSERT_EQ(setenv("PATH", (locked + path).c_str(), 1), 0);
+  EXPECT_EQ(FindProgram("sh").value_or("").filename(), "sh");
+  ASSERT_EQ(setenv("PATH", path.c_str(), 1), 0);
+}
+
 TEST(ChildProcess, IsKilledAtItsTimeLimit) {
   const Stopwatch stopwatch;
   const ProgramOutput late = Shell("echo $$; exec sleep 60", 0.2);

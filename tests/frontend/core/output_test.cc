@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/stat.h>
+#include <unistd.h>
 
 #include "frontend/core/error.h"
 #include "frontend/core/input_record.h"
@@ -144,6 +145,22 @@ TEST(OutputFolder, IsNotWrittenThroughALinkInItsPlace) {
   out.Commit();
   EXPECT_EQ(ReadBytes(dir / "elsewhere" / "a"), "precious");
   EXPECT_EQ(ReadBytes(dir / "model" / "a"), "new");
+}
+
+// As /tmp is one: before hours of work, not after them.
+TEST(OutputFolder, OfAnotherUserInASharedFolderIsNotReplaced) {
+  if (geteuid() != 0) GTEST_SKIP() << "only root can be two users";
+  const test::TempDir dir;
+  std::filesystem::create_directory(dir / "model");
+  WriteBytes(dir / "a", "old");
+  ASSERT_EQ(chmod(dir.path().c_str(), 01777), 0);
+  ASSERT_EQ(seteuid(65533), 0);
+  EXPECT_THAT([&] { OutputFolder out(dir / "model", {}); },
+              ThrowsMessage<Error>(HasSubstr("model: it is another user's; give another name")));
+  EXPECT_THAT([&] { OutputFile out(dir / "a"); },
+              ThrowsMessage<Error>(HasSubstr("a: it is another user's; give another name")));
+  EXPECT_NO_THROW(OutputFile out(dir / "b"));
+  ASSERT_EQ(seteuid(0), 0);
 }
 
 TEST(OutputFolder, RefusesToReplaceAFolderWithForeignFiles) {

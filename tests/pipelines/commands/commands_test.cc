@@ -475,6 +475,65 @@ TEST_F(Commands, ImportsTheTracksOfAModelFolder) {
   EXPECT_NEAR(model.camera->cx, 159.5, 1e-9);
 }
 
+TEST_F(Commands, ImportsAsPredictedWhatLiesOutsideThePicture) {
+  const std::string clip = WriteImages(Path("clip"), 3);
+  const std::string import =
+      "import " + Path("a.csv") + " --images " + clip + " --out " + Path("b.tracks");
+  WriteText(Path("a.csv"), "track_id,frame,x,y\n0,0,-500,1e6\n0,1,5,5\n0,2,159.5,119.5\n");
+  const ProgramEnd end = RunCohort(import);
+  EXPECT_EQ(end.exit_code, 0);
+  EXPECT_THAT(end.err, HasSubstr("1 observed positions lie outside the picture"));
+  const TrackSet tracks = ReadTrackFile(Path("b.tracks")).tracks;
+  EXPECT_EQ(tracks.CountObserved(), 2u);
+  EXPECT_EQ(tracks.CountPredicted(), 1u);
+  WriteText(Path("a.csv"), "track_id,frame,x,y\n0,0,-500,1e6\n0,1,5,5\n0,2,160,5\n");
+  ExpectFailure(RunCohort(import + " --quiet"), 1, HasSubstr("2 of 3 observed positions"));
+}
+
+// A model, or a truth, of another clip gives figures, too: of nothing.
+TEST_F(Commands, WhatIsOfAnotherClipIsRefused) {
+  const auto run = [](const std::string& arguments) {
+    const ProgramEnd end = RunCohort(arguments + " --quiet");
+    EXPECT_EQ(end.exit_code, 0) << arguments << "\n" << end.err;
+    return end;
+  };
+  const std::string small = " --width-px 320 --height-px 240 --focal-px 260 --frames ";
+  run("synth " + Path("a") + small + "12");
+  run("synth " + Path("longer") + small + "16");
+  run("synth " + Path("smaller") + " --width-px 240 --height-px 180 --focal-px 195 --frames 12");
+  for (const std::string clip : {"a", "longer", "smaller"}) {
+    run("track " + Path(clip) + " --features 150 --out " + Path(clip + ".tracks"));
+    run("reconstruct " + Path(clip + ".tracks") + " --out " + Path(clip + ".model"));
+  }
+  const std::string tracks = Path("a.tracks");
+  for (const std::string other : {"longer", "smaller"}) {
+    const std::string model = " --model " + Path(other + ".model");
+    const auto give = HasSubstr("give the model that was made of " + tracks);
+    ExpectFailure(RunCohort("refine " + tracks + model + " --out " + Path("x")), 1, give);
+    ExpectFailure(RunCohort("show " + tracks + model + " --out " + Path("x.html")), 1, give);
+    ExpectFailure(
+        RunCohort("export " + tracks + model + " --global-shutter --csv " + Path("x")), 1, give);
+  }
+  const auto evaluate = [&](const std::string& what, const std::string& clip) {
+    return RunCohort("evaluate " + Path(what) + " --truth " + Path(clip));
+  };
+  ExpectFailure(
+      evaluate("a.tracks", "smaller"), 1, HasSubstr("give the clip that the tracks are of"));
+  ExpectFailure(
+      evaluate("longer.tracks", "a"), 1, HasSubstr("give the clip that the tracks are of"));
+  ExpectFailure(evaluate("longer.model", "a"), 1, HasSubstr("give the clip that the model is of"));
+  EXPECT_THAT(evaluate("smaller.model", "a").err, HasSubstr("is it of this clip?"));
+  EXPECT_EQ(evaluate("a.model", "a").err, "");
+}
+
+TEST_F(Commands, TellsACalibrationOfAnotherSize) {
+  const std::string clip = WriteImages(Path("clip"), 3);
+  const std::string track =
+      "track " + clip + " --features 30 --second-pass off --quiet --out " + Path("a.tracks");
+  EXPECT_THAT(RunCohort(track + " --camera 1500,1500,960,540").err, HasSubstr("of another size?"));
+  EXPECT_EQ(RunCohort(track + " --camera 150,150,79.5,59.5").err, "");
+}
+
 TEST_F(Commands, ImportSaysInOneLineWhatATrackFileIsNot) {
   const std::string clip = WriteImages(Path("clip"), 3);
   const auto import = [&](const std::string& arguments) {
@@ -777,7 +836,7 @@ TEST_F(Commands, RefineMeasuresTracksAgainWhereTheModelSaysTheyAre) {
   const std::string images = WriteImages(path("images"), 24);
   ExpectFailure(RunCohort(refine + " --model " + path("first") + " --images " + images),
                 1,
-                HasSubstr("give the same clip by --images"));
+                HasSubstr("give the same clip"));
   ExpectFailure(RunCohort(refine + " --model " + path("nothing")), 1, HasSubstr("nothing"));
 }
 
@@ -1044,6 +1103,20 @@ TEST_F(Commands, CompareMeasuresEveryCellAndResumes) {
   const ProgramEnd second = RunCohort(compare + " --resume");
   EXPECT_EQ(second.out, first.out);
   EXPECT_THAT(second.err, HasSubstr("reconstruct: 2 of 2 are done already"));
+  // What is damaged is made anew, or left out where it only illustrates.
+  int damaged = 0;
+  for (const auto& entry : fs::recursive_directory_iterator(Path("out/cells"))) {
+    const std::string name = entry.path().filename().string();
+    if (entry.path().extension() != ".json" || name.starts_with("clip")) continue;
+    WriteText(entry.path().string(), "nonsense");
+    ++damaged;
+  }
+  EXPECT_GT(damaged, 4);
+  const ProgramEnd mended = RunCohort(compare + " --resume");
+  EXPECT_EQ(mended.exit_code, 0);
+  EXPECT_THAT(mended.err, HasSubstr("it is made anew"));
+  EXPECT_THAT(ReadBytes(Path("out/results.csv")),
+              HasSubstr("clip,clean,subspace,ceres,1,registered"));
 
   // Shards in one folder, at the same time, give the whole.
   ExpectFailure(RunCohort(compare + "2 --collect --quiet"), 1, HasSubstr("no cell of this grid"));

@@ -182,6 +182,38 @@ TEST_F(Sfm, KeepsWhatIsBeforeTheOptionsThatChanged) {
   EXPECT_TRUE(fs::exists(scene / "summary.json")) << "the scene is still whole";
 }
 
+TEST_F(Sfm, MakesAnewWhatIsGoneOrDamaged) {
+  const fs::path whole = *dir_ / "undamaged";
+  ASSERT_EQ(RunSfm(whole, "--max-images 5").exit_code, 0);
+  const fs::path scene = *dir_ / "mended";
+  fs::copy(whole, scene, fs::copy_options::recursive);
+  for (const char* damage : {"rm -r images sparse transforms.json",
+                             "rm images/$(ls images | head -1)",
+                             "truncate -s 10 images/$(ls images | tail -1)",
+                             "rm sparse/0/points3D.bin",
+                             "rm model/images.txt",
+                             "truncate -s 100 model/points3D.bin",
+                             "rm clip.tracks",
+                             "rm model/points3D.bin summary.json",
+                             "echo nonsense > model_of.json"}) {
+    SCOPED_TRACE(damage);
+    test::RunShell("cd " + scene.string() + " && " + damage);
+    const test::ProgramEnd end = RunSfm(scene, "--resume --max-images 5");
+    EXPECT_EQ(end.exit_code, 0) << end.err;
+    for (const auto& entry : fs::recursive_directory_iterator(whole)) {
+      const fs::path file = entry.path().lexically_relative(whole);
+      if (!entry.is_regular_file() || file == "model/summary.json") continue;  // has a time in it
+      EXPECT_TRUE(ReadBytes(scene / file) == ReadBytes(whole / file)) << file;
+    }
+  }
+
+  // Tracks take the time, and half of them may be of use: so they are not made anew unasked.
+  test::RunShell("truncate -s 5000 " + (scene / "clip.tracks").string());
+  const test::ProgramEnd cut = RunSfm(scene, "--resume --max-images 5");
+  EXPECT_EQ(cut.exit_code, 1);
+  EXPECT_THAT(cut.err, HasSubstr("clip.tracks"));
+}
+
 // Pictures without compression: as large whatever they show.
 TEST_F(Sfm, KnowsAnotherClipOfEqualSizeAndACopyOfTheSame) {
   const fs::path clip = *dir_ / "bitmaps";
