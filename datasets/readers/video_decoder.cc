@@ -192,11 +192,11 @@ void VideoDecoder::OpenFile() {
     }
   }
   if (stream_ < 0) {
-    ThrowError("cannot open {} as a video: FFmpeg finds {}",
+    ThrowError("cannot open {} as a video: FFmpeg finds no video in it ({})",
                name_,
                format_ != nullptr && format_->nb_streams > 0
-                   ? "sound or text in it, but no video"
-                   : "no video in it (an MP4 that was cut short has lost its index)");
+                   ? "only sound, a cover or text"
+                   : "an MP4 that was cut short has lost its index");
   }
 }
 

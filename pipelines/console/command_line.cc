@@ -304,7 +304,9 @@ ParseOutcome ParseCommandLine(const CommandLine& line,
     fmt::print("{}", help_all ? FullHelp(line, listed) : CommonHelp(line, listed));
     return ParseOutcome::kDone;
   }
-  if (!app.remaining().empty()) ThrowUnexpected(app, line, app.remaining().front());
+  std::vector<std::string> left = app.remaining();
+  std::erase(left, "--");  // what is behind it is no option, and was taken as such
+  if (!left.empty()) ThrowUnexpected(app, line, left.front());
 
   if (!config.empty()) {
     SetFromJson(entries, ReadJsonFile(config), config);

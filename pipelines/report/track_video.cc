@@ -114,8 +114,8 @@ void ForEachFrame(const std::set<FrameIndex>& wanted,
   }
 }
 
-// cv::VideoWriter says nothing of a disk that is full.
-void CheckVideo(const fs::path& path, std::size_t frames) {
+// cv::VideoWriter says nothing of a disk that is full. `name`, here and below: what is said to the user.
+void CheckVideo(const fs::path& path, const std::string& name, std::size_t frames) {
   std::size_t written = 0;
   try {
     const auto video = OpenSequence(path.string(), Layout::kVideo);
@@ -124,14 +124,13 @@ void CheckVideo(const fs::path& path, std::size_t frames) {
   }
   InputRecord::Forget(path);
   if (written != frames) {
-    ThrowError("cannot write {}: {} of {} frames arrived; is the disk full?",
-               path.string(),
-               written,
-               frames);
+    ThrowError(
+        "cannot write {}: {} of {} frames arrived; is the disk full?", name, written, frames);
   }
 }
 
 void WriteMp4(const fs::path& path,
+              const std::string& name,
               const std::vector<TrackFile>& files,
               Sequence& sequence,
               double frames_per_second,
@@ -160,18 +159,17 @@ void WriteMp4(const fs::path& path,
                                            picture.size())) {
       ThrowError(
           "cannot write {}: OpenCV's FFmpeg begins no video in H.264: it has none, or the system "
-          "gives "
-          "no threads or memory",
-          path.string());
+          "gives no threads or memory",
+          name);
     }
     writer.write(picture);
     if (progress) progress("show", i + 1, wanted.size());
   });
   writer.release();
-  CheckVideo(path, wanted.size());
+  CheckVideo(path, name, wanted.size());
 }
 
-void ToGif(const fs::path& video, const fs::path& gif) {
+void ToGif(const fs::path& video, const fs::path& gif, const std::string& name) {
   const auto ffmpeg = FindProgram("ffmpeg");
   if (!ffmpeg)
     ThrowError("a GIF needs the program ffmpeg: install it, or give a name that ends in .mp4");
@@ -190,8 +188,7 @@ void ToGif(const fs::path& video, const fs::path& gif) {
                   gif.string()},
                  null.get());
   if (end.exit_code != 0 || end.signal != 0) {
-    ThrowError(
-        "cannot write {}: ffmpeg ended with {}; is the disk full?", gif.string(), end.Brief());
+    ThrowError("cannot write {}: ffmpeg ended with {}; is the disk full?", name, end.Brief());
   }
 }
 
@@ -219,9 +216,9 @@ void WriteTrackVideo(const fs::path& path,
       fs::remove(path, ignored);
     }
   } const remove{video};
-  WriteMp4(video, files, sequence, frames_per_second, width_px, progress);
+  WriteMp4(video, path.string(), files, sequence, frames_per_second, width_px, progress);
   if (path.extension() == ".gif") {
-    ToGif(video, out.partial());
+    ToGif(video, out.partial(), path.string());
   } else {
     fs::rename(video, out.partial());
   }

@@ -261,6 +261,9 @@ TEST_F(Commands, NamesOfFramesLeadOutOfNoFolder) {
 TEST_F(Commands, UnknownCommandFlagOrValueIsAUsageError) {
   ExpectFailure(RunCohort(""), 2, HasSubstr("cohort --help"));
   ExpectFailure(RunCohort("trak a.mp4"), 2, HasSubstr("unknown command 'trak'"));
+  ExpectFailure(
+      RunCohort("track --out b -- -a.mp4"), 1, HasSubstr("no such file or folder: -a.mp4"));
+  ExpectFailure(RunCohort("track --out b -- a.mp4 --features"), 2, HasSubstr("--features"));
   ExpectFailure(RunCohort("track a --featurs 3"), 2, HasSubstr("did you mean --features?"));
   ExpectFailure(RunCohort("track a --out b --features many"), 2, HasSubstr("no whole number"));
   ExpectFailure(RunCohort("track a --out b --tracker lk"), 2, HasSubstr("subspace, descent, klt"));
