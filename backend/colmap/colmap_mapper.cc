@@ -226,6 +226,7 @@ bool WriteDatabase(const TrackFile& file,
 struct MapperRuns {
   std::optional<ColmapModel> best;  // of most images; none: none registered any
   std::string failure;              // of the last run that registered too few
+  std::string died;                 // how the best one's run ended, if not well
   double seconds = 0.0;
 };
 
@@ -248,6 +249,8 @@ MapperRuns RunMapper(ColmapProgram& program,
     auto model = ReadLargestColmapModel(sparse);
     if (model && (!runs.best || model->model.images.size() > runs.best->images.size())) {
       runs.best = std::move(model->model);
+      const bool well = end.exit_code == 0 && end.signal == 0 && !end.out_of_time;
+      runs.died = well ? "" : fmt::format(", though its mapper ended with {}", end.Brief());
     }
     if (runs.best && !TooFewRegistered(runs.best->images.size(), file.frames.size())) break;
     runs.failure = FailureIn(workspace.log, log_bytes, end);
@@ -270,6 +273,12 @@ Reconstruction RunAdjuster(ColmapProgram& program,
   program.Run("bundle_adjuster", arguments, workspace.log);
   if (!fs::exists(adjusted / "points3D.bin")) return reconstruction;
   const Reconstruction moved = FromColmapModel(ReadColmapModel(adjusted));
+  const bool has_all = std::ranges::all_of(reconstruction.points, [&moved](const auto& point) {
+    return moved.points.contains(point.first);
+  });
+  if (!has_all || moved.cam_from_world.size() != reconstruction.cam_from_world.size()) {
+    return reconstruction;
+  }
   reconstruction.camera = moved.camera;
   reconstruction.cam_from_world = moved.cam_from_world;
   for (auto& [feature, point] : reconstruction.points) {
@@ -284,6 +293,7 @@ std::string DescribeEnd(const ColmapProgram& program,
                         std::size_t frames,
                         const std::string& failure,
                         const std::string& start,
+                        const std::string& died,
                         const fs::path& log) {
   if (registered == 0) {
     return fmt::format("COLMAP {} registered no frame: {}; see {} of the run",
@@ -298,7 +308,7 @@ std::string DescribeEnd(const ColmapProgram& program,
                        frames,
                        start);
   }
-  return fmt::format("COLMAP {} done; {}", program.version(), start);
+  return fmt::format("COLMAP {} done{}; {}", program.version(), died, start);
 }
 
 }  // namespace
@@ -343,11 +353,18 @@ ColmapResult ReconstructWithColmap(const TrackFile& tracked,
       result.colmap_seconds += adjuster.Seconds();
     }
   }
+  std::string failure = runs.failure;
+  if (!result.reconstruction.cam_from_world.empty() && result.reconstruction.points.empty()) {
+    // Cameras without a point before them are no model, whatever made them.
+    result.reconstruction.cam_from_world.clear();
+    failure = "its model has no points";
+  }
   return end(DescribeEnd(program,
                          result.reconstruction.cam_from_world.size(),
                          file.frames.size(),
-                         runs.failure,
+                         failure,
                          search.reason,
+                         runs.died,
                          workspace.log));
 }
 

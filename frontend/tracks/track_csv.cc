@@ -47,10 +47,8 @@ struct Columns {
 };
 
 Columns ReadHeader(const LineReader& reader) {
-  std::string_view line = reader.line();
-  if (line.starts_with("\xEF\xBB\xBF")) line.remove_prefix(3);  // byte order mark
   FieldSplitter splitter;
-  const auto names = splitter.Split(line);
+  const auto names = splitter.Split(reader.line());
   const auto find = [&](std::string_view name, bool required) {
     const auto it = std::find(names.begin(), names.end(), name);
     if (it == names.end() && required) {

@@ -294,6 +294,13 @@ ParseOutcome ParseCommandLine(const CommandLine& line,
   app.add_flag("-h,--help", help);
   app.add_flag("--help-all", help_all);
 
+  // CLI11 would take the next word, be it an option: `--json=$UNSET --quiet` wrote a file --quiet.
+  for (const std::string& word : arguments) {
+    if (word == "--") break;
+    if (word.starts_with("--") && word.find('=') == word.size() - 1) {
+      ThrowUsageError("{} has no value: give one, or leave it out", word);
+    }
+  }
   try {
     app.parse(std::vector<std::string>(arguments.rbegin(), arguments.rend()));
   } catch (const CLI::ParseError& e) {

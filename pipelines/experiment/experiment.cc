@@ -23,6 +23,9 @@ namespace {
 
 namespace fs = std::filesystem;
 
+// Tells the folder of the cells: it is removed and made anew.
+constexpr const char* kMark = "cells_of_cohort_compare";
+
 void MakeFolder(const fs::path& folder) {
   std::error_code error;
   fs::create_directories(folder, error);
@@ -69,7 +72,10 @@ void CheckCellsAreOurs(const ExperimentOptions& options, const fs::path& cells) 
   if (!fs::is_directory(cells) || fs::is_empty(cells)) return;
   for (const auto& entry : fs::directory_iterator(cells)) {
     const std::string name = entry.path().filename().string();
-    if (name == "results.lock" || (name.starts_with("clip0") && name.ends_with(".json"))) return;
+    if (name == kMark || name == "results.lock" ||
+        (name.starts_with("clip0") && name.ends_with(".json"))) {
+      return;
+    }
   }
   ThrowError("{} is in the way of the cells, and not of a comparison: give another --out",
              cells.string());
@@ -82,13 +88,15 @@ ExperimentPlan RunCells(const ExperimentOptions& options) {
   const bool anew = !options.resume && !options.collect && options.shard.empty();
   if (anew) CheckCellsAreOurs(options, plan.cells_folder);
   MakeFolder(plan.cells_folder);
+  if (!fs::exists(plan.cells_folder / kMark)) WriteBytes(plan.cells_folder / kMark, "");
   // Shards share a folder, and who collects may look at any time; two whole grids may not.
   const WriteLock lock = WriteLock::Of(options.out, options.collect || !options.shard.empty());
   const std::vector<GridClip> clips = ProbeClips(options, plan);
   // Not before the inputs are known to be good. Other shards may be at work in the same folder.
   if (anew) {
-    fs::remove_all(plan.cells_folder);
-    MakeFolder(plan.cells_folder);
+    for (const auto& entry : fs::directory_iterator(plan.cells_folder)) {
+      if (entry.path().filename() != kMark) fs::remove_all(entry.path());
+    }
   }
   AddClips(options, clips, plan);
   if (options.collect) {

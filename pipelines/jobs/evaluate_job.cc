@@ -306,8 +306,17 @@ Json RunEvaluateJob(const EvaluateJobOptions& options) {
     const auto truth = OpenTrackTruth(*sequence, options.truth);
     if (is_model) {
       const ModelTruth poses = TruthOfPoses(*sequence, truth.get());
-      figures = EvaluateModelFolder(
-          ReadModelOf(options.subject, *sequence), FramesOfModel(options.subject, poses), poses);
+      const Reconstruction model = ReadModelOf(options.subject, *sequence);
+      figures = EvaluateModelFolder(model, FramesOfModel(options.subject, poses), poses);
+      const auto without = std::ranges::count_if(
+          model.cam_from_world,
+          [&poses](const auto& camera) { return !poses.cam_from_world.contains(camera.first); });
+      if (without > 0) {
+        spdlog::warn("{} has no true pose of {} of the {} cameras: the errors are of the others",
+                     sequence->Name(),
+                     without,
+                     model.cam_from_world.size());
+      }
     } else {
       figures = EvaluateTrackFile(options.subject, *sequence, truth.get(), options.edge_px);
     }

@@ -45,7 +45,8 @@ cv::Mat Panel(const TrackFile& file, const cv::Mat& picture, FrameIndex frame, i
   TrackPicture drawn = DrawTracks(picture, frame, file.tracks, nullptr);
   if (width_px > 0 && width_px != drawn.picture.cols) {
     const double scale = static_cast<double>(width_px) / drawn.picture.cols;
-    cv::resize(drawn.picture, drawn.picture, {}, scale, scale, cv::INTER_AREA);
+    const cv::Size size(std::max(2, width_px), std::max(2, cvRound(scale * drawn.picture.rows)));
+    cv::resize(drawn.picture, drawn.picture, size, 0.0, 0.0, cv::INTER_AREA);
   }
   // H.264 takes even sizes only.
   const int width = drawn.picture.cols / 2 * 2;
@@ -203,6 +204,12 @@ void WriteTrackVideo(const fs::path& path,
   if (path.extension() != ".mp4" && path.extension() != ".gif") {
     ThrowUsageError("{}: give a name that ends in .mp4 or .gif, or for a page in .html",
                     path.string());
+  }
+  constexpr double kFastestGif = 50.0;  // viewers take its next unit, of 100/s, for 10/s
+  if (path.extension() == ".gif" && frames_per_second > kFastestGif) {
+    ThrowUsageError(
+        "a GIF shows at most {:g} frames a second: give fewer, or a name that ends in .mp4",
+        kFastestGif);
   }
   // Absolute: in other names FFmpeg sees protocols, and its program options.
   OutputFile out(fs::absolute(path));

@@ -32,6 +32,14 @@ Camera ParseCamera(const std::string& text, int width_px, int height_px) {
 
 std::string DoubtOfCamera(const std::optional<Camera>& camera) {
   if (!camera) return "";
+  // No lens does that, decimals with a comma do: 525,5 525,5 ...
+  if (camera->fx > 2.0 * camera->fy || camera->fy > 2.0 * camera->fx) {
+    return fmt::format(
+        "the camera's focal lengths {:g} and {:g} px are of no lens: is the calibration right, and "
+        "are its decimals with points?",
+        camera->fx,
+        camera->fy);
+  }
   const bool is_inside = camera->cx >= 0.0 && camera->cy >= 0.0 && camera->cx < camera->width_px &&
                          camera->cy < camera->height_px;
   if (is_inside) return "";

@@ -610,6 +610,36 @@ TEST(ColmapMapper, AProgramThatSucceedsAndRegistersNothingHasFailed) {
                              HasSubstr("colmap.log")));
 }
 
+// The real program, whose output a stage then loses in part.
+TEST(ColmapMapper, WhatLosesItsPointsIsNoModelAndNoAdjustment) {
+  const TempDir dir;
+  SyntheticTracksOptions small;
+  small.frames = 8;
+  const TrackFile tracks = MakeSyntheticTracks(small).file;
+  const auto reconstruct = [&](const char* stage, const char* folder, int exit_code) {
+    const FakeColmap fake(fmt::format(
+        "colmap \"$@\" || exit $?\n[ \"$1\" = {} ] || exit 0\nfor last; do :; done\n"
+        "[ -d \"$last{}\" ] || exit 0\n{}exit {}\n",
+        stage,
+        folder,
+        exit_code == 0 ? fmt::format("head -c 8 /dev/zero > \"$last{}/points3D.bin\"\n", folder)
+                       : "",
+        exit_code));
+    ColmapOptions options;
+    options.program = fake.path();
+    return ReconstructWithColmap(tracks, options, dir / "work");
+  };
+  const ColmapResult none = reconstruct("mapper", "/0", 0);
+  EXPECT_TRUE(none.summary.Failed());
+  EXPECT_THAT(none.summary.termination, HasSubstr("its model has no points"));
+  const ColmapResult as_it_was = reconstruct("bundle_adjuster", "", 0);
+  EXPECT_EQ(as_it_was.summary.registered, 8u);
+  EXPECT_GT(as_it_was.summary.points, 50u);
+  const ColmapResult died = reconstruct("mapper", "/0", 3);
+  EXPECT_EQ(died.summary.registered, 8u);
+  EXPECT_THAT(died.summary.termination, HasSubstr("though its mapper ended with exit code 3"));
+}
+
 // A texture of smooth blobs, moved by 5 px a frame, as COLMAP reads it.
 void WriteMovingTexture(const std::filesystem::path& folder, int frames) {
   std::filesystem::create_directory(folder);

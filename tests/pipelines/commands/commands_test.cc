@@ -268,6 +268,7 @@ TEST_F(Commands, UnknownCommandFlagOrValueIsAUsageError) {
   ExpectFailure(RunCohort("track a --out b --features many"), 2, HasSubstr("no whole number"));
   ExpectFailure(RunCohort("track a --out b --tracker lk"), 2, HasSubstr("subspace, descent, klt"));
   ExpectFailure(RunCohort("track a --out"), 2, HasSubstr("--out"));
+  ExpectFailure(RunCohort("track a --out= --quiet"), 2, HasSubstr("--out= has no value"));
   ExpectFailure(RunCohort("track a"), 2, HasSubstr("--out is missing"));
   ExpectFailure(RunCohort("export a.tracks"), 2, HasSubstr("nothing to export"));
   ExpectFailure(RunCohort("degrade a b --level dim"), 2, HasSubstr("clean, medium, hard"));
@@ -498,7 +499,6 @@ TEST_F(Commands, WhatIsOfAnotherClipIsRefused) {
   const auto run = [](const std::string& arguments) {
     const ProgramEnd end = RunCohort(arguments + " --quiet");
     EXPECT_EQ(end.exit_code, 0) << arguments << "\n" << end.err;
-    return end;
   };
   const std::string small = " --width-px 320 --height-px 240 --focal-px 260 --frames ";
   run("synth " + Path("a") + small + "12");
@@ -510,12 +510,17 @@ TEST_F(Commands, WhatIsOfAnotherClipIsRefused) {
   }
   const std::string tracks = Path("a.tracks");
   for (const std::string other : {"longer", "smaller"}) {
-    const std::string model = " --model " + Path(other + ".model");
+    const auto onto = [&](const char* command, const char* outputs) {
+      return RunCohort(fmt::format("{} {} --model {} {}",
+                                   command,
+                                   tracks,
+                                   Path(other + ".model"),
+                                   fmt::format(fmt::runtime(outputs), Path("x"))));
+    };
     const auto give = HasSubstr("give the model that was made of " + tracks);
-    ExpectFailure(RunCohort("refine " + tracks + model + " --out " + Path("x")), 1, give);
-    ExpectFailure(RunCohort("show " + tracks + model + " --out " + Path("x.html")), 1, give);
-    ExpectFailure(
-        RunCohort("export " + tracks + model + " --global-shutter --csv " + Path("x")), 1, give);
+    ExpectFailure(onto("refine", "--out {}"), 1, give);
+    ExpectFailure(onto("show", "--out {}.html"), 1, give);
+    ExpectFailure(onto("export", "--global-shutter --csv {}"), 1, give);
   }
   const auto evaluate = [&](const std::string& what, const std::string& clip) {
     return RunCohort("evaluate " + Path(what) + " --truth " + Path(clip));
@@ -1021,28 +1026,30 @@ TEST_F(Commands, NoOutputTakesThePlaceOfAnInput) {
   };
   const auto before = all_bytes();
   const std::string options = " --tracker klt --features 30 --quiet ";
-  for (const std::string& line : {
-           "track " + video + options + "--out " + video,
-           "track " + clip + options + "--out " + clip + "/rgb.txt",
-           "track " + clip + options + "--out " + clip + "/rgb/000001.png",
-           "track " + clip + options + "--mask " + Path("mask.png") + " --out " + Path("mask.png"),
-           "track " + clip + options + "--config " + Path("config.json") + " --out " +
-               Path("config.json"),
-           "export " + tracks + " --csv " + tracks,
-           "export " + tracks + " --colmap-database " + tracks,
-           "import " + Path("a.csv") + " --images " + clip + " --out " + Path("a.csv"),
-           "evaluate " + tracks + " --truth " + clip + " --json " + tracks,
-           "evaluate " + tracks + " --truth " + clip + " --json " + clip + "/groundtruth.txt",
-           "degrade " + clip + "/rgb " + clip,
-           "degrade '" + clip + "/rgb/*.png' " + clip,
-       }) {
+  const std::vector<std::string> onto_inputs{
+      "track " + video + options + "--out " + video,
+      "track " + clip + options + "--out " + clip + "/rgb.txt",
+      "track " + clip + options + "--out " + clip + "/rgb/000001.png",
+      "track " + clip + options + "--mask " + Path("mask.png") + " --out " + Path("mask.png"),
+      "track " + clip + options + "--config " + Path("config.json") + " --out " +
+          Path("config.json"),
+      "export " + tracks + " --csv " + tracks,
+      "export " + tracks + " --colmap-database " + tracks,
+      "import " + Path("a.csv") + " --images " + clip + " --out " + Path("a.csv"),
+      "evaluate " + tracks + " --truth " + clip + " --json " + tracks,
+      "evaluate " + tracks + " --truth " + clip + " --json " + clip + "/groundtruth.txt",
+      "degrade " + clip + "/rgb " + clip,
+      "degrade '" + clip + "/rgb/*.png' " + clip,
+  };
+  for (const std::string& line : onto_inputs) {
     ExpectFailure(RunCohort(line), 1, HasSubstr("this run reads"));
     EXPECT_EQ(all_bytes(), before) << line;
   }
-  for (const std::string& line : {
-           "track " + clip + options + "--out " + Path("b") + " --json " + Path("b"),
-           "export " + tracks + " --csv " + Path("b") + " --npz " + Path("b"),
-       }) {
+  const std::vector<std::string> twice{
+      "track " + clip + options + "--out " + Path("b") + " --json " + Path("b"),
+      "export " + tracks + " --csv " + Path("b") + " --npz " + Path("b"),
+  };
+  for (const std::string& line : twice) {
     ExpectFailure(RunCohort(line), 2, HasSubstr("are both"));
   }
   EXPECT_EQ(all_bytes(), before);
@@ -1118,6 +1125,11 @@ TEST_F(Commands, CompareMeasuresEveryCellAndResumes) {
   const ProgramEnd mended = RunCohort(compare + " --resume");
   EXPECT_EQ(mended.exit_code, 0);
   EXPECT_THAT(mended.err, HasSubstr("it is made anew"));
+  // Interrupted before its first cell, and begun anew.
+  fs::remove_all(Path("out/cells/clip"));
+  fs::remove(Path("out/cells/clip0.json"));
+  const ProgramEnd anew = RunCohort(compare);
+  EXPECT_EQ(anew.exit_code, 0) << anew.err;
   EXPECT_THAT(ReadBytes(Path("out/results.csv")),
               HasSubstr("clip,clean,subspace,ceres,1,registered"));
 
