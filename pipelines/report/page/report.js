@@ -529,7 +529,7 @@ const calibrationPlot = (holder, entry) => {
   }, [xs, density, normal], holder);
 };
 
-if (data.calibration.length) {
+if (data.calibration?.length) {
   const entries = data.calibration.filter((entry) => entry.tracker === cohort);
   const shown = entries.length ? entries : data.calibration;
   const holders = shown.map((entry) => {
