@@ -258,12 +258,13 @@ MapperRuns RunMapper(ColmapProgram& program,
   return runs;
 }
 
-// COLMAP's bundle_adjuster from this reconstruction to the optimum. As it is where it fails.
-Reconstruction RunAdjuster(ColmapProgram& program,
-                           const TrackFile& file,
-                           const ColmapOptions& options,
-                           const Workspace& workspace,
-                           Reconstruction reconstruction) {
+// COLMAP's bundle_adjuster from this reconstruction to the optimum; none where it fails, or loses
+// cameras or points.
+std::optional<Reconstruction> RunAdjuster(ColmapProgram& program,
+                                          const TrackFile& file,
+                                          const ColmapOptions& options,
+                                          const Workspace& workspace,
+                                          Reconstruction reconstruction) {
   const fs::path input = workspace.MakeFolder("sparse_single");
   const fs::path adjusted = workspace.MakeFolder("sparse_adjusted");
   WriteColmapModel(input, ToColmapModel(reconstruction), ColmapModelFormat::kBinary);
@@ -271,13 +272,13 @@ Reconstruction RunAdjuster(ColmapProgram& program,
   arguments.push_back(Required("input_path", input));
   arguments.push_back(Required("output_path", adjusted));
   program.Run("bundle_adjuster", arguments, workspace.log);
-  if (!fs::exists(adjusted / "points3D.bin")) return reconstruction;
+  if (!fs::exists(adjusted / "points3D.bin")) return std::nullopt;
   const Reconstruction moved = FromColmapModel(ReadColmapModel(adjusted));
   const bool has_all = std::ranges::all_of(reconstruction.points, [&moved](const auto& point) {
     return moved.points.contains(point.first);
   });
   if (!has_all || moved.cam_from_world.size() != reconstruction.cam_from_world.size()) {
-    return reconstruction;
+    return std::nullopt;
   }
   reconstruction.camera = moved.camera;
   reconstruction.cam_from_world = moved.cam_from_world;
@@ -348,8 +349,8 @@ ColmapResult ReconstructWithColmap(const TrackFile& tracked,
     result.reconstruction = ToReconstruction(*runs.best, file, options);
     if (options.final_adjustment) {
       const Stopwatch adjuster;
-      result.reconstruction =
-          RunAdjuster(program, file, options, workspace, std::move(result.reconstruction));
+      auto adjusted = RunAdjuster(program, file, options, workspace, result.reconstruction);
+      if (adjusted) result.reconstruction = std::move(*adjusted);
       result.colmap_seconds += adjuster.Seconds();
     }
   }
@@ -389,9 +390,8 @@ ColmapResult AdjustWithColmap(const TrackFile& tracked,
     point.views = std::move(views);
   }
   RemoveOutliers(file, model);
-  result.reconstruction = RunAdjuster(program, file, options, workspace, std::move(model));
-  const bool adjusted = fs::exists(workspace.MakeFolder("sparse_adjusted") / "points3D.bin");
-  if (!adjusted) result.reconstruction = {};
+  auto adjusted = RunAdjuster(program, file, options, workspace, std::move(model));
+  if (adjusted) result.reconstruction = std::move(*adjusted);
   result.summary = Summarize(result.reconstruction, file.frames.size());
   result.summary.seconds = result.colmap_seconds = total.Seconds();
   result.summary.termination = fmt::format("COLMAP {} {} a model that it was given",

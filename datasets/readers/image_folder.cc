@@ -114,13 +114,13 @@ ImageList ListImageFolder(const fs::path& input) {
   } else {
     list.root = GlobRoot(input);
     names = GlobNames(input, list.root);
+    if (names.empty()) {
+      ThrowError(
+          "no file is named {}, and no images match it: looked for png, jpg, tif, pgm, bmp, webp "
+          "and the like",
+          input.string());
+    }
     std::ranges::sort(names, NaturalLess);
-  }
-  if (names.empty() && !fs::is_directory(input)) {
-    ThrowError(
-        "no file is named {}, and no images match it: looked for png, jpg, tif, pgm, bmp, webp "
-        "and the like",
-        input.string());
   }
   if (names.empty())
     ThrowError("no images in {}: looked for png, jpg, tif, pgm, bmp, webp and the like",

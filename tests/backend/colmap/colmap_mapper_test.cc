@@ -616,16 +616,19 @@ TEST(ColmapMapper, WhatLosesItsPointsIsNoModelAndNoAdjustment) {
   SyntheticTracksOptions small;
   small.frames = 8;
   const TrackFile tracks = MakeSyntheticTracks(small).file;
-  const auto reconstruct = [&](const char* stage, const char* folder, int exit_code) {
-    const FakeColmap fake(fmt::format(
+  const auto losing = [](const char* stage, const char* folder, int exit_code) {
+    return fmt::format(
         "colmap \"$@\" || exit $?\n[ \"$1\" = {} ] || exit 0\nfor last; do :; done\n"
         "[ -d \"$last{}\" ] || exit 0\n{}exit {}\n",
         stage,
         folder,
         exit_code == 0 ? fmt::format("head -c 8 /dev/zero > \"$last{}/points3D.bin\"\n", folder)
                        : "",
-        exit_code));
-    ColmapOptions options;
+        exit_code);
+  };
+  ColmapOptions options;
+  const auto reconstruct = [&](const char* stage, const char* folder, int exit_code) {
+    const FakeColmap fake(losing(stage, folder, exit_code));
     options.program = fake.path();
     return ReconstructWithColmap(tracks, options, dir / "work");
   };
@@ -635,6 +638,11 @@ TEST(ColmapMapper, WhatLosesItsPointsIsNoModelAndNoAdjustment) {
   const ColmapResult as_it_was = reconstruct("bundle_adjuster", "", 0);
   EXPECT_EQ(as_it_was.summary.registered, 8u);
   EXPECT_GT(as_it_was.summary.points, 50u);
+  const FakeColmap adjuster(losing("bundle_adjuster", "", 0));
+  options.program = adjuster.path();
+  EXPECT_THAT(AdjustWithColmap(tracks, as_it_was.reconstruction, options, dir / "adjust")
+                  .summary.termination,
+              HasSubstr("could not adjust"));
   const ColmapResult died = reconstruct("mapper", "/0", 3);
   EXPECT_EQ(died.summary.registered, 8u);
   EXPECT_THAT(died.summary.termination, HasSubstr("though its mapper ended with exit code 3"));
