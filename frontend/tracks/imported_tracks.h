@@ -20,6 +20,11 @@ struct ImportedTracks {
   std::size_t left_out = 0;  // positions, for the reason that the reader states
 };
 
+// Whether a position is of the picture, to the rims of its outermost pixels.
+inline bool IsInPicture(const Eigen::Vector2d& xy, int width_px, int height_px) {
+  return xy.x() >= -0.5 && xy.y() >= -0.5 && xy.x() <= width_px - 0.5 && xy.y() <= height_px - 0.5;
+}
+
 // Frames by the names of their pictures: the name itself, else the only frame whose name has the same
 // last part (`images/0001.png`, `0001.png`), else the only one that has it but for the extension.
 // Throws Error where two names are of one frame.

@@ -318,8 +318,7 @@ ImportedTracks ReadTracksNpz(const fs::path& path,
       }
       Observation o{.feature = ids[n], .frame = reader.Frame(t)};
       o.xy = as_it_is ? xy : ((xy.array() + shift) * scale - 0.5).matrix();
-      const bool inside = o.xy.x() >= -0.5 && o.xy.y() >= -0.5 && o.xy.x() <= size.width - 0.5 &&
-                          o.xy.y() <= size.height - 0.5;
+      const bool inside = IsInPicture(o.xy, width_px, height_px);
       if (is_visible) ++observed;
       if (is_visible && !inside) ++result.left_out;
       if (!is_visible || !inside) o.state = ObservationState::kPredicted;

@@ -135,8 +135,7 @@ ImportedTracks ReadTracks(TracksForm form,
 // What nobody saw is not observed. Where it is most, the tracks are not of these pictures.
 void PredictOutside(const ImportCommandOptions& options, const TrackFile& file, TrackSet& tracks) {
   const auto is_outside = [&file](const Observation& o) {
-    return IsObserved(o) && !(o.xy.x() >= -0.5 && o.xy.y() >= -0.5 &&
-                              o.xy.x() <= file.width_px - 0.5 && o.xy.y() <= file.height_px - 0.5);
+    return IsObserved(o) && !IsInPicture(o.xy, file.width_px, file.height_px);
   };
   const auto all = tracks.observations();
   const auto outside = std::count_if(all.begin(), all.end(), is_outside);
