@@ -378,7 +378,8 @@ void TrackWriter::SetMeta(const std::string& key, const std::string& value) {
 void TrackWriter::Finish() {
   Check(impl_->db.has_value(), "a .tracks file is finished once");
   impl_->db->Execute("PRAGMA synchronous = FULL");
-  PutMeta(*impl_->db, "status", kComplete);
+  // One that was complete and only not renamed keeps its bytes.
+  if (GetMeta(*impl_->db, "status") != kComplete) PutMeta(*impl_->db, "status", kComplete);
   impl_->insert.reset();
   impl_->db.reset();
   if (impl_->working == impl_->path) return;

@@ -57,6 +57,7 @@ bool SameCamera(const std::optional<Camera>& a, const std::optional<Camera>& b) 
 // What an interrupted run of the same job has left.
 struct EarlierRun {
   bool complete = false;
+  bool unfinished = false;         // where it is complete: it only lacks its name
   bool second_pass_ended = false;  // or not asked for
   std::optional<FrameIndex> last_frame;
 };
@@ -67,7 +68,8 @@ EarlierRun FindEarlierRun(const fs::path& out, const TrackFile& header) {
   const fs::path path = unfinished.value_or(out);
   TrackFile earlier = ReadTrackFile(path);
   EarlierRun run;
-  run.complete = !unfinished;
+  run.complete = earlier.complete;
+  run.unfinished = unfinished.has_value();
   const std::string asked = header.meta.at("second_pass");
   earlier.meta.erase(kCutsMeta);  // what it found
   std::string& second_pass = earlier.meta["second_pass"];
@@ -189,6 +191,8 @@ std::optional<TrackFigures> RunTrackJob(const TrackJobOptions& options) {
                            .source = options.input.input});
   const TrackFile header = DescribeJob(options, *sequence, tracker);
   const EarlierRun earlier = options.resume ? FindEarlierRun(options.out, header) : EarlierRun{};
+  // The end came when all was written and nothing renamed.
+  if (earlier.complete && earlier.unfinished) TrackWriter::Resume(options.out).Finish();
   if (earlier.complete && earlier.second_pass_ended) {
     spdlog::info("{} is complete already", options.out);
     return std::nullopt;

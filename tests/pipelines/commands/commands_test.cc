@@ -997,6 +997,22 @@ TEST_F(Interruption, AKillDuringTheSecondPassKeepsTheFirstAndResumes) {
   }
 }
 
+// As a kill leaves it that comes when all is written and nothing renamed.
+TEST_F(Commands, ASecondPassThatOnlyLacksItsNameIsNotRunOnItsOwnResult) {
+  ASSERT_EQ(RunCohort("synth " + Path("clip") +
+                      " --frames 12 --width-px 160 --height-px 120 --focal-px 131 --quiet")
+                .exit_code,
+            0);
+  const std::string track = "track " + Path("clip") + " --features 60 --quiet --out ";
+  ASSERT_EQ(RunCohort(track + Path("peace.tracks")).exit_code, 0);
+  ASSERT_EQ(ReadTrackFile(Path("peace.tracks")).meta.at("second_pass"), "done");
+  fs::copy(Path("peace.tracks"), Path("hurt.tracks.partial"));
+  const ProgramEnd resumed = RunCohort(track + Path("hurt.tracks") + " --resume");
+  EXPECT_EQ(resumed.exit_code, 0) << resumed.err;
+  EXPECT_TRUE(ReadBytes(Path("hurt.tracks")) == ReadBytes(Path("peace.tracks")));
+  EXPECT_FALSE(fs::exists(Path("hurt.tracks.partial")));
+}
+
 TEST_F(Interruption, OtherOptionsDoNotResume) {
   RunAndSignal("KILL");
   ExpectFailure(
