@@ -1,5 +1,8 @@
 #include "datasets/readers/image_list.h"
 
+#include <algorithm>
+#include <functional>
+#include <iterator>
 #include <utility>
 
 #include "datasets/readers/gray_image.h"
@@ -29,6 +32,16 @@ class ImageListSequence final : public Sequence {
       if (const std::string fault = FaultOfPictureName(image.name); !fault.empty()) {
         ThrowError("{}: the name of picture '{}' {}: rename it", list_.name, image.name, fault);
       }
+    }
+    const auto back = std::ranges::adjacent_find(
+        list_.images, std::ranges::greater(), &ImageList::Image::timestamp_ns);
+    if (back != list_.images.end()) {
+      warning_ = fmt::format(
+          "{}: the time of {} is before that of {}, which is listed before it: frames come as "
+          "listed",
+          list_.name,
+          std::next(back)->name,
+          back->name);
     }
     size_ = ReadImage(ImageFile(range.first)).size();
     if (Camera* camera = list_.camera ? &*list_.camera : nullptr) {

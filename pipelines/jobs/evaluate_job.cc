@@ -203,8 +203,10 @@ ModelTruth TruthOfPoses(const Sequence& sequence, TrackTruth* truth) {
   ModelTruth model_truth;
   model_truth.cam_from_world = sequence.TrueCamFromWorld();
   if (model_truth.cam_from_world.empty()) {
-    ThrowError("{} has no true poses: give a clip in TUM RGB-D, EuRoC or KITTI layout",
-               sequence.Name());
+    ThrowError(
+        "{} has no true pose of any frame: give a clip in TUM RGB-D, EuRoC or KITTI layout, with "
+        "poses at the times of its frames",
+        sequence.Name());
   }
   if (truth != nullptr) {
     model_truth.point = [truth](FrameIndex frame,

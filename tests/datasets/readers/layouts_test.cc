@@ -65,6 +65,15 @@ TEST_F(Tum, ReadsImagesAndTimesToTheNanosecond) {
   EXPECT_TRUE(sequence->TrueCamFromWorld().empty());
 }
 
+TEST_F(Tum, TimesThatRunBackwardsAreSaid) {
+  EXPECT_EQ(OpenSequence(dir_.path())->Warning(), "");
+  WriteText(dir_ / "rgb.txt", "1.0 rgb/0.png\n1.2 rgb/2.png\n1.1 rgb/1.png\n1.3 rgb/3.png\n");
+  const auto sequence = OpenSequence(dir_.path());
+  EXPECT_THAT(Names(test::ReadAll(*sequence)),
+              ElementsAre("rgb/0.png", "rgb/2.png", "rgb/1.png", "rgb/3.png"));
+  EXPECT_THAT(sequence->Warning(), HasSubstr("the time of rgb/1.png is before that of rgb/2.png"));
+}
+
 TEST_F(Tum, ReadsCalibrationWithAndWithoutDistortion) {
   WriteText(dir_ / "calibration.txt", "535 536 320.5 240.25");
   auto camera = OpenSequence(dir_.path())->KnownCamera();
