@@ -249,8 +249,7 @@ MapperRuns RunMapper(ColmapProgram& program,
     auto model = ReadLargestColmapModel(sparse);
     if (model && (!runs.best || model->model.images.size() > runs.best->images.size())) {
       runs.best = std::move(model->model);
-      const bool well = end.exit_code == 0 && end.signal == 0 && !end.out_of_time;
-      runs.died = well ? "" : fmt::format(", though its mapper ended with {}", end.Brief());
+      runs.died = end.Failed() ? fmt::format(", though its mapper ended with {}", end.Brief()) : "";
     }
     if (runs.best && !TooFewRegistered(runs.best->images.size(), file.frames.size())) break;
     runs.failure = FailureIn(workspace.log, log_bytes, end);

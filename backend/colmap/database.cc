@@ -424,10 +424,7 @@ void WriteColmapDatabase(const std::filesystem::path& path, const ColmapDatabase
     WriteRows(db, database);
     transaction.Commit();
   }
-  // A log or journal that a colmap run left beside the old file would be replayed into the new.
-  for (const char* suffix : {"-wal", "-shm", "-journal"}) {
-    std::filesystem::remove(path.string() + suffix);
-  }
+  RemoveJournals(path);  // of a colmap run
   out.Commit();
 }
 

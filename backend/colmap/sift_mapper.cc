@@ -192,10 +192,7 @@ ColmapResult ReconstructWithSift(const TrackFile& clip,
     arguments.push_back(Required("database_path", database));
     if (with_images) arguments.push_back(Required("image_path", images));
     const ProgramEnd end = program.Run(command, arguments, result.log);
-    if (end.exit_code != 0 || end.signal != 0) {
-      return fmt::format("{}: {}", command, end.Brief());
-    }
-    return std::string();
+    return end.Failed() ? fmt::format("{}: {}", command, end.Brief()) : std::string();
   };
   std::string failure =
       run("feature_extractor", ExtractorArguments(clip, sift, options.threads), true);

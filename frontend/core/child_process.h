@@ -13,8 +13,9 @@ namespace cohort {
 struct ProgramEnd {
   int exit_code = 0;
   int signal = 0;            // that ended it; 0: none
-  bool out_of_time = false;  // we killed it
+  bool out_of_time = false;  // we killed it, by a signal
 
+  bool Failed() const { return exit_code != 0 || signal != 0; }
   std::string Brief() const;  // "exit code 1", "killed by signal 9", "killed at its time limit"
 };
 

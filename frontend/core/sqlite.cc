@@ -326,6 +326,21 @@ std::int64_t SqliteDatabase::UserVersion() {
   return select.Int(0);
 }
 
+void RemoveJournals(const fs::path& path) {
+  if (BytesOf(Beside(path, "-journal")) > 0 && BytesOf(path) > 0) {
+    try {
+      SqliteDatabase::Open(path, SqliteDatabase::Mode::kWrite);
+    } catch (const Error&) {  // no database, or a damaged one
+    }
+  }
+  for (const char* suffix : {"-wal", "-shm", "-journal"}) {
+    const fs::path journal = Beside(path, suffix);
+    std::error_code error;
+    fs::remove(journal, error);
+    if (error) ThrowError("cannot remove {}: {}", journal.string(), error.message());
+  }
+}
+
 SqliteTransaction::SqliteTransaction(SqliteDatabase& db) : db_(db) { db_.Execute("BEGIN"); }
 
 SqliteTransaction::~SqliteTransaction() {

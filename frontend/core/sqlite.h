@@ -95,6 +95,11 @@ class SqliteDatabase {
   std::unique_ptr<sqlite3, Close> db_;
 };
 
+// A journal or a log that a program which died has left beside PATH SQLite would play into the next
+// file of that name: to be called before one is put there. What a journal tells is undone first, so that
+// PATH itself is whole until it is replaced. Throws Error naming what cannot be removed.
+void RemoveJournals(const std::filesystem::path& path);
+
 // BEGIN ... COMMIT; rolls back at the end of the scope unless committed.
 class SqliteTransaction {
  public:

@@ -120,20 +120,11 @@ struct Inserter {
 
 fs::path PartialOf(const fs::path& path) { return path.string() + ".partial"; }
 
-// With the journal that SQLite leaves beside it when it fails on a full disk: it must not meet a
-// later file of the same name.
+// With the journal that SQLite leaves beside it when it fails on a full disk.
 void RemoveDatabase(const fs::path& path) {
   std::error_code ignored;
   fs::remove(path, ignored);
   fs::remove(path.string() + "-journal", ignored);
-}
-
-// One that an earlier file of the same name has left.
-void RemoveJournal(const fs::path& path) {
-  const fs::path journal = path.string() + "-journal";
-  std::error_code error;
-  fs::remove(journal, error);
-  if (error) ThrowError("cannot remove {}: {}", journal.string(), error.message());
 }
 
 bool HoldsTracks(SqliteDatabase& db) {
@@ -284,10 +275,15 @@ std::vector<TrackEnd> ReadEnds(SqliteDatabase& db, const fs::path& path) {
 }  // namespace
 
 struct TrackWriter::Impl {
-  Impl(fs::path final_path, fs::path working_path, WriteLock held, SqliteDatabase opened)
+  Impl(fs::path final_path,
+       fs::path working_path,
+       WriteLock held,
+       std::optional<WriteLock> of_path,
+       SqliteDatabase opened)
       : path(std::move(final_path)),
         working(std::move(working_path)),
         lock(std::move(held)),
+        replaced(std::move(of_path)),
         db(std::move(opened)) {
     // A kill of the program loses nothing that was written, synced or not; only Finish syncs, so
     // that a finished file survives the machine's end too.
@@ -296,7 +292,10 @@ struct TrackWriter::Impl {
 
   fs::path path;
   fs::path working;
-  WriteLock lock;                    // before db: to close a file drops SQLite's own locks of it
+  // Of `working`, and of the file at `path` where that is another: nobody else may be writing it. Before
+  // db: to close a file drops SQLite's own locks of it.
+  WriteLock lock;
+  std::optional<WriteLock> replaced;
   std::optional<SqliteDatabase> db;  // none: finished
   std::optional<Inserter> insert;    // after db: statements must not outlive it
   std::optional<FrameIndex> last;
@@ -311,8 +310,11 @@ TrackWriter TrackWriter::Create(const fs::path& path, const TrackFile& header) {
   CheckOutputPath(path);
   fs::path working = PartialOf(path);
   WriteLock lock = WriteLock::OfNewFile(working);
-  RemoveJournal(working);
+  std::optional<WriteLock> replaced;
   try {
+    replaced = WriteLock::Of(path);
+    if (!fs::exists(path)) RemoveJournals(path);  // of one that was removed
+    RemoveJournals(working);
     auto db = SqliteDatabase::Open(working, SqliteDatabase::Mode::kCreate);
     SqliteTransaction transaction(db);
     CreateSchema(db, header, kRunning);
@@ -326,7 +328,8 @@ TrackWriter TrackWriter::Create(const fs::path& path, const TrackFile& header) {
     fs::rename(working, path);
     working = path;
   }
-  auto impl = std::make_unique<Impl>(path, working, std::move(lock), OpenToWrite(working));
+  auto impl = std::make_unique<Impl>(
+      path, working, std::move(lock), std::move(replaced), OpenToWrite(working));
   impl->insert.emplace(*impl->db);
   return TrackWriter(std::move(impl));
 }
@@ -334,8 +337,10 @@ TrackWriter TrackWriter::Create(const fs::path& path, const TrackFile& header) {
 TrackWriter TrackWriter::Resume(const fs::path& path) {
   auto working = FindUnfinishedTracks(path);
   std::optional<WriteLock> lock;
+  std::optional<WriteLock> replaced;
   if (working) {
     lock = WriteLock::Of(*working);
+    if (*working != path) replaced = WriteLock::Of(path);
     working = FindUnfinishedTracks(path);  // who held it may have finished it
   }
   if (!working) {
@@ -343,7 +348,8 @@ TrackWriter TrackWriter::Resume(const fs::path& path) {
                path.string(),
                PartialOf(path).string());
   }
-  auto impl = std::make_unique<Impl>(path, *working, std::move(*lock), OpenToWrite(*working));
+  auto impl = std::make_unique<Impl>(
+      path, *working, std::move(*lock), std::move(replaced), OpenToWrite(*working));
   impl->insert.emplace(*impl->db);
   auto last = impl->db->Prepare("SELECT MAX(\"index\") FROM frames");
   if (last.Step() && !last.IsNull(0)) {
@@ -383,6 +389,7 @@ void TrackWriter::Finish() {
   impl_->insert.reset();
   impl_->db.reset();
   if (impl_->working == impl_->path) return;
+  RemoveJournals(impl_->path);
   std::error_code error;
   fs::rename(impl_->working, impl_->path, error);
   if (error) {
@@ -467,7 +474,8 @@ TrackFile ReadTrackFile(const fs::path& path) {
 
 void WriteTrackFile(const fs::path& path, const TrackFile& file) {
   OutputFile out(path);
-  RemoveJournal(out.partial());
+  const WriteLock replaced = WriteLock::Of(path);  // nobody else may be writing it
+  RemoveJournals(out.partial());
   try {
     auto db = SqliteDatabase::Open(out.partial(), SqliteDatabase::Mode::kCreate);
     SqliteTransaction transaction(db);
@@ -491,6 +499,7 @@ void WriteTrackFile(const fs::path& path, const TrackFile& file) {
     RemoveDatabase(out.partial());
     throw;
   }
+  RemoveJournals(path);
   out.Commit();
 }
 

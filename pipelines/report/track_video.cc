@@ -188,7 +188,7 @@ void ToGif(const fs::path& video, const fs::path& gif, const std::string& name) 
                   "gif",
                   gif.string()},
                  null.get());
-  if (end.exit_code != 0 || end.signal != 0) {
+  if (end.Failed()) {
     ThrowError("cannot write {}: ffmpeg ended with {}; is the disk full?", name, end.Brief());
   }
 }

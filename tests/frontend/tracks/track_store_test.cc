@@ -312,6 +312,65 @@ INSTANTIATE_TEST_SUITE_P(TrackStore,
                          testing::Combine(testing::Bool(),
                                           testing::Values(0, 130, 410, 770, 1500)));
 
+// As a kill leaves it: three frames, some of which are overwritten, and the journal that has them.
+void LeaveHalfWritten(const fs::path& path) {
+  const test::TempDir dir;
+  const fs::path written = dir / "a.tracks";
+  WriteFrames(TrackWriter::Create(written, Header()), 0, 3);
+  auto db = SqliteDatabase::Open(written, SqliteDatabase::Mode::kWrite);
+  db.Execute("PRAGMA cache_size = 1");  // pages go to the file at once
+  const SqliteTransaction never_committed(db);
+  db.Execute("UPDATE observations SET x = -1; DELETE FROM frames; DELETE FROM meta");
+  for (const char* suffix : {"", "-journal"}) {
+    fs::copy(written.string() + suffix, path.string() + suffix);
+  }
+}
+
+TEST(TrackStore, TheJournalOfAKilledRunDoesNotMeetTheFileThatComesInItsPlace) {
+  const test::TempDir dir;
+  const fs::path path = dir / "a.tracks";
+  const auto expect_three_frames = [&path] {
+    EXPECT_EQ(ReadTrackFile(path).frames.size(), 3u);
+    EXPECT_EQ(ReadTrackFile(path).tracks.observations().size(), 3 * kFeatures);
+  };
+  LeaveHalfWritten(path);
+  expect_three_frames();
+  fs::remove(path);
+
+  LeaveHalfWritten(path);
+  WriteTrackFile(path, Example(5));
+  ExpectSame(ReadTrackFile(path), Example(5));
+  EXPECT_THAT(NamesIn(dir.path()), testing::ElementsAre("a.tracks"));
+  fs::remove(path);
+
+  LeaveHalfWritten(path);
+  auto writer = WriteFrames(TrackWriter::Create(path, Header()), 0, 5);
+  expect_three_frames();
+  writer.Finish();
+  EXPECT_EQ(ReadTrackFile(path).frames.size(), 5u);
+  EXPECT_THAT(NamesIn(dir.path()), testing::ElementsAre("a.tracks"));
+  fs::remove(path);
+
+  LeaveHalfWritten(path);
+  fs::remove(path);  // and not its journal
+  WriteFrames(TrackWriter::Create(path, Header()), 0, 5).Finish();
+  EXPECT_EQ(ReadTrackFile(path).frames.size(), 5u);
+  EXPECT_THAT(NamesIn(dir.path()), testing::ElementsAre("a.tracks"));
+}
+
+TEST(TrackStore, NothingReplacesAFileThatAnotherRunIsWriting) {
+  const test::TempDir dir;
+  const fs::path path = dir / "a.tracks";
+  auto writer = WriteFrames(TrackWriter::Create(path, Header()), 0, 1);
+  EXPECT_THAT([&] { TrackWriter::Create(path, Header()); },
+              ThrowsMessage<Error>(HasSubstr("another run is writing it")));
+  EXPECT_THAT([&] { WriteTrackFile(path, Example(1)); },
+              ThrowsMessage<Error>(HasSubstr("another run is writing it")));
+  EXPECT_THAT(NamesIn(dir.path()), testing::ElementsAre("a.tracks"));
+  WriteFrames(std::move(writer), 1, 3).Finish();
+  EXPECT_EQ(ReadTrackFile(path).frames.size(), 3u);
+}
+
 TEST(TrackStore, ResumesOnlyWhatIsUnfinished) {
   const test::TempDir dir;
   EXPECT_FALSE(FindUnfinishedTracks(dir / "a.tracks"));
