@@ -90,6 +90,7 @@ bool Holds(const ModelRow& row, const Camera& camera) {
   if (row.model != camera.model || (!row.two_focals && camera.fx != camera.fy)) return false;
   Camera rest = camera;
   for (const auto coefficient : row.coefficients) rest.*coefficient = 0.0;
+  rest.model = CameraModel::kPinhole;  // a fisheye has distortion without coefficients
   return !rest.HasDistortion();
 }
 

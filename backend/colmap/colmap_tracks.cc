@@ -162,6 +162,7 @@ ImportedTracks TracksOfColmapModel(const ColmapModel& model,
                                    const std::filesystem::path& path) {
   ImportedTracks result;
   std::optional<ColmapCamera> camera;
+  std::uint32_t camera_id = 0;
   for (const auto& [id, image] : model.images) {
     const auto found = model.cameras.find(image.camera_id);
     if (found == model.cameras.end()) {
@@ -170,8 +171,11 @@ ImportedTracks TracksOfColmapModel(const ColmapModel& model,
                  image.name,
                  image.camera_id);
     }
-    if (!camera) camera = found->second;
-    if (found->second == *camera) continue;
+    if (!camera) {
+      camera = found->second;
+      camera_id = image.camera_id;
+    }
+    if (image.camera_id == camera_id || found->second == *camera) continue;
     ThrowError(
         "COLMAP model {}: image {} has another camera than others: one is read, of a clip of "
         "one camera",
@@ -228,6 +232,11 @@ ImportedTracks TracksOfColmapModel(const ColmapModel& model,
   }
   result.tracks = TrackSet::Build(std::move(observations));
   CheckSomeImageKnown(result, path.string(), frames);
+  if (result.tracks.observations().empty()) {
+    ThrowError("COLMAP model {}: none of its {} points is seen in an image: there are no tracks",
+               path.string(),
+               model.points.size());
+  }
   return result;
 }
 

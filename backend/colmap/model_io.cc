@@ -14,6 +14,7 @@
 
 #include "backend/colmap/tracks_to_database.h"
 #include "frontend/core/input_file.h"
+#include "frontend/core/input_record.h"
 #include "frontend/core/output.h"
 
 namespace cohort {
@@ -164,8 +165,14 @@ class TextReader {
 void ReadCamerasText(const fs::path& path, ColmapModel& model) {
   TextReader in(path);
   while (in.NextLine()) {
-    ColmapCamera& camera = model.cameras[in.Number<std::uint32_t>()];
-    camera.model = ColmapModelFromName(in.Word());
+    const auto id = in.Number<std::uint32_t>();
+    if (model.cameras.contains(id)) in.Fail(fmt::format("a second camera {}", id));
+    ColmapCamera& camera = model.cameras[id];
+    try {
+      camera.model = ColmapModelFromName(in.Word());
+    } catch (const Error& error) {
+      in.Fail(error.what());
+    }
     camera.width_px = in.Number<int>();
     camera.height_px = in.Number<int>();
     while (!in.AtEndOfLine()) camera.params.push_back(in.Number<double>());
@@ -180,7 +187,9 @@ void ReadCamerasText(const fs::path& path, ColmapModel& model) {
 void ReadImagesText(const fs::path& path, ColmapModel& model) {
   TextReader in(path);
   while (in.NextLine()) {
-    ColmapModelImage& image = model.images[in.Number<ColmapImageId>()];
+    const auto id = in.Number<ColmapImageId>();
+    if (model.images.contains(id)) in.Fail(fmt::format("a second image {}", id));
+    ColmapModelImage& image = model.images[id];
     Eigen::Quaterniond& q = image.cam_from_world.rotation;
     for (double* value : {&q.w(), &q.x(), &q.y(), &q.z()}) *value = in.Number<double>();
     for (double& value : image.cam_from_world.translation) value = in.Number<double>();
@@ -191,11 +200,12 @@ void ReadImagesText(const fs::path& path, ColmapModel& model) {
       ColmapPoint2D& point = image.points2d.emplace_back();
       point.xy.x() = in.Number<double>();
       point.xy.y() = in.Number<double>();
-      const std::string id = in.Word();
-      if (id == "-1") continue;
+      const std::string point_id = in.Word();
+      if (point_id == "-1") continue;
       std::uint64_t value = 0;
-      const auto [end, error] = std::from_chars(id.data(), id.data() + id.size(), value);
-      if (error != std::errc() || end != id.data() + id.size()) in.Fail("not a point id: " + id);
+      const char* const last = point_id.data() + point_id.size();
+      const auto [end, error] = std::from_chars(point_id.data(), last, value);
+      if (error != std::errc() || end != last) in.Fail("not a point id: " + point_id);
       point.point3d = value;
     }
   }
@@ -204,7 +214,9 @@ void ReadImagesText(const fs::path& path, ColmapModel& model) {
 void ReadPointsText(const fs::path& path, ColmapModel& model) {
   TextReader in(path);
   while (in.NextLine()) {
-    ColmapPoint3D& point = model.points[in.Number<std::uint64_t>()];
+    const auto id = in.Number<std::uint64_t>();
+    if (model.points.contains(id)) in.Fail(fmt::format("a second point {}", id));
+    ColmapPoint3D& point = model.points[id];
     for (double& value : point.xyz) value = in.Number<double>();
     for (std::uint8_t& value : point.rgb) value = in.Number<std::uint8_t>();
     point.error_px = in.Number<double>();
@@ -492,7 +504,17 @@ void WriteColmapModel(const fs::path& folder, const ColmapModel& model, ColmapMo
   }
 }
 
+void AddModelToInputs(const fs::path& folder) {
+  for (const char* name : {"cameras", "images", "points3D", "rigs", "frames"}) {
+    for (const char* suffix : {".bin", ".txt"}) {
+      InputRecord::Add(folder / fmt::format("{}{}", name, suffix));
+    }
+  }
+  for (const char* name : {"trajectory.tum", "summary.json"}) InputRecord::Add(folder / name);
+}
+
 ColmapModel ReadColmapModel(const fs::path& folder) {
+  AddModelToInputs(folder);
   const auto has = [&](const std::string& suffix) {
     return fs::exists(folder / ("cameras" + suffix)) && fs::exists(folder / ("images" + suffix)) &&
            fs::exists(folder / ("points3D" + suffix));

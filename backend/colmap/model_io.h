@@ -50,6 +50,10 @@ void WriteColmapModel(const std::filesystem::path& folder,
                       ColmapModelFormat format);
 ColmapModel ReadColmapModel(const std::filesystem::path& folder);
 
+// No output of the run takes the place of a model's file, read or not (InputRecord). ReadColmapModel
+// does it, too.
+void AddModelToInputs(const std::filesystem::path& folder);
+
 // Of the models that a mapper left in a folder (0, 1, ...) the one with most images, the first of
 // equals; none if it failed.
 struct ColmapModelFolder {

@@ -33,6 +33,9 @@ class ImageListSequence final : public Sequence {
         ThrowError("{}: the name of picture '{}' {}: rename it", list_.name, image.name, fault);
       }
     }
+    for (const auto* files : {&list_.depth_files, &list_.occluder_files}) {
+      for (const auto& [frame, file] : *files) InputRecord::Add(file);
+    }
     const auto back = std::ranges::adjacent_find(
         list_.images, std::ranges::greater(), &ImageList::Image::timestamp_ns);
     if (back != list_.images.end()) {

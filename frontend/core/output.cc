@@ -22,12 +22,21 @@ namespace {
 
 namespace fs = std::filesystem;
 
-fs::path WithoutTrailingSlash(fs::path path) {
-  if (!path.has_filename()) return path.parent_path();
-  return path;
+// Without a slash or a dot behind it.
+fs::path NameOfFolder(fs::path path) {
+  const fs::path last = path.filename();
+  if (last == "." || last == "..") path = fs::weakly_canonical(fs::absolute(path));
+  return path.has_filename() ? path : path.parent_path();
 }
 
 void CheckParent(const fs::path& path) {
+  constexpr std::size_t kLongestName =
+      230;  // of 255 bytes; names with more behind it are made beside it
+  if (path.filename().native().size() > kLongestName) {
+    ThrowError("cannot write {}: its name is longer than {} bytes; give a shorter one",
+               path.string(),
+               kLongestName);
+  }
   const fs::path parent = fs::absolute(path).parent_path();
   if (!fs::is_directory(parent)) {
     ThrowError("cannot write {}: there is no folder {}", path.string(), parent.string());
@@ -95,12 +104,17 @@ void OutputFile::Commit() {
 }
 
 OutputFolder::OutputFolder(fs::path path, const std::vector<std::string>& own_names)
-    : path_(WithoutTrailingSlash(std::move(path))), partial_(path_.string() + ".partial") {
+    : path_(NameOfFolder(std::move(path))), partial_(path_.string() + ".partial") {
   if (fs::exists(path_) && !fs::is_directory(path_)) {
     ThrowError("cannot write folder {}: it is a file", path_.string());
   }
   CheckParent(path_);
   if (fs::is_directory(path_)) {
+    std::error_code ignored;
+    if (fs::equivalent(path_, ".", ignored)) {
+      ThrowError("cannot replace folder {}: it is the current one; run it from another",
+                 path_.string());
+    }
     for (const auto& entry : fs::directory_iterator(path_)) {
       const std::string name = entry.path().filename().string();
       if (std::find(own_names.begin(), own_names.end(), name) == own_names.end()) {

@@ -76,11 +76,15 @@ cv::Mat ReadImage(const std::filesystem::path& file, int flags) {
       picture =
           cv::imdecode(cv::Mat(1, static_cast<int>(bytes.size()), CV_8UC1, bytes.data()), flags);
     } catch (const cv::Exception& e) {
-      ThrowError("cannot decode {}: {}", file.string(), e.err);
+      const bool too_large = e.err.find("CV_IO_MAX_IMAGE") != std::string::npos;
+      ThrowError("cannot decode {}: {}",
+                 file.string(),
+                 too_large ? "it has more pixels than OpenCV reads, 2^30" : e.err);
     }
   }
   if (picture.empty()) {
-    ThrowError("cannot decode {}: it is damaged, cut short or no image", file.string());
+    ThrowError("cannot decode {}: it is damaged, cut short or of a kind that OpenCV does not read",
+               file.string());
   }
   return picture;
 }

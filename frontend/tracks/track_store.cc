@@ -4,6 +4,7 @@
 #include <array>
 #include <charconv>
 #include <climits>
+#include <cmath>
 #include <string_view>
 
 #include "frontend/core/error.h"
@@ -243,12 +244,21 @@ std::vector<Observation> ReadObservations(SqliteDatabase& db, const fs::path& pa
     o.xy = {row.Real(2), row.Real(3)};
     o.state = row.Int(4) != 0 ? ObservationState::kObserved : ObservationState::kPredicted;
     o.residual = row.Real(5);
+    if (!std::isfinite(o.residual)) {
+      ThrowDamaged(path, fmt::format("a residual of track {} is not finite", ToInt(o.feature)));
+    }
     if (!row.IsNull(6)) {
       o.covariance = PixelCovariance{.xx = static_cast<float>(row.Real(6)),
                                      .xy = static_cast<float>(row.Real(7)),
                                      .yy = static_cast<float>(row.Real(8))};
-      if (!o.covariance->Matrix().allFinite()) {
-        ThrowDamaged(path, fmt::format("a covariance of track {} is not finite", ToInt(o.feature)));
+      const PixelCovariance& c = *o.covariance;
+      if (!c.Matrix().allFinite() || c.xx < 0.0F || c.yy < 0.0F) {
+        ThrowDamaged(path,
+                     fmt::format("a covariance of track {} is none: xx {}, xy {}, yy {}",
+                                 ToInt(o.feature),
+                                 c.xx,
+                                 c.xy,
+                                 c.yy));
       }
     }
   }

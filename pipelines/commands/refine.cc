@@ -23,6 +23,7 @@ void RefineTracks(const RefineCommandOptions& options) {
   CheckDistinctOutputs({{"--out", options.out}, {"--json", options.json}});
   const TrackFile file = ReadTrackFile(options.tracks);
   const Reconstruction model = ReadModelFolder(options.model);
+  if (!options.json.empty()) CheckOutputPath(options.json);
   if (model.points.empty()) {
     ThrowError("{}: the model has no points to look for: reconstruct first", options.model);
   }
@@ -66,6 +67,8 @@ void RefineColmapModel(const RefineCommandOptions& options) {
         "the model was made of");
   }
   const auto sequence = OpenSequence(options.images);
+  AddModelToInputs(options.model);
+  if (!options.json.empty()) CheckOutputPath(options.json);
   const RefinedModel refined = RefineModelIntoFolder(options.model,
                                                      *sequence,
                                                      options.images,

@@ -137,7 +137,10 @@ int RunProgram(const std::vector<Command>& commands, std::span<const std::string
     // As libraries say it that begin threads.
     if (std::string_view(e.what()).find(std::strerror(EAGAIN)) != std::string_view::npos) {
       return Fail(
-          1, "", "the system gives no more threads or processes (ulimit -u); fewer: --threads 1");
+          1,
+          "",
+          "the system gives no more threads: there are too many processes (ulimit -u), or too "
+          "little memory (ulimit -v); fewer threads: --threads 1, where there is that option");
     }
     return Fail(1, "internal: ", e.what());
   }

@@ -191,7 +191,10 @@ std::map<FrameIndex, Rigid3> PosesOfSameFrames(const Reconstruction& model,
     if (named == frame_of_name.end() || pose == other.cam_from_world.end()) continue;
     poses[named->second] = pose->second;
   }
-  return poses.empty() ? other.cam_from_world : poses;
+  if (!poses.empty()) return poses;
+  spdlog::warn(
+      "the two models share no name of an image: their images are matched by their numbers");
+  return other.cam_from_world;
 }
 
 bool IsModelFolder(const fs::path& folder) {
@@ -255,7 +258,14 @@ Reconstruction ReadModelOf(const fs::path& folder, Sequence& sequence) {
   const bool named = std::any_of(model.images.begin(), model.images.end(), [&](const auto& image) {
     return names.Find(image.second.name).has_value();
   });
-  return named ? ReadModelOfClip(model, frames, folder).reconstruction : ReadReconstruction(folder);
+  if (named) return ReadModelOfClip(model, frames, folder).reconstruction;
+  spdlog::warn(
+      "no image of {} has the name of a frame of {}: they are matched by their numbers, image 1 "
+      "with "
+      "frame 0",
+      folder.string(),
+      sequence.Name());
+  return ReadReconstruction(folder);
 }
 
 Json EvaluateModelFolder(const Reconstruction& model,

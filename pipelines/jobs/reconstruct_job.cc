@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
+#include "frontend/core/output.h"
 #include "pipelines/console/progress_bar.h"
 #include "pipelines/json/json_file.h"
 #include "pipelines/json/option_list.h"
@@ -13,6 +14,7 @@ namespace cohort {
 
 ReconstructionSummary RunReconstructJob(const ReconstructJobOptions& options) {
   const TrackFile file = ReadTrackFile(options.tracks);
+  if (!options.json.empty()) CheckOutputPath(options.json);  // before hours of work
   if (!file.complete) {
     spdlog::warn(
         "{}: tracking was interrupted; it holds {} frames", options.tracks, file.frames.size());

@@ -183,6 +183,7 @@ std::optional<TrackFigures> RunTrackJob(const TrackJobOptions& options) {
   cv::setNumThreads(options.threads == 0 ? -1 : options.threads);
   CheckDistinctOutputs({{"--out", options.out}, {"--json", options.json}});
   const auto sequence = OpenInput(options.input);
+  if (!options.json.empty()) CheckOutputPath(options.json);  // before hours of work
   const cv::Mat mask = ReadMask(options.mask);
   SequenceTracker tracker(*sequence,
                           {.tracker = options.tracker,

@@ -212,6 +212,13 @@ TEST(ColmapModelTracks, IdsOf64BitsAreCountedThrough) {
   EXPECT_EQ(Tracks(model).tracks.features().size(), 3u);
 }
 
+TEST(ColmapModelTracks, PointsThatNoImageSeesAreNoTracks) {
+  ColmapModel model = Model();
+  for (auto& [id, point] : model.points) point.track.clear();
+  EXPECT_THAT([&] { Tracks(model); },
+              ThrowsMessage<Error>(HasSubstr("none of its 2 points is seen in an image")));
+}
+
 TEST(ColmapModelTracks, APointTwiceInAnImageKeepsTheFirst) {
   ColmapModel model = Model();
   model.points[8].track.emplace_back(1, 1);

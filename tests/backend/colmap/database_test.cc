@@ -258,6 +258,21 @@ TEST(ColmapDatabase, ReadsFisheyesOfOneFocalLength) {
                                              "SIMPLE_PINHOLE, PINHOLE")));
 }
 
+TEST(ColmapDatabase, ARefinedCameraKeepsItsModelOrGetsOneThatHoldsIt) {
+  ColmapCamera before{.model = ColmapCameraModel::kSimpleRadialFisheye,
+                      .width_px = 640,
+                      .height_px = 480,
+                      .params = {300, 320, 240, 0.1}};
+  Camera camera = FromColmapCamera(before);
+  EXPECT_EQ(ToColmapCamera(camera, before).model, ColmapCameraModel::kSimpleRadialFisheye);
+  EXPECT_EQ(ToColmapCamera(camera, before).params, before.params);
+  camera.k2 = 0.01;
+  const ColmapCamera after = ToColmapCamera(camera, before);
+  EXPECT_EQ(after.model, ColmapCameraModel::kOpencvFisheye);
+  EXPECT_EQ(after.params, (std::vector<double>{300, 300, 320, 240, 0.1, 0.01, 0, 0}));
+  EXPECT_EQ(ToColmapCamera(camera, after).model, ColmapCameraModel::kOpencvFisheye);
+}
+
 TEST(ColmapDatabase, PairIdsComeBackUpToTheLargest) {
   const ColmapImageId largest = 2147483646;
   EXPECT_EQ(ColmapPairId(1, 2), 2147483649);

@@ -219,9 +219,19 @@ TEST(ColmapModel, NamesTheLineOrByteThatIsDamaged) {
   WriteBytes(dir / "points3D.txt", "# points\n1 0 0 zero 1 2 3 0.5\n");
   EXPECT_THAT([&] { ReadColmapModel(dir.path()); },
               ThrowsMessage<Error>(HasSubstr("points3D.txt, line 2: \"zero\" is not a number")));
+  WriteBytes(dir / "points3D.txt", "1 0 0 0 1 2 3 0.5\n1 5 0 0 1 2 3 0.5\n");
+  EXPECT_THAT([&] { ReadColmapModel(dir.path()); },
+              ThrowsMessage<Error>(HasSubstr("points3D.txt, line 2: a second point 1")));
   WriteBytes(dir / "points3D.txt", "1 0 0 0 1 2 3 0.5 77 0\n");
   EXPECT_THAT([&] { ReadColmapModel(dir.path()); },
               ThrowsMessage<Error>(HasSubstr("image 77, which is not there")));
+  const std::string camera = "7 PINHOLE 160 120 131 131 80 60\n";
+  WriteBytes(dir / "cameras.txt", camera + camera);
+  EXPECT_THAT([&] { ReadColmapModel(dir.path()); },
+              ThrowsMessage<Error>(HasSubstr("cameras.txt, line 2: a second camera 7")));
+  WriteBytes(dir / "cameras.txt", "7 FOV 160 120 131 131 80 60 0\n");
+  EXPECT_THAT([&] { ReadColmapModel(dir.path()); },
+              ThrowsMessage<Error>(HasSubstr("cameras.txt, line 1: COLMAP camera model FOV")));
   WriteColmapModel(dir.path(), model, ColmapModelFormat::kBinary);
   const std::string bytes = ReadBytes(dir / "images.bin");
   WriteBytes(dir / "images.bin", bytes.substr(0, bytes.size() / 2));

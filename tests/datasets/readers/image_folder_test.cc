@@ -155,6 +155,15 @@ TEST(ImageFolder, AnImageOfAnotherSizeIsAnErrorNamingBothSizes) {
       ThrowsMessage<Error>(AllOf(HasSubstr("1.png"), HasSubstr("32x24"), HasSubstr("64x48"))));
 }
 
+TEST(ImageFolder, ALinkThatLeadsToItselfEndsTheSequenceAsAFileThatIsGone) {
+  const TempDir dir;
+  for (const int i : {1, 2, 4}) WriteImage(dir / fmt::format("{}.png", i), i);
+  fs::create_symlink("3.png", dir / "3.png");
+  const auto sequence = OpenSequence(dir.path());
+  EXPECT_EQ(test::ReadAll(*sequence).size(), 2u);
+  EXPECT_THAT(sequence->Warning(), AllOf(HasSubstr("2 frames of 4"), HasSubstr("3.png")));
+}
+
 // A cut JPEG too, of which decoders make a picture whose rest is grey.
 TEST(ImageFolder, AnImageThatCannotBeDecodedEndsTheSequenceAndIsSaid) {
   for (const char* name : {"3.png", "3.jpg", "3.tif", "3.pgm"}) {

@@ -133,6 +133,33 @@ TEST(OutputFolder, ReplacesItsOwnFolderWhole) {
   EXPECT_FALSE(std::filesystem::exists(dir / "model.partial"));
 }
 
+TEST(OutputFolder, MayEndWithADotAndIsNotTheCurrentOne) {
+  const test::TempDir dir;
+  std::filesystem::create_directories(dir / "model/inner");
+  {
+    OutputFolder out(dir / "model/inner/.", {"a"});
+    WriteBytes(out.partial() / "a", "new");
+    out.Commit();
+  }
+  EXPECT_EQ(ReadBytes(dir / "model/inner/a"), "new");
+  const std::filesystem::path before = std::filesystem::current_path();
+  std::filesystem::current_path(dir / "model/inner");
+  for (const char* here : {".", "./", "../inner"}) {
+    EXPECT_THAT([&] { OutputFolder out(here, {"a"}); },
+                ThrowsMessage<Error>(HasSubstr("it is the current one")))
+        << here;
+  }
+  std::filesystem::current_path(before);
+  EXPECT_EQ(ReadBytes(dir / "model/inner/a"), "new");
+}
+
+TEST(OutputFile, ANameThatLeavesNoRoomForOthersBesideItIsAnError) {
+  const test::TempDir dir;
+  EXPECT_NO_THROW(OutputFile(dir / std::string(230, 'a')));
+  EXPECT_THAT([&] { OutputFile(dir / std::string(231, 'a')); },
+              ThrowsMessage<Error>(HasSubstr("its name is longer than 230 bytes")));
+}
+
 TEST(OutputFolder, IsNotWrittenThroughALinkInItsPlace) {
   const test::TempDir dir;
   std::filesystem::create_directory(dir / "elsewhere");

@@ -561,6 +561,8 @@ TEST(TrackStore, TakesNothingThatCannotBe) {
         "UPDATE observations SET x = 9e999 WHERE track_id = 1",
         "UPDATE observations SET track_id = 1 << 33 WHERE track_id = 1",
         "UPDATE observations SET cov_xx = 9e999, cov_xy = 0, cov_yy = 1 WHERE track_id = 1",
+        "UPDATE observations SET cov_xx = -1, cov_xy = 0, cov_yy = 1 WHERE track_id = 1",
+        "UPDATE observations SET residual = 9e999 WHERE track_id = 1",
         "UPDATE frames SET name = '../../x.png' WHERE \"index\" = 1",
         "UPDATE frames SET name = '/etc/passwd' WHERE \"index\" = 1",
         "UPDATE frames SET name = 'a' || char(10) || 'b' WHERE \"index\" = 1",

@@ -1033,6 +1033,11 @@ TEST_F(Commands, NoOutputTakesThePlaceOfAnInput) {
   ASSERT_EQ(RunCohort("export " + tracks + " --csv " + Path("a.csv") + " --quiet").exit_code, 0);
   cv::imwrite(Path("mask.png"), cv::Mat(120, 160, CV_8UC1, cv::Scalar(255)));
   WriteText(Path("config.json"), "{}");
+  const std::string model = Path("model");
+  ASSERT_EQ(RunCohort("reconstruct " + tracks + " --quiet --out " + model).exit_code, 0);
+  WriteText(model + "/images.txt", "the same as text, which is not read");
+  const std::string depth = clip + "/depth/000003.png";
+  ASSERT_TRUE(fs::exists(depth));
   const auto all_bytes = [&] {
     std::map<std::string, std::string> bytes;
     for (const auto& entry : fs::recursive_directory_iterator(dir_.path())) {
@@ -1054,6 +1059,13 @@ TEST_F(Commands, NoOutputTakesThePlaceOfAnInput) {
       "import " + Path("a.csv") + " --images " + clip + " --out " + Path("a.csv"),
       "evaluate " + tracks + " --truth " + clip + " --json " + tracks,
       "evaluate " + tracks + " --truth " + clip + " --json " + clip + "/groundtruth.txt",
+      "evaluate " + model + " --truth " + clip + " --json " + model + "/summary.json",
+      "evaluate " + model + " --truth " + clip + " --json " + model + "/images.txt",
+      "evaluate " + model + " --truth " + clip + " --json " + depth,
+      "refine " + tracks + " --model " + model + " --out " + Path("r.tracks") + " --json " + model +
+          "/summary.json",
+      "refine --model " + model + " --images " + clip + " --out " + Path("r") + " --json " + model +
+          "/summary.json",
       "degrade " + clip + "/rgb " + clip,
       "degrade '" + clip + "/rgb/*.png' " + clip,
   };
