@@ -7,7 +7,9 @@
 
 #include <csignal>
 #include <fstream>
+#include <functional>
 #include <limits>
+#include <thread>
 
 #include "frontend/core/error.h"
 #include "frontend/core/output.h"
@@ -362,10 +364,13 @@ TEST(TrackStore, NothingReplacesAFileThatAnotherRunIsWriting) {
   const test::TempDir dir;
   const fs::path path = dir / "a.tracks";
   auto writer = WriteFrames(TrackWriter::Create(path, Header()), 0, 1);
-  EXPECT_THAT([&] { TrackWriter::Create(path, Header()); },
-              ThrowsMessage<Error>(HasSubstr("another run is writing it")));
-  EXPECT_THAT([&] { WriteTrackFile(path, Example(1)); },
-              ThrowsMessage<Error>(HasSubstr("another run is writing it")));
+  const auto refused = [](const std::function<void()>& write) {
+    EXPECT_THAT(write, ThrowsMessage<Error>(HasSubstr("another run is writing it")));
+  };
+  {  // they wait
+    const std::jthread one([&] { refused([&] { TrackWriter::Create(path, Header()); }); });
+    refused([&] { WriteTrackFile(path, Example(1)); });
+  }
   EXPECT_THAT(NamesIn(dir.path()), testing::ElementsAre("a.tracks"));
   WriteFrames(std::move(writer), 1, 3).Finish();
   EXPECT_EQ(ReadTrackFile(path).frames.size(), 3u);
