@@ -202,7 +202,8 @@ ImageList ReadEuroc(const fs::path& folder) {
   list.name = FolderName(folder);
   if (list.name == "mav0") list.name = FolderName(folder / "..");
   list.root = mav / "cam0" / "data";
-  const TextTable images(mav / "cam0" / "data.csv");
+  list.times = mav / "cam0" / "data.csv";
+  const TextTable images(list.times);
   for (std::size_t row = 0; row < images.rows(); ++row) {
     list.images.push_back({images.Text(row, 1), images.Integer(row, 0)});
   }

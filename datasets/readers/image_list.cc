@@ -90,6 +90,7 @@ class ImageListSequence final : public Sequence {
   std::string Name() const override { return list_.name; }
   std::vector<std::filesystem::path> Files() const override {
     std::vector<std::filesystem::path> files;
+    if (!list_.times.empty()) files.push_back(list_.times);
     for (std::size_t i = 0; i < list_.images.size(); ++i) files.push_back(ImageFile(i));
     return files;
   }

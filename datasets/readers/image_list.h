@@ -25,6 +25,7 @@ struct ImageList {
   std::string name;
   std::filesystem::path root;
   std::vector<Image> images;     // image i is frame i
+  std::filesystem::path times;   // the file that tells their times; empty: none does
   std::optional<Camera> camera;  // a size of 0 is filled in from the first image
   std::map<FrameIndex, Rigid3> cam_from_world;
   std::map<FrameIndex, std::filesystem::path> depth_files;  // 16 bits, 1/5000 m; 0: unknown

@@ -85,6 +85,7 @@ ImageList ReadKitti(const fs::path& folder) {
 
   if (const fs::path file = folder / "times.txt"; fs::exists(file)) {
     const TextTable table(file);
+    list.times = file;
     if (table.rows() < list.images.size()) {
       ThrowError("{} has {} times, there are {} images: give one for each",
                  file.string(),

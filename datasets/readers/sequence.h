@@ -45,8 +45,8 @@ class Sequence {
   virtual bool AnyThreadMayRead() const { return true; }
 
   virtual std::string Name() const = 0;  // for tables: the folder's or file's name
-  // The files that the frames are read from, those outside of the range too; empty where they come
-  // from elsewhere.
+  // The files that the frames and their times are read from, those outside of the range too; empty where
+  // they come from elsewhere.
   virtual std::vector<std::filesystem::path> Files() const { return {}; }
   // Frame names are relative to it; empty for a video.
   virtual std::filesystem::path ImageRoot() const = 0;

@@ -68,6 +68,7 @@ ImageList ReadTum(const fs::path& folder) {
   list.name = FolderName(folder);
   list.root = folder;
   list.images = ReadList(folder / kTumMark);
+  list.times = folder / kTumMark;
   if (const fs::path file = folder / "calibration.txt"; fs::exists(file)) {
     list.camera = ReadCalibration(file);
   }

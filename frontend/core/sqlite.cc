@@ -11,6 +11,8 @@
 
 #include "frontend/core/error.h"
 #include "frontend/core/input_file.h"
+#include "frontend/core/input_record.h"
+#include "frontend/core/sqlite_journal.h"
 
 namespace cohort {
 namespace {
@@ -18,6 +20,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::uint64_t kUnlimited = std::numeric_limits<std::uint64_t>::max();
+constexpr int kPatienceMs = 10'000;       // while another program writes
 constexpr int kInstructionsACall = 1000;  // of the progress handler
 // A row has at least four bytes in a page; a byte of a real table costs one instruction or two.
 constexpr std::uint64_t kBytesARow = 4;
@@ -37,7 +40,7 @@ const char* Advice(int code) {
     case SQLITE_READONLY:
       return " (check that the file and its folder may be written)";
     case SQLITE_BUSY:
-      return " (another program is writing it: wait for its end)";
+      return " (another program has locked it: wait for its end)";
     default:
       return "";
   }
@@ -57,24 +60,6 @@ std::uint64_t BytesOf(const fs::path& path) {
   std::error_code error;
   const std::uintmax_t bytes = fs::file_size(path, error);
   return error ? 0 : bytes;
-}
-
-// A journal's last bytes may name a "super-journal", which SQLite deletes when it has undone what
-// was half written: any file of the user's. Those of one database, as cohort's are, name none.
-void CheckJournal(const fs::path& path) {
-  const fs::path journal = Beside(path, "-journal");
-  constexpr std::array<unsigned char, 8> kMagic{0xd9, 0xd5, 0x05, 0xf9, 0x20, 0xa1, 0x63, 0xd7};
-  const std::uint64_t bytes = BytesOf(journal);
-  if (bytes < 16) return;
-  const Descriptor file = OpenInputDescriptor(journal);
-  std::array<unsigned char, 8> last{};
-  if (pread(file.get(), last.data(), last.size(), static_cast<off_t>(bytes - last.size())) ==
-          static_cast<ssize_t>(last.size()) &&
-      last == kMagic) {
-    ThrowError("database {}: its journal {} names another file, that it would delete: remove it",
-               path.string(),
-               journal.string());
-  }
 }
 
 // Does the database say of itself that it has a write-ahead log?
@@ -233,10 +218,9 @@ SqliteDatabase SqliteDatabase::Open(const fs::path& path, Mode mode) {
   const bool may_be_foreign = mode != Mode::kCreate || BytesOf(path) > 0;
   if (may_be_foreign) {
     CheckInputFile(path);
-    for (const char* suffix : {"-wal", "-journal"}) {
-      if (fs::exists(Beside(path, suffix))) CheckInputFile(Beside(path, suffix));
-    }
-    CheckJournal(path);
+    const fs::path log = Beside(path, "-wal");
+    if (fs::exists(log)) CheckInputFile(log);
+    CheckJournal(path, Beside(fs::canonical(path), "-journal"));
   }
   const bool has_log = BytesOf(Beside(path, "-wal")) > 0;
   if (mode == Mode::kCreate) flags |= SQLITE_OPEN_CREATE;
@@ -259,6 +243,7 @@ SqliteDatabase SqliteDatabase::Open(const fs::path& path, Mode mode) {
                path.string(),
                raw != nullptr ? WhatSqliteSays(raw) : sqlite3_errstr(result));
   }
+  sqlite3_busy_timeout(raw, kPatienceMs);
   // Files of others hold what they like: no code of theirs (views, triggers, functions in the schema)
   // is run, and what says of its own size that it is larger than its page is an error.
   for (const int code_in_schema : {SQLITE_DBCONFIG_ENABLE_VIEW,
@@ -328,10 +313,12 @@ std::int64_t SqliteDatabase::UserVersion() {
 
 void RemoveJournals(const fs::path& path) {
   if (BytesOf(Beside(path, "-journal")) > 0 && BytesOf(path) > 0) {
+    const bool is_input = InputRecord::Holds(path);
     try {
       SqliteDatabase::Open(path, SqliteDatabase::Mode::kWrite);
-    } catch (const Error&) {  // no database, or a damaged one
+    } catch (const Error&) {  // no database, a damaged one, or not the journal's
     }
+    if (!is_input) InputRecord::Forget(path);
   }
   for (const char* suffix : {"-wal", "-shm", "-journal"}) {
     const fs::path journal = Beside(path, suffix);

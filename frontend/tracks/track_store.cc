@@ -133,23 +133,12 @@ bool HoldsTracks(SqliteDatabase& db) {
   return select.Step() && select.Int(0) == kApplicationId;
 }
 
-SqliteDatabase OpenExisting(const fs::path& path, SqliteDatabase::Mode mode) {
-  auto db = SqliteDatabase::Open(path, mode);
-  // A frame being written by another program makes us wait instead of fail.
-  db.Execute("PRAGMA busy_timeout = 10000");
-  return db;
-}
-
-SqliteDatabase OpenToWrite(const fs::path& path) {
-  return OpenExisting(path, SqliteDatabase::Mode::kWrite);
-}
-
 SqliteDatabase OpenToRead(const fs::path& path) {
   // Where there is a journal SQLite may have to roll back what a kill left half done. It falls back to
   // reading where the file is write-protected.
-  return OpenExisting(path,
-                      fs::exists(path.string() + "-journal") ? SqliteDatabase::Mode::kWrite
-                                                             : SqliteDatabase::Mode::kRead);
+  const bool has_journal = fs::exists(fs::canonical(path).string() + "-journal");
+  return SqliteDatabase::Open(
+      path, has_journal ? SqliteDatabase::Mode::kWrite : SqliteDatabase::Mode::kRead);
 }
 
 [[noreturn]] void ThrowDamaged(const fs::path& path, std::string_view what) {
@@ -338,8 +327,11 @@ TrackWriter TrackWriter::Create(const fs::path& path, const TrackFile& header) {
     fs::rename(working, path);
     working = path;
   }
-  auto impl = std::make_unique<Impl>(
-      path, working, std::move(lock), std::move(replaced), OpenToWrite(working));
+  auto impl = std::make_unique<Impl>(path,
+                                     working,
+                                     std::move(lock),
+                                     std::move(replaced),
+                                     SqliteDatabase::Open(working, SqliteDatabase::Mode::kWrite));
   impl->insert.emplace(*impl->db);
   return TrackWriter(std::move(impl));
 }
@@ -358,8 +350,11 @@ TrackWriter TrackWriter::Resume(const fs::path& path) {
                path.string(),
                PartialOf(path).string());
   }
-  auto impl = std::make_unique<Impl>(
-      path, *working, std::move(*lock), std::move(replaced), OpenToWrite(*working));
+  auto impl = std::make_unique<Impl>(path,
+                                     *working,
+                                     std::move(*lock),
+                                     std::move(replaced),
+                                     SqliteDatabase::Open(*working, SqliteDatabase::Mode::kWrite));
   impl->insert.emplace(*impl->db);
   auto last = impl->db->Prepare("SELECT MAX(\"index\") FROM frames");
   if (last.Step() && !last.IsNull(0)) {
@@ -384,6 +379,8 @@ void TrackWriter::AppendFrame(const FrameInfo& frame,
   transaction.Commit();
   impl_->last = frame.index;
 }
+
+std::optional<FrameIndex> TrackWriter::last_frame() const { return impl_->last; }
 
 void TrackWriter::SetMeta(const std::string& key, const std::string& value) {
   Check(impl_->db.has_value(), "a finished .tracks file is not changed");
@@ -416,7 +413,8 @@ std::optional<fs::path> FindUnfinishedTracks(const fs::path& path) {
     auto db = OpenToRead(partial);
     if (HoldsTracks(db)) return partial;
   }
-  if (fs::is_regular_file(path)) {
+  if (fs::is_regular_file(path) &&
+      !fs::is_symlink(path)) {  // a link is replaced, not written through
     auto db = OpenToRead(path);
     if (HoldsTracks(db) && GetMeta(db, "status") == kRunning) return path;
   }
@@ -482,12 +480,13 @@ TrackFile ReadTrackFile(const fs::path& path) {
   return file;
 }
 
-void WriteTrackFile(const fs::path& path, const TrackFile& file) {
-  OutputFile out(path);
-  const WriteLock replaced = WriteLock::Of(path);  // nobody else may be writing it
-  RemoveJournals(out.partial());
+TrackFileOutput::TrackFileOutput(const fs::path& path)
+    : path_(path), out_(path), replaced_(WriteLock::Of(path)) {}
+
+void TrackFileOutput::Write(const TrackFile& file) {
+  RemoveJournals(out_.partial());
   try {
-    auto db = SqliteDatabase::Open(out.partial(), SqliteDatabase::Mode::kCreate);
+    auto db = SqliteDatabase::Open(out_.partial(), SqliteDatabase::Mode::kCreate);
     SqliteTransaction transaction(db);
     CreateSchema(db, file, file.complete ? kComplete : kRunning);
     Inserter insert(db);
@@ -501,16 +500,20 @@ void WriteTrackFile(const fs::path& path, const TrackFile& file) {
     }
     if (inserted != file.tracks.observations().size()) {
       ThrowError("cannot write {}: it has observations in frames that its list of frames lacks",
-                 path.string());
+                 path_.string());
     }
     for (const TrackEnd& end : file.tracks.ends()) insert.Insert(end);
     transaction.Commit();
   } catch (const Error&) {
-    RemoveDatabase(out.partial());
+    RemoveDatabase(out_.partial());
     throw;
   }
-  RemoveJournals(path);
-  out.Commit();
+  RemoveJournals(path_);
+  out_.Commit();
+}
+
+void WriteTrackFile(const fs::path& path, const TrackFile& file) {
+  TrackFileOutput(path).Write(file);
 }
 
 }  // namespace cohort

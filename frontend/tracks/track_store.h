@@ -8,6 +8,8 @@
 #include <string>
 #include <vector>
 
+#include "frontend/core/output.h"
+#include "frontend/core/write_lock.h"
 #include "frontend/geometry/camera.h"
 #include "frontend/tracks/track_set.h"
 
@@ -59,6 +61,7 @@ class TrackWriter {
   void AppendFrame(const FrameInfo& frame,
                    const std::vector<Observation>& observations,
                    const std::vector<TrackEnd>& ends);
+  std::optional<FrameIndex> last_frame() const;
   void SetMeta(const std::string& key, const std::string& value);
   void Finish();
 
@@ -82,7 +85,19 @@ struct TrackCounts {
   std::size_t predicted = 0;
 };
 TrackCounts CountTracks(const std::filesystem::path& path);
-// Whole or not at all.
+
+// Makes or replaces the file at a path: whole or not at all, and from the beginning on nobody else may.
+// Throws Error where another run is writing it.
+class TrackFileOutput {
+ public:
+  explicit TrackFileOutput(const std::filesystem::path& path);
+  void Write(const TrackFile& file);  // once
+
+ private:
+  std::filesystem::path path_;
+  OutputFile out_;
+  WriteLock replaced_;
+};
 void WriteTrackFile(const std::filesystem::path& path, const TrackFile& file);
 
 }  // namespace cohort

@@ -35,10 +35,7 @@ void PrintFigures(const SfmFigures& figures, const std::string& out) {
 void WriteSceneReport(const SfmJobOptions& options, const SfmFigures& figures) {
   const fs::path folder = options.out;
   const fs::path page = folder / "report.html";
-  if (fs::exists(page) &&
-      fs::last_write_time(page) >= fs::last_write_time(folder / "summary.json")) {
-    return;
-  }
+  if (fs::exists(page)) return;  // RunSfmJob has removed that of another
   ClipReport report = ReadClipReport(folder / "model");
   report.title = fs::path(options.input.input).filename().string();
   report.sentences.insert(

@@ -81,6 +81,14 @@ void CheckCellsAreOurs(const ExperimentOptions& options, const fs::path& cells) 
              cells.string());
 }
 
+// Nobody else makes the same shard: a queue may have started it twice.
+WriteLock LockOfShard(const ExperimentPlan& plan) {
+  const fs::path file =
+      plan.cells_folder / fmt::format("shard_{}_of_{}.lock", plan.shard.index, plan.shard.count);
+  if (!fs::exists(file)) WriteBytes(file, "");
+  return WriteLock::Of(file);
+}
+
 }  // namespace
 
 ExperimentPlan RunCells(const ExperimentOptions& options) {
@@ -90,7 +98,8 @@ ExperimentPlan RunCells(const ExperimentOptions& options) {
   MakeFolder(plan.cells_folder);
   if (!fs::exists(plan.cells_folder / kMark)) WriteBytes(plan.cells_folder / kMark, "");
   // Shards share a folder, and who collects may look at any time; two whole grids may not.
-  const WriteLock lock = WriteLock::Of(options.out, options.collect || !options.shard.empty());
+  plan.locks.push_back(WriteLock::Of(options.out, options.collect || !options.shard.empty()));
+  if (!options.shard.empty() && !options.collect) plan.locks.push_back(LockOfShard(plan));
   const std::vector<GridClip> clips = ProbeClips(options, plan);
   // Not before the inputs are known to be good. Other shards may be at work in the same folder.
   if (anew) {

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "datasets/degrade/degrade.h"
+#include "frontend/core/write_lock.h"
 #include "pipelines/experiment/cells.h"
 #include "pipelines/experiment/experiment.h"
 
@@ -27,6 +28,7 @@ struct ExperimentPlan {
   std::vector<unsigned> seeds;
   std::vector<Condition> conditions;  // clips x levels x seeds
   std::vector<TrackCell> cells;       // conditions x trackers, in this order
+  std::vector<WriteLock> locks;       // held until the results are written, too
 };
 
 // All but conditions and cells, which need the clips. Throws UsageError on options that make no

@@ -78,8 +78,12 @@ bool IsStillThere(const fs::path& folder, const char* stamp, const Json& made_of
 constexpr const char* kModelStamp = "model_of.json";
 
 bool HasModel(const fs::path& folder, const Json& made_of) {
-  return fs::exists(folder / "model" / "summary.json") &&
-         IsStillThere(folder, kModelStamp, made_of);
+  try {
+    ReadJsonFile(folder / "model" / "summary.json");
+  } catch (const Error&) {  // gone or damaged
+    return false;
+  }
+  return IsStillThere(folder, kModelStamp, made_of);
 }
 
 // Of the tracks and of what was made of them. The model's summary has a time in it, and is no part.
@@ -190,6 +194,10 @@ SfmFigures RunSfmJob(const SfmJobOptions& options) {
   const Json model_made_of = ModelMadeOf(made_of);
   if (options.resume && IsStillThere(folder, "summary.json", made_of) &&
       HasModel(folder, model_made_of)) {
+    const TrackFile file = ReadTrackFile(folder / "clip.tracks");
+    if (const auto warning = file.meta.find(kWarningMeta); warning != file.meta.end()) {
+      spdlog::warn("{}; without --resume it is made anew", warning->second);
+    }
     spdlog::info("{} is complete already", options.out);
     return FiguresOfSummary(folder);
   }
@@ -201,7 +209,7 @@ SfmFigures RunSfmJob(const SfmJobOptions& options) {
   const WriteLock lock = WriteLock::Of(folder);
 
   RunTrackJob(TrackOptionsOf(options));
-  fs::remove(summary, error);
+  for (const fs::path& old : {summary, folder / "report.html"}) fs::remove(old, error);
   const TrackFile file = ReadTrackFile(folder / "clip.tracks");
   SfmFigures figures = FiguresOf(MakeModel(options, file.frames.size(), model_made_of));
   std::vector<double> brightness;

@@ -59,30 +59,41 @@ struct EarlierRun {
   bool complete = false;
   bool unfinished = false;         // where it is complete: it only lacks its name
   bool second_pass_ended = false;  // or not asked for
-  std::optional<FrameIndex> last_frame;
+  bool has_frames = false;
+  std::string warning;  // empty: none
 };
+
+// Was the file made of the same, with the same options? What a run found does not count.
+bool IsOfJob(const TrackFile& file, const TrackFile& header) {
+  std::map<std::string, std::string> meta = file.meta;
+  meta.erase(kCutsMeta);
+  meta.erase(kWarningMeta);
+  return file.source == header.source && meta == header.meta &&
+         SameCamera(file.camera, header.camera);
+}
 
 EarlierRun FindEarlierRun(const fs::path& out, const TrackFile& header) {
   const auto unfinished = FindUnfinishedTracks(out);
-  if (!unfinished && !fs::exists(out)) return {};
+  // A link is replaced, and nothing written through it.
+  if (!unfinished && (!fs::exists(out) || fs::is_symlink(out))) return {};
   const fs::path path = unfinished.value_or(out);
   TrackFile earlier = ReadTrackFile(path);
   EarlierRun run;
   run.complete = earlier.complete;
   run.unfinished = unfinished.has_value();
   const std::string asked = header.meta.at("second_pass");
-  earlier.meta.erase(kCutsMeta);  // what it found
   std::string& second_pass = earlier.meta["second_pass"];
   run.second_pass_ended = second_pass != kSecondPassAsked;
   if (second_pass != kSecondPassOff && asked != kSecondPassOff) second_pass = asked;
-  if (earlier.source != header.source || earlier.meta != header.meta ||
-      !SameCamera(earlier.camera, header.camera)) {
+  if (!IsOfJob(earlier, header)) {
     ThrowError(
         "cannot resume {}: it was made of another input or with other options; without "
         "--resume it is made anew",
         path.string());
   }
-  if (!earlier.frames.empty()) run.last_frame = earlier.frames.back().index;
+  run.has_frames = !earlier.frames.empty();
+  const auto warning = earlier.meta.find(kWarningMeta);
+  if (warning != earlier.meta.end()) run.warning = warning->second;
   return run;
 }
 
@@ -116,12 +127,12 @@ nlohmann::ordered_json FiguresToJson(const TrackFigures& figures, const TrackJob
           {"options", ToJson(options)}};
 }
 
-// Frame by frame into `writer`, which has the frames up to `last_written`.
+// Frame by frame into `writer`, which may have the first ones.
 void TrackFrames(SequenceTracker& tracker,
                  const Sequence& sequence,
-                 const std::optional<FrameIndex>& last_written,
                  TrackWriter& writer,
                  TrackFigures& figures) {
+  const std::optional<FrameIndex> last_written = writer.last_frame();
   const InterruptGuard interrupt;
   ProgressBar progress("track", sequence.FrameCount());
   // A frame is written while the next one is tracked, where there are threads for both.
@@ -195,6 +206,9 @@ std::optional<TrackFigures> RunTrackJob(const TrackJobOptions& options) {
   // The end came when all was written and nothing renamed.
   if (earlier.complete && earlier.unfinished) TrackWriter::Resume(options.out).Finish();
   if (earlier.complete && earlier.second_pass_ended) {
+    if (!earlier.warning.empty()) {
+      spdlog::warn("{}; without --resume it is made anew", earlier.warning);
+    }
     spdlog::info("{} is complete already", options.out);
     return std::nullopt;
   }
@@ -203,21 +217,29 @@ std::optional<TrackFigures> RunTrackJob(const TrackJobOptions& options) {
   TrackFigures figures;
   if (options.resume) InputRecord::Forget(options.out);  // it was looked at
   if (!earlier.complete) {
-    TrackWriter writer = earlier.last_frame ? TrackWriter::Resume(options.out)
+    TrackWriter writer = earlier.has_frames ? TrackWriter::Resume(options.out)
                                             : TrackWriter::Create(options.out, header);
-    TrackFrames(tracker, *sequence, earlier.last_frame, writer, figures);
+    TrackFrames(tracker, *sequence, writer, figures);
+    if (const std::string& warning = sequence->Warning(); !warning.empty()) {
+      spdlog::warn("{}", warning);
+      writer.SetMeta(kWarningMeta, warning);
+    }
     writer.Finish();
-    if (!sequence->Warning().empty()) spdlog::warn("{}", sequence->Warning());
   }
   figures.decode_ms = tracker.decode_ms();
   figures.detect_ms = tracker.detect_ms();
   figures.track_ms = tracker.track_ms();
   if (header.meta.at("second_pass") == kSecondPassAsked) {
     const Stopwatch stopwatch;
-    TrackFile file = ReadTrackFile(options.out);
-    file = RunSecondPass(std::move(file), *sequence, mask, options.second_pass);
     InputRecord::Forget(options.out);
-    WriteTrackFile(options.out, file);
+    TrackFileOutput out(options.out);
+    TrackFile file = ReadTrackFile(options.out);
+    if (!IsOfJob(file, header)) {
+      ThrowError("{} was replaced by another run after the first pass; give another output",
+                 options.out);
+    }
+    InputRecord::Forget(options.out);
+    out.Write(RunSecondPass(std::move(file), *sequence, mask, options.second_pass));
     figures.second_pass_ms = stopwatch.Milliseconds();
   }
   Count(options.out, figures);

@@ -70,6 +70,9 @@ struct TrackFigures {
   double PerFrame(double ms) const { return frames == 0 ? 0.0 : ms / static_cast<double>(frames); }
 };
 
+// In .tracks: what was wrong with the clip, as that it ended before its last frame.
+inline constexpr const char* kWarningMeta = "warning";
+
 // INPUT -> .tracks, frame by frame: a kill loses nothing but the frame it is at. Then the second
 // pass, whose tracks take the place of the first's, if a reconstruction with Ceres succeeds. None
 // where an earlier run, gone on with, was complete already.

@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <fstream>
+#include <iterator>
 #include <set>
 #include <string_view>
 #include <vector>
@@ -32,7 +33,7 @@ class Fnv1a {
   std::uint64_t hash_ = 14695981039346656037ULL;
 };
 
-// A file's size and, spread over it, some of its bytes; nothing of one that cannot be read.
+// A file's size and, spread over it, some of its bytes: of a list all. Nothing of one that cannot be read.
 void AddFile(const fs::path& path, Fnv1a& hash) {
   constexpr std::uint64_t kBlocks = 8;
   constexpr std::uint64_t kBlockBytes = 1024;
@@ -40,6 +41,12 @@ void AddFile(const fs::path& path, Fnv1a& hash) {
   const std::uint64_t size = fs::file_size(path, error);
   if (error) return;
   hash << fmt::format("{} {}\n", path.filename().string(), size);
+  constexpr std::uint64_t kMostOfList = 1 << 24;
+  if ((path.extension() == ".txt" || path.extension() == ".csv") && size <= kMostOfList) {
+    std::ifstream list(path, std::ios::binary);
+    hash << std::string(std::istreambuf_iterator<char>(list), {});
+    return;
+  }
   std::ifstream file(path, std::ios::binary);
   std::array<char, kBlockBytes> block{};
   for (std::uint64_t i = 0; i < kBlocks && file; ++i) {

@@ -314,7 +314,8 @@ INSTANTIATE_TEST_SUITE_P(TrackStore,
                          testing::Combine(testing::Bool(),
                                           testing::Values(0, 130, 410, 770, 1500)));
 
-// As a kill leaves it: three frames, some of which are overwritten, and the journal that has them.
+// As a kill leaves it: three frames, whose pages are overwritten by others, and the journal that has
+// them.
 void LeaveHalfWritten(const fs::path& path) {
   const test::TempDir dir;
   const fs::path written = dir / "a.tracks";
@@ -322,7 +323,9 @@ void LeaveHalfWritten(const fs::path& path) {
   auto db = SqliteDatabase::Open(written, SqliteDatabase::Mode::kWrite);
   db.Execute("PRAGMA cache_size = 1");  // pages go to the file at once
   const SqliteTransaction never_committed(db);
-  db.Execute("UPDATE observations SET x = -1; DELETE FROM frames; DELETE FROM meta");
+  db.Execute(
+      "INSERT INTO observations SELECT frame + 9, track_id, x, y, 1, 0, NULL, NULL, NULL "
+      "FROM observations; UPDATE observations SET x = -1; DELETE FROM frames; DELETE FROM meta");
   for (const char* suffix : {"", "-journal"}) {
     fs::copy(written.string() + suffix, path.string() + suffix);
   }
@@ -357,6 +360,24 @@ TEST(TrackStore, TheJournalOfAKilledRunDoesNotMeetTheFileThatComesInItsPlace) {
   fs::remove(path);  // and not its journal
   WriteFrames(TrackWriter::Create(path, Header()), 0, 5).Finish();
   EXPECT_EQ(ReadTrackFile(path).frames.size(), 5u);
+  EXPECT_THAT(NamesIn(dir.path()), testing::ElementsAre("a.tracks"));
+}
+
+// Another file that comes to the name of a killed run, as by mv, and the journal is still there.
+TEST(TrackStore, TheJournalOfAnotherFileIsNotPlayedIntoIt) {
+  const test::TempDir dir;
+  const fs::path path = dir / "a.tracks";
+  LeaveHalfWritten(path);
+  WriteTrackFile(dir / "good.tracks", Example(5));
+  fs::rename(dir / "good.tracks", path);
+  const std::string before = ReadBytes(path);
+  for (int i = 0; i < 2; ++i) {
+    EXPECT_THAT([&] { ReadTrackFile(path); },
+                ThrowsMessage<Error>(HasSubstr("a.tracks-journal is the journal of another file")));
+  }
+  EXPECT_TRUE(ReadBytes(path) == before);
+  WriteTrackFile(path, Example(4));
+  ExpectSame(ReadTrackFile(path), Example(4));
   EXPECT_THAT(NamesIn(dir.path()), testing::ElementsAre("a.tracks"));
 }
 

@@ -1013,6 +1013,33 @@ TEST_F(Commands, ASecondPassThatOnlyLacksItsNameIsNotRunOnItsOwnResult) {
   EXPECT_FALSE(fs::exists(Path("hurt.tracks.partial")));
 }
 
+TEST_F(Commands, AResumedRunSaysAgainThatTheClipEndedEarly) {
+  const std::string clip = WriteImages(Path("clip"), 8);
+  WriteText(Path("kept"), ReadBytes(ImagePath(clip, 5)));
+  WriteText(ImagePath(clip, 5), "no picture");
+  const std::string track = Track(clip);
+  const ProgramEnd first = RunCohort(track);
+  EXPECT_THAT(first.err, HasSubstr("read 5 frames of 8"));
+  const ProgramEnd again = RunCohort(track + " --resume");
+  EXPECT_EQ(again.exit_code, 0);
+  EXPECT_THAT(again.err, AllOf(HasSubstr("read 5 frames of 8"), HasSubstr("made anew")));
+  WriteText(ImagePath(clip, 5), ReadBytes(Path("kept")));
+  ExpectFailure(RunCohort(track + " --resume"), 1, HasSubstr("made of another input"));
+}
+
+TEST_F(Commands, OtherTimesOfTheFramesAreAnotherInput) {
+  const std::string clip = Path("clip");
+  ASSERT_EQ(RunCohort("synth " + clip +
+                      " --frames 8 --width-px 160 --height-px 120 --focal-px 131 --quiet")
+                .exit_code,
+            0);
+  ASSERT_EQ(RunCohort(Track(clip)).exit_code, 0);
+  const std::string times = ReadBytes(clip + "/rgb.txt");
+  const std::size_t last = times.rfind('\n', times.size() - 2) + 1;
+  WriteText(clip + "/rgb.txt", fmt::format("{}1{}", times.substr(0, last), times.substr(last)));
+  ExpectFailure(RunCohort(Track(clip) + " --resume"), 1, HasSubstr("made of another input"));
+}
+
 TEST_F(Interruption, OtherOptionsDoNotResume) {
   RunAndSignal("KILL");
   ExpectFailure(
