@@ -21,14 +21,15 @@ namespace cohort {
 namespace {
 
 namespace fs = std::filesystem;
-using Bytes = std::vector<unsigned char>;
+using PageBytes = std::vector<unsigned char>;
 
-constexpr std::array<unsigned char, 8> kMagic{0xd9, 0xd5, 0x05, 0xf9, 0x20, 0xa1, 0x63, 0xd7};
+constexpr std::array<unsigned char, 8> kJournalMagic{
+    0xd9, 0xd5, 0x05, 0xf9, 0x20, 0xa1, 0x63, 0xd7};
 constexpr std::size_t kCounterAt = 24;  // in a database, and so in its first page
 
-class File {
+class PagedFile {
  public:
-  explicit File(const fs::path& path) : descriptor_(OpenInputDescriptor(path)) {
+  explicit PagedFile(const fs::path& path) : descriptor_(OpenInputDescriptor(path)) {
     fstat(descriptor_.get(), &status_);
   }
 
@@ -39,30 +40,28 @@ class File {
         status_.st_ino, status_.st_size, status_.st_mtim.tv_sec, status_.st_mtim.tv_nsec);
   }
   // False where there are not so many bytes.
-  bool Read(std::uint64_t at, std::size_t count, Bytes& read) const {
+  bool Read(std::uint64_t at, std::size_t count, PageBytes& read) const {
     read.resize(count);
     return at <= bytes() && pread(descriptor_.get(), read.data(), count, static_cast<off_t>(at)) ==
                                 static_cast<ssize_t>(count);
   }
 
  private:
-  std::uint64_t bytes_max() const { return bytes(); }
-
   Descriptor descriptor_;
   struct stat status_ {};
 };
 
 // None: it is gone, as that of a program that writes comes and goes.
-std::unique_ptr<File> Open(const fs::path& journal) {
+std::unique_ptr<PagedFile> OpenIfThere(const fs::path& journal) {
   try {
-    return std::make_unique<File>(journal);
+    return std::make_unique<PagedFile>(journal);
   } catch (const Error&) {
     if (fs::exists(journal)) throw;
     return nullptr;
   }
 }
 
-std::uint32_t Number(const Bytes& bytes, std::size_t at) {
+std::uint32_t BigEndian(const PageBytes& bytes, std::size_t at) {
   return std::uint32_t{bytes[at]} << 24U | std::uint32_t{bytes[at + 1]} << 16U |
          std::uint32_t{bytes[at + 2]} << 8U | bytes[at + 3];
 }
@@ -74,15 +73,16 @@ struct JournalHeader {
   std::uint32_t page_bytes;
 };
 
-std::optional<JournalHeader> ReadHeader(const File& journal, std::uint64_t at) {
-  Bytes head;
-  if (!journal.Read(at, 28, head) || !std::equal(kMagic.begin(), kMagic.end(), head.begin())) {
+std::optional<JournalHeader> ReadJournalHeader(const PagedFile& journal, std::uint64_t at) {
+  PageBytes head;
+  if (!journal.Read(at, 28, head) ||
+      !std::equal(kJournalMagic.begin(), kJournalMagic.end(), head.begin())) {
     return std::nullopt;
   }
-  const JournalHeader header{.records = Number(head, 8),
-                             .pages = Number(head, 16),
-                             .sector_bytes = Number(head, 20),
-                             .page_bytes = Number(head, 24)};
+  const JournalHeader header{.records = BigEndian(head, 8),
+                             .pages = BigEndian(head, 16),
+                             .sector_bytes = BigEndian(head, 20),
+                             .page_bytes = BigEndian(head, 24)};
   const bool can_be = header.sector_bytes >= 32 && header.sector_bytes <= 65536 &&
                       header.page_bytes >= 512 && header.page_bytes <= 65536;
   return can_be ? std::optional(header) : std::nullopt;
@@ -91,15 +91,19 @@ std::optional<JournalHeader> ReadHeader(const File& journal, std::uint64_t at) {
 // A transaction counts up the number in the first page, which it keeps in the journal before. As long as it
 // does not (it does when it ends, and when it takes a new page, and cohort's with more pages than SQLite
 // holds back do take some) nothing is changed yet: what the journal keeps is still so in the database.
-bool IsOf(const File& database, const File& journal) {
-  const auto first = ReadHeader(journal, 0);
+bool IsJournalOf(const PagedFile& database, const PagedFile& journal) {
+  const auto first = ReadJournalHeader(journal, 0);
   if (!first) return true;  // SQLite does not undo what has no header
   const std::uint64_t old_bytes = std::uint64_t{first->pages} * first->page_bytes;
-  Bytes page;
-  Bytes kept;
+  PageBytes page;
+  PageBytes kept;
+  if (first->pages == 0) {  // it was being made: nothing is kept, and it has counted to 1 at most
+    constexpr std::size_t kHeaderBytes = 100;
+    return !database.Read(0, kHeaderBytes, page) || BigEndian(page, kCounterAt) <= 1;
+  }
   bool all_the_same = database.bytes() == old_bytes;
   std::uint64_t at = 0;
-  while (const auto header = ReadHeader(journal, at)) {
+  while (const auto header = ReadJournalHeader(journal, at)) {
     at += header->sector_bytes;
     const std::uint64_t record_bytes = std::uint64_t{header->page_bytes} + 8;
     const std::uint64_t fit = (journal.bytes() - std::min(at, journal.bytes())) / record_bytes;
@@ -107,14 +111,14 @@ bool IsOf(const File& database, const File& journal) {
         header->records == 0 ? fit : std::min<std::uint64_t>(header->records, fit);
     for (std::uint64_t i = 0; i < records; ++i, at += record_bytes) {
       if (!journal.Read(at, header->page_bytes + 4, kept)) break;
-      const std::uint32_t number = Number(kept, 0);
+      const std::uint32_t number = BigEndian(kept, 0);
       kept.erase(kept.begin(), kept.begin() + 4);
       if (number == 0) break;
       const std::uint64_t place = (std::uint64_t{number} - 1) * header->page_bytes;
       const bool is_there = database.Read(place, header->page_bytes, page);
       if (number == 1) {
         if (!is_there || database.bytes() < old_bytes) return false;
-        const std::uint32_t counted = Number(page, kCounterAt) - Number(kept, kCounterAt);
+        const std::uint32_t counted = BigEndian(page, kCounterAt) - BigEndian(kept, kCounterAt);
         return counted <= 1;
       }
       all_the_same = all_the_same && is_there && page == kept;
@@ -126,29 +130,29 @@ bool IsOf(const File& database, const File& journal) {
 
 // A journal's last bytes may name a "super-journal", which SQLite deletes when it has undone what
 // was half written: any file of the user's. Those of one database, as cohort's are, name none.
-bool NamesAnotherFile(const File& journal) {
-  Bytes last;
+bool NamesAnotherFile(const PagedFile& journal) {
+  PageBytes last;
   return journal.bytes() >= 16 && journal.Read(journal.bytes() - 8, 8, last) &&
-         std::equal(kMagic.begin(), kMagic.end(), last.begin());
+         std::equal(kJournalMagic.begin(), kJournalMagic.end(), last.begin());
 }
 
 }  // namespace
 
 void CheckJournal(const fs::path& database, const fs::path& journal) {
-  using Mark = decltype(std::declval<File>().Mark());
+  using Mark = decltype(std::declval<PagedFile>().Mark());
   constexpr int kLooks = 100;
   constexpr auto kPause = std::chrono::milliseconds(30);
   std::optional<Mark> doubted;
   // Another program may be writing both between two of our looks: only what stays as it is is judged.
   for (int look = 0; look < kLooks; ++look) {
-    const std::unique_ptr<File> file = Open(journal);
+    const std::unique_ptr<PagedFile> file = OpenIfThere(journal);
     if (!file || file->bytes() < 16) return;
     if (NamesAnotherFile(*file)) {
       ThrowError("database {}: its journal {} names another file, that it would delete: remove it",
                  database.string(),
                  journal.string());
     }
-    if (IsOf(File(database), *file)) return;
+    if (IsJournalOf(PagedFile(database), *file)) return;
     if (doubted == file->Mark()) {
       ThrowError("database {}: {} is the journal of another file that was here: remove it",
                  database.string(),

@@ -381,6 +381,21 @@ TEST(TrackStore, TheJournalOfAnotherFileIsNotPlayedIntoIt) {
   EXPECT_THAT(NamesIn(dir.path()), testing::ElementsAre("a.tracks"));
 }
 
+TEST(TrackStore, AFileThatWasBeingMadeIsNothingToResume) {
+  const test::TempDir dir;
+  auto db = SqliteDatabase::Open(dir / "new", SqliteDatabase::Mode::kCreate);
+  db.Execute("PRAGMA cache_size = 1");  // pages go to the file at once
+  const SqliteTransaction never_committed(db);
+  db.Execute(
+      "CREATE TABLE t(x); INSERT INTO t WITH RECURSIVE c(x) AS (SELECT 1 UNION ALL SELECT x + 1 FROM c "
+      "WHERE x < 5000) SELECT x FROM c");
+  fs::copy(dir / "new", dir / "a.tracks.partial");
+  fs::copy(dir / "new-journal", dir / "a.tracks.partial-journal");
+  EXPECT_GT(fs::file_size(dir / "a.tracks.partial"), 10'000u);
+  EXPECT_FALSE(FindUnfinishedTracks(dir / "a.tracks"));
+  EXPECT_EQ(fs::file_size(dir / "a.tracks.partial"), 0u);
+}
+
 TEST(TrackStore, NothingReplacesAFileThatAnotherRunIsWriting) {
   const test::TempDir dir;
   const fs::path path = dir / "a.tracks";
