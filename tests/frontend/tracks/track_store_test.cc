@@ -387,7 +387,8 @@ TEST(TrackStore, AFileThatWasBeingMadeIsNothingToResume) {
   db.Execute("PRAGMA cache_size = 1");  // pages go to the file at once
   const SqliteTransaction never_committed(db);
   db.Execute(
-      "CREATE TABLE t(x); INSERT INTO t WITH RECURSIVE c(x) AS (SELECT 1 UNION ALL SELECT x + 1 FROM c "
+      "CREATE TABLE t(x); INSERT INTO t WITH RECURSIVE c(x) AS (SELECT 1 UNION ALL SELECT x + 1 "
+      "FROM c "
       "WHERE x < 5000) SELECT x FROM c");
   fs::copy(dir / "new", dir / "a.tracks.partial");
   fs::copy(dir / "new-journal", dir / "a.tracks.partial-journal");
