@@ -162,7 +162,6 @@ ImportedTracks TracksOfColmapModel(const ColmapModel& model,
                                    const std::filesystem::path& path) {
   ImportedTracks result;
   std::optional<ColmapCamera> camera;
-  std::uint32_t camera_id = 0;
   for (const auto& [id, image] : model.images) {
     const auto found = model.cameras.find(image.camera_id);
     if (found == model.cameras.end()) {
@@ -172,10 +171,10 @@ ImportedTracks TracksOfColmapModel(const ColmapModel& model,
                  image.camera_id);
     }
     if (!camera) {
+      result.camera = FromColmapCamera(found->second);  // before: what is no number equals nothing
       camera = found->second;
-      camera_id = image.camera_id;
     }
-    if (image.camera_id == camera_id || found->second == *camera) continue;
+    if (found->second == *camera) continue;
     ThrowError(
         "COLMAP model {}: image {} has another camera than others: one is read, of a clip of "
         "one camera",
@@ -188,7 +187,6 @@ ImportedTracks TracksOfColmapModel(const ColmapModel& model,
                model.images.size(),
                model.points.size());
   }
-  result.camera = FromColmapCamera(*camera);
   result.camera->known = true;
 
   FrameNames names(frames);

@@ -162,12 +162,18 @@ class TextReader {
   int number_ = 0;
 };
 
+// The entry of the id that comes next, which must be a new one.
+template <typename Map>
+typename Map::mapped_type& AddEntry(Map& map, const char* what, TextReader& in) {
+  const auto [entry, is_new] = map.try_emplace(in.Number<typename Map::key_type>());
+  if (!is_new) in.Fail(fmt::format("a second {} {}", what, entry->first));
+  return entry->second;
+}
+
 void ReadCamerasText(const fs::path& path, ColmapModel& model) {
   TextReader in(path);
   while (in.NextLine()) {
-    const auto id = in.Number<std::uint32_t>();
-    if (model.cameras.contains(id)) in.Fail(fmt::format("a second camera {}", id));
-    ColmapCamera& camera = model.cameras[id];
+    ColmapCamera& camera = AddEntry(model.cameras, "camera", in);
     try {
       camera.model = ColmapModelFromName(in.Word());
     } catch (const Error& error) {
@@ -187,9 +193,7 @@ void ReadCamerasText(const fs::path& path, ColmapModel& model) {
 void ReadImagesText(const fs::path& path, ColmapModel& model) {
   TextReader in(path);
   while (in.NextLine()) {
-    const auto id = in.Number<ColmapImageId>();
-    if (model.images.contains(id)) in.Fail(fmt::format("a second image {}", id));
-    ColmapModelImage& image = model.images[id];
+    ColmapModelImage& image = AddEntry(model.images, "image", in);
     Eigen::Quaterniond& q = image.cam_from_world.rotation;
     for (double* value : {&q.w(), &q.x(), &q.y(), &q.z()}) *value = in.Number<double>();
     for (double& value : image.cam_from_world.translation) value = in.Number<double>();
@@ -200,12 +204,11 @@ void ReadImagesText(const fs::path& path, ColmapModel& model) {
       ColmapPoint2D& point = image.points2d.emplace_back();
       point.xy.x() = in.Number<double>();
       point.xy.y() = in.Number<double>();
-      const std::string point_id = in.Word();
-      if (point_id == "-1") continue;
+      const std::string id = in.Word();
+      if (id == "-1") continue;
       std::uint64_t value = 0;
-      const char* const last = point_id.data() + point_id.size();
-      const auto [end, error] = std::from_chars(point_id.data(), last, value);
-      if (error != std::errc() || end != last) in.Fail("not a point id: " + point_id);
+      const auto [end, error] = std::from_chars(id.data(), id.data() + id.size(), value);
+      if (error != std::errc() || end != id.data() + id.size()) in.Fail("not a point id: " + id);
       point.point3d = value;
     }
   }
@@ -214,9 +217,7 @@ void ReadImagesText(const fs::path& path, ColmapModel& model) {
 void ReadPointsText(const fs::path& path, ColmapModel& model) {
   TextReader in(path);
   while (in.NextLine()) {
-    const auto id = in.Number<std::uint64_t>();
-    if (model.points.contains(id)) in.Fail(fmt::format("a second point {}", id));
-    ColmapPoint3D& point = model.points[id];
+    ColmapPoint3D& point = AddEntry(model.points, "point", in);
     for (double& value : point.xyz) value = in.Number<double>();
     for (std::uint8_t& value : point.rgb) value = in.Number<std::uint8_t>();
     point.error_px = in.Number<double>();

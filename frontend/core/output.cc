@@ -30,8 +30,7 @@ fs::path NameOfFolder(fs::path path) {
 }
 
 void CheckParent(const fs::path& path) {
-  constexpr std::size_t kLongestName =
-      230;  // of 255 bytes; names with more behind it are made beside it
+  constexpr std::size_t kLongestName = 230;  // of 255 bytes: others get more behind it
   if (path.filename().native().size() > kLongestName) {
     ThrowError("cannot write {}: its name is longer than {} bytes; give a shorter one",
                path.string(),
@@ -168,6 +167,12 @@ void CheckOutputPath(const fs::path& path) {
   }
   CheckParent(path);
   CheckIsNoInput(path);
+}
+
+void CheckOutputsGiven(std::initializer_list<fs::path> paths) {
+  for (const fs::path& path : paths) {
+    if (!path.empty()) CheckOutputPath(path);
+  }
 }
 
 void CheckFolderHoldsNoInput(const fs::path& folder) {

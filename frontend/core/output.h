@@ -60,6 +60,8 @@ class OutputFolder {
 
 // What OutputFile checks at once, for those who write a file in another way.
 void CheckOutputPath(const std::filesystem::path& path);
+// The same of those that are given, of the optional ones: before hours of work.
+void CheckOutputsGiven(std::initializer_list<std::filesystem::path> paths);
 
 // The same for those who replace a folder in another way.
 void CheckFolderHoldsNoInput(const std::filesystem::path& folder);

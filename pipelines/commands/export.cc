@@ -64,14 +64,12 @@ void RunExport(const ExportCommandOptions& options) {
                         {"--opensfm", options.opensfm},
                         {"--bal", options.bal}});
   const TrackFile file = TracksToExport(options);
-  for (const std::string& path : {options.colmap_database,
-                                  options.csv,
-                                  options.npz,
-                                  options.covariances,
-                                  options.opensfm,
-                                  options.bal}) {
-    if (!path.empty()) CheckOutputPath(path);  // all before the first is written
-  }
+  CheckOutputsGiven({options.colmap_database,
+                     options.csv,
+                     options.npz,
+                     options.covariances,
+                     options.opensfm,
+                     options.bal});
   if (!options.colmap_database.empty()) ExportColmapDatabase(file, options);
   if (!options.csv.empty()) {
     WriteTracksCsv(options.csv, file.tracks);

@@ -23,7 +23,7 @@ void RefineTracks(const RefineCommandOptions& options) {
   CheckDistinctOutputs({{"--out", options.out}, {"--json", options.json}});
   const TrackFile file = ReadTrackFile(options.tracks);
   const Reconstruction model = ReadModelFolder(options.model);
-  if (!options.json.empty()) CheckOutputPath(options.json);
+  CheckOutputsGiven({options.json});
   if (model.points.empty()) {
     ThrowError("{}: the model has no points to look for: reconstruct first", options.model);
   }
@@ -68,7 +68,7 @@ void RefineColmapModel(const RefineCommandOptions& options) {
   }
   const auto sequence = OpenSequence(options.images);
   AddModelToInputs(options.model);
-  if (!options.json.empty()) CheckOutputPath(options.json);
+  CheckOutputsGiven({options.json});
   const RefinedModel refined = RefineModelIntoFolder(options.model,
                                                      *sequence,
                                                      options.images,

@@ -261,8 +261,7 @@ Reconstruction ReadModelOf(const fs::path& folder, Sequence& sequence) {
   if (named) return ReadModelOfClip(model, frames, folder).reconstruction;
   spdlog::warn(
       "no image of {} has the name of a frame of {}: they are matched by their numbers, image 1 "
-      "with "
-      "frame 0",
+      "with frame 0",
       folder.string(),
       sequence.Name());
   return ReadReconstruction(folder);

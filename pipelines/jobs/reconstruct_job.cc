@@ -14,7 +14,7 @@ namespace cohort {
 
 ReconstructionSummary RunReconstructJob(const ReconstructJobOptions& options) {
   const TrackFile file = ReadTrackFile(options.tracks);
-  if (!options.json.empty()) CheckOutputPath(options.json);  // before hours of work
+  CheckOutputsGiven({options.json});
   if (!file.complete) {
     spdlog::warn(
         "{}: tracking was interrupted; it holds {} frames", options.tracks, file.frames.size());

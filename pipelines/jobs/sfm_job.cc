@@ -194,10 +194,7 @@ SfmFigures RunSfmJob(const SfmJobOptions& options) {
   const Json model_made_of = ModelMadeOf(made_of);
   if (options.resume && IsStillThere(folder, "summary.json", made_of) &&
       HasModel(folder, model_made_of)) {
-    const TrackFile file = ReadTrackFile(folder / "clip.tracks");
-    if (const auto warning = file.meta.find(kWarningMeta); warning != file.meta.end()) {
-      spdlog::warn("{}; without --resume it is made anew", warning->second);
-    }
+    WarnAgain(ReadTrackFile(folder / "clip.tracks"));
     spdlog::info("{} is complete already", options.out);
     return FiguresOfSummary(folder);
   }

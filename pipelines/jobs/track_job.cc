@@ -60,7 +60,6 @@ struct EarlierRun {
   bool unfinished = false;         // where it is complete: it only lacks its name
   bool second_pass_ended = false;  // or not asked for
   bool has_frames = false;
-  std::string warning;  // empty: none
 };
 
 // Was the file made of the same, with the same options? What a run found does not count.
@@ -92,8 +91,7 @@ EarlierRun FindEarlierRun(const fs::path& out, const TrackFile& header) {
         path.string());
   }
   run.has_frames = !earlier.frames.empty();
-  const auto warning = earlier.meta.find(kWarningMeta);
-  if (warning != earlier.meta.end()) run.warning = warning->second;
+  if (run.complete && run.second_pass_ended) WarnAgain(earlier);
   return run;
 }
 
@@ -177,6 +175,12 @@ void TrackFrames(SequenceTracker& tracker,
 
 }  // namespace
 
+void WarnAgain(const TrackFile& tracks) {
+  const auto warning = tracks.meta.find(kWarningMeta);
+  if (warning == tracks.meta.end()) return;
+  spdlog::warn("{}; without --resume it is made anew", warning->second);
+}
+
 TrackFile RunSecondPass(TrackFile file,
                         Sequence& sequence,
                         const cv::Mat& mask,
@@ -194,7 +198,7 @@ std::optional<TrackFigures> RunTrackJob(const TrackJobOptions& options) {
   cv::setNumThreads(options.threads == 0 ? -1 : options.threads);
   CheckDistinctOutputs({{"--out", options.out}, {"--json", options.json}});
   const auto sequence = OpenInput(options.input);
-  if (!options.json.empty()) CheckOutputPath(options.json);  // before hours of work
+  CheckOutputsGiven({options.json});
   const cv::Mat mask = ReadMask(options.mask);
   SequenceTracker tracker(*sequence,
                           {.tracker = options.tracker,
@@ -206,9 +210,6 @@ std::optional<TrackFigures> RunTrackJob(const TrackJobOptions& options) {
   // The end came when all was written and nothing renamed.
   if (earlier.complete && earlier.unfinished) TrackWriter::Resume(options.out).Finish();
   if (earlier.complete && earlier.second_pass_ended) {
-    if (!earlier.warning.empty()) {
-      spdlog::warn("{}; without --resume it is made anew", earlier.warning);
-    }
     spdlog::info("{} is complete already", options.out);
     return std::nullopt;
   }

@@ -72,6 +72,8 @@ struct TrackFigures {
 
 // In .tracks: what was wrong with the clip, as that it ended before its last frame.
 inline constexpr const char* kWarningMeta = "warning";
+// Says it again where the work is done already.
+void WarnAgain(const TrackFile& tracks);
 
 // INPUT -> .tracks, frame by frame: a kill loses nothing but the frame it is at. Then the second
 // pass, whose tracks take the place of the first's, if a reconstruction with Ceres succeeds. None
