@@ -75,8 +75,22 @@ function(cohort_add_library name)
   endif()
 endfunction()
 
+# What cmake/list_suites.cmake lists after each build of the program.
+function(cohort_list_suites program timeout)
+  set(list ${CMAKE_CURRENT_BINARY_DIR}/${program}_suites.cmake)
+  add_custom_command(TARGET ${program} POST_BUILD VERBATIM BYPRODUCTS ${list}
+    COMMAND ${CMAKE_COMMAND} -D PROGRAM=$<TARGET_FILE:${program}> -D LABEL=unit -D TIMEOUT=${timeout}
+            -D OUT=${list} -P ${PROJECT_SOURCE_DIR}/cmake/list_suites.cmake)
+  file(WRITE ${CMAKE_CURRENT_BINARY_DIR}/${program}_include.cmake
+       "if(EXISTS [=[${list}]=])\n  include([=[${list}]=])\nelse()\n"
+       "  add_test(${program}_NOT_BUILT ${program}_NOT_BUILT)\nendif()\n")
+  set_property(DIRECTORY APPEND PROPERTY
+               TEST_INCLUDE_FILES ${CMAKE_CURRENT_BINARY_DIR}/${program}_include.cmake)
+endfunction()
+
 # cohort_add_tests(tracks LABEL unit SOURCES a_test.cc LIBRARIES cohort::tracks)
-# One program a folder; CTest lists every TEST of it by name under the label (unit, slow, colmap).
+# One program a folder; CTest lists of the label unit every suite by name, of the others (slow, colmap) every
+# TEST.
 # Under sanitizers, where a program starts slowly, it lists every program twice: half its tests each.
 # What the label `unit` needs is built by the target unit_tests.
 function(cohort_add_tests name)
@@ -90,6 +104,10 @@ function(cohort_add_tests name)
   cohort_precompile(${name}_test <gmock/gmock.h> <gtest/gtest.h>)
   if(ARG_LABEL STREQUAL unit)
     add_dependencies(unit_tests ${name}_test)
+  endif()
+  if(NOT COHORT_SANITIZE AND ARG_LABEL STREQUAL unit)
+    cohort_list_suites(${name}_test ${ARG_TIMEOUT})
+    return()
   endif()
   if(NOT COHORT_SANITIZE)
     gtest_discover_tests(${name}_test PROPERTIES LABELS ${ARG_LABEL} TIMEOUT ${ARG_TIMEOUT}

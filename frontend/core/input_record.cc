@@ -13,6 +13,7 @@ namespace fs = std::filesystem;
 std::mutex mutex;
 bool is_on = false;
 std::set<std::string> files;
+std::multiset<std::string> own;  // entries
 
 std::string TargetOf(const fs::path& path) {
   std::error_code error;
@@ -41,8 +42,9 @@ InputRecord::~InputRecord() {
 
 void InputRecord::Add(const fs::path& file) {
   const std::lock_guard lock(mutex);
-  if (!is_on) return;
-  files.insert(EntryOf(file));
+  const std::string entry = EntryOf(file);
+  if (!is_on || own.contains(entry)) return;
+  files.insert(entry);
   files.insert(TargetOf(file));
 }
 
@@ -65,6 +67,16 @@ std::optional<fs::path> InputRecord::FindBelow(const fs::path& folder) {
   const auto file = files.lower_bound(itself + "/");
   if (file == files.end() || !file->starts_with(itself + "/")) return std::nullopt;
   return *file;
+}
+
+OwnFile::OwnFile(const fs::path& file) : entry_(EntryOf(file)) {
+  const std::lock_guard lock(mutex);
+  own.insert(entry_);
+}
+
+OwnFile::~OwnFile() {
+  const std::lock_guard lock(mutex);
+  own.erase(own.find(entry_));
 }
 
 }  // namespace cohort

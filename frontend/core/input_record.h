@@ -21,12 +21,25 @@ class InputRecord {
   ~InputRecord();
 
   static void Add(const std::filesystem::path& file);
-  // This file is the run's own to replace.
+  // The user says that this file may be replaced.
   static void Forget(const std::filesystem::path& file);
   // Whether what is renamed to the path would take the place of a file that was read.
   static bool Holds(const std::filesystem::path& path);
   // A file that was read in this folder, or below; the folder, where it is itself added.
   static std::optional<std::filesystem::path> FindBelow(const std::filesystem::path& folder);
+};
+
+// While one lives, to read this file does not make it an input: it is the run's own, which it may
+// replace. What was an input before stays one.
+class OwnFile {
+ public:
+  explicit OwnFile(const std::filesystem::path& file);
+  OwnFile(const OwnFile&) = delete;
+  OwnFile& operator=(const OwnFile&) = delete;
+  ~OwnFile();
+
+ private:
+  std::string entry_;
 };
 
 }  // namespace cohort

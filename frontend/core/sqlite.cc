@@ -313,12 +313,11 @@ std::int64_t SqliteDatabase::UserVersion() {
 
 void RemoveJournals(const fs::path& path) {
   if (BytesOf(Beside(path, "-journal")) > 0 && BytesOf(path) > 0) {
-    const bool is_input = InputRecord::Holds(path);
+    const OwnFile own(path);
     try {
       SqliteDatabase::Open(path, SqliteDatabase::Mode::kWrite);
     } catch (const Error&) {  // no database, a damaged one, or not the journal's
     }
-    if (!is_input) InputRecord::Forget(path);
   }
   for (const char* suffix : {"-wal", "-shm", "-journal"}) {
     const fs::path journal = Beside(path, suffix);

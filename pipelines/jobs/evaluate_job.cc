@@ -73,6 +73,18 @@ Json CalibrationToJson(const CalibrationFigure& figure) {
           {"tenths", tenths}};
 }
 
+// Throws Error where the clip ends before the last frame of `what`; `kind`: "tracks are", "model is".
+void CheckHasFrame(Sequence& sequence, FrameIndex last, const std::string& what, const char* kind) {
+  const auto frames = sequence.FrameCount();
+  if (!frames || ToInt(last) < *frames) return;
+  ThrowError("{} has a frame {}, {} has {} frames: give the clip that the {} of",
+             what,
+             ToInt(last),
+             sequence.Name(),
+             *frames,
+             kind);
+}
+
 // Throws Error where the tracks cannot be of the clip.
 void CheckIsClipOf(const TrackFile& file, const std::string& tracks, Sequence& sequence) {
   const auto picture = sequence.Next();
@@ -87,13 +99,8 @@ void CheckIsClipOf(const TrackFile& file, const std::string& tracks, Sequence& s
         picture->gray.cols,
         picture->gray.rows);
   }
-  const auto frames = sequence.FrameCount();
-  if (frames && !file.frames.empty() && ToInt(file.frames.back().index) >= *frames) {
-    ThrowError("{} has a frame {}, {} has {} frames: give the clip that the tracks are of",
-               tracks,
-               ToInt(file.frames.back().index),
-               sequence.Name(),
-               *frames);
+  if (!file.frames.empty()) {
+    CheckHasFrame(sequence, file.frames.back().index, tracks, "tracks are");
   }
 }
 
@@ -227,14 +234,8 @@ ModelTruth TruthOfPoses(const Sequence& sequence, TrackTruth* truth) {
 Reconstruction ReadModelOf(const fs::path& folder, Sequence& sequence) {
   if (IsNumberedByFrame(folder)) {
     Reconstruction model = ReadReconstruction(folder);
-    const auto frames = sequence.FrameCount();
-    if (frames && !model.cam_from_world.empty() &&
-        ToInt(model.cam_from_world.rbegin()->first) >= *frames) {
-      ThrowError("{} has a frame {}, {} has {} frames: give the clip that the model is of",
-                 folder.string(),
-                 ToInt(model.cam_from_world.rbegin()->first),
-                 sequence.Name(),
-                 *frames);
+    if (!model.cam_from_world.empty()) {
+      CheckHasFrame(sequence, model.cam_from_world.rbegin()->first, folder.string(), "model is");
     }
     const auto picture = sequence.Next();
     if (picture && (picture->gray.cols != model.camera.width_px ||

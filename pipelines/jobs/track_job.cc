@@ -206,6 +206,7 @@ std::optional<TrackFigures> RunTrackJob(const TrackJobOptions& options) {
                            .mask = mask,
                            .source = options.input.input});
   const TrackFile header = DescribeJob(options, *sequence, tracker);
+  const OwnFile own(options.out);
   const EarlierRun earlier = options.resume ? FindEarlierRun(options.out, header) : EarlierRun{};
   // The end came when all was written and nothing renamed.
   if (earlier.complete && earlier.unfinished) TrackWriter::Resume(options.out).Finish();
@@ -216,7 +217,6 @@ std::optional<TrackFigures> RunTrackJob(const TrackJobOptions& options) {
   const std::string doubt = DoubtOfCamera(header.camera);
   if (!doubt.empty()) spdlog::warn("{}", doubt);
   TrackFigures figures;
-  if (options.resume) InputRecord::Forget(options.out);  // it was looked at
   if (!earlier.complete) {
     TrackWriter writer = earlier.has_frames ? TrackWriter::Resume(options.out)
                                             : TrackWriter::Create(options.out, header);
@@ -232,14 +232,12 @@ std::optional<TrackFigures> RunTrackJob(const TrackJobOptions& options) {
   figures.track_ms = tracker.track_ms();
   if (header.meta.at("second_pass") == kSecondPassAsked) {
     const Stopwatch stopwatch;
-    InputRecord::Forget(options.out);
     TrackFileOutput out(options.out);
     TrackFile file = ReadTrackFile(options.out);
     if (!IsOfJob(file, header)) {
       ThrowError("{} was replaced by another run after the first pass; give another output",
                  options.out);
     }
-    InputRecord::Forget(options.out);
     out.Write(RunSecondPass(std::move(file), *sequence, mask, options.second_pass));
     figures.second_pass_ms = stopwatch.Milliseconds();
   }

@@ -22,10 +22,8 @@ void WriteJsonFile(const std::filesystem::path& path, const Json& json) {
 Json ReadJsonFile(const std::filesystem::path& path) {
   constexpr std::uint64_t kMaxBytes = std::uint64_t{1} << 26;  // in memory some 30 times as many
   try {
-    const bool is_input = InputRecord::Holds(path);
-    const std::string bytes = ReadBytes(path, kMaxBytes);
-    if (!is_input) InputRecord::Forget(path);  // nearly all are ours, and written again
-    return Json::parse(bytes);
+    const OwnFile own(path);  // nearly all are ours, and written again
+    return Json::parse(ReadBytes(path, kMaxBytes));
   } catch (const nlohmann::json::parse_error& e) {
     ThrowError("{}: is no JSON (byte {})", path.string(), e.byte);
   } catch (const nlohmann::json::exception& e) {  // a number that fits none

@@ -117,13 +117,13 @@ void ForEachFrame(const std::set<FrameIndex>& wanted,
 
 // cv::VideoWriter says nothing of a disk that is full. `name`, here and below: what is said to the user.
 void CheckVideo(const fs::path& path, const std::string& name, std::size_t frames) {
+  const OwnFile own(path);
   std::size_t written = 0;
   try {
     const auto video = OpenSequence(path.string(), Layout::kVideo);
     while (video->Next()) ++written;
   } catch (const Error&) {  // nothing of it can be read
   }
-  InputRecord::Forget(path);
   if (written != frames) {
     ThrowError(
         "cannot write {}: {} of {} frames arrived; is the disk full?", name, written, frames);

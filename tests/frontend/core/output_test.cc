@@ -105,6 +105,24 @@ TEST(InputRecord, NoOutputTakesThePlaceOfAFileThatTheRunReads) {
   EXPECT_NO_THROW(CheckOutputPath(dir / "folder/a"));
 }
 
+TEST(InputRecord, WhatIsReadOfTheRunsOwnFileIsNoInput) {
+  const InputRecord of_the_run;
+  const test::TempDir dir;
+  WriteBytes(dir / "a", "old");
+  {
+    const OwnFile own(dir / "a");
+    static_cast<void>(ReadBytes(dir / "a"));
+    EXPECT_FALSE(InputRecord::Holds(dir / "a"));
+  }
+  EXPECT_FALSE(InputRecord::Holds(dir / "a"));
+  static_cast<void>(ReadBytes(dir / "a"));
+  {
+    const OwnFile own(dir / "a");
+    EXPECT_TRUE(InputRecord::Holds(dir / "a")) << "what was an input stays one";
+  }
+  EXPECT_TRUE(InputRecord::Holds(dir / "a"));
+}
+
 TEST(InputRecord, IsOfTheProgramAlone) {
   const test::TempDir dir;
   WriteBytes(dir / "a", "old");

@@ -94,8 +94,17 @@ void ExpectFailure(const ProgramEnd& end,
   EXPECT_THAT(end.err, line);
 }
 
+// Of rendered clips.
+constexpr const char* kSmall = " --width-px 160 --height-px 120 --focal-px 131";
+constexpr const char* kMedium = " --width-px 320 --height-px 240 --focal-px 260";
+
 class Commands : public testing::Test {
  protected:
+  // What must end well.
+  static void Run(const std::string& arguments) {
+    const ProgramEnd end = RunCohort(arguments + " --quiet");
+    ASSERT_EQ(end.exit_code, 0) << arguments << "\n" << end.err;
+  }
   std::string Path(const std::string& name) const { return dir_ / name; }
   // Tracks a clip of eight frames.
   std::string Track(const std::string& clip, const std::string& more = "") const {
@@ -459,14 +468,10 @@ TEST_F(Commands, ImportsWhateverFormItExports) {
 }
 
 TEST_F(Commands, ImportsTheTracksOfAModelFolder) {
-  const auto run = [](const std::string& arguments) {
-    const ProgramEnd end = RunCohort(arguments + " --quiet");
-    EXPECT_EQ(end.exit_code, 0) << arguments << "\n" << end.err;
-  };
-  run("synth " + Path("clip") + " --width-px 320 --height-px 240 --focal-px 260 --frames 16");
-  run("track " + Path("clip") + " --features 150 --out " + Path("a.tracks"));
-  run("reconstruct " + Path("a.tracks") + " --out " + Path("m"));
-  run("import " + Path("m") + " --images " + Path("clip") + " --out " + Path("b.tracks"));
+  Run("synth " + Path("clip") + kMedium + " --frames 16");
+  Run("track " + Path("clip") + " --features 150 --out " + Path("a.tracks"));
+  Run("reconstruct " + Path("a.tracks") + " --out " + Path("m"));
+  Run("import " + Path("m") + " --images " + Path("clip") + " --out " + Path("b.tracks"));
   const TrackFile file = ReadTrackFile(Path("a.tracks"));
   const TrackFile model = ReadTrackFile(Path("b.tracks"));
   EXPECT_EQ(model.tracks.observations().size(), ReadJson(dir_ / "m/summary.json")["observations"]);
@@ -496,17 +501,12 @@ TEST_F(Commands, ImportsAsPredictedWhatLiesOutsideThePicture) {
 
 // A model, or a truth, of another clip gives figures, too: of nothing.
 TEST_F(Commands, WhatIsOfAnotherClipIsRefused) {
-  const auto run = [](const std::string& arguments) {
-    const ProgramEnd end = RunCohort(arguments + " --quiet");
-    EXPECT_EQ(end.exit_code, 0) << arguments << "\n" << end.err;
-  };
-  const std::string small = " --width-px 320 --height-px 240 --focal-px 260 --frames ";
-  run("synth " + Path("a") + small + "12");
-  run("synth " + Path("longer") + small + "16");
-  run("synth " + Path("smaller") + " --width-px 240 --height-px 180 --focal-px 195 --frames 12");
+  Run("synth " + Path("a") + kMedium + " --frames 12");
+  Run("synth " + Path("longer") + kMedium + " --frames 16");
+  Run("synth " + Path("smaller") + " --width-px 240 --height-px 180 --focal-px 195 --frames 12");
   for (const std::string clip : {"a", "longer", "smaller"}) {
-    run("track " + Path(clip) + " --features 150 --out " + Path(clip + ".tracks"));
-    run("reconstruct " + Path(clip + ".tracks") + " --out " + Path(clip + ".model"));
+    Run("track " + Path(clip) + " --features 150 --out " + Path(clip + ".tracks"));
+    Run("reconstruct " + Path(clip + ".tracks") + " --out " + Path(clip + ".model"));
   }
   const std::string tracks = Path("a.tracks");
   for (const std::string other : {"longer", "smaller"}) {
@@ -689,8 +689,7 @@ TEST_F(Commands, ExportOfAVideoWritesTheFramesThatTheDatabaseNames) {
 }
 
 TEST_F(Commands, RendersDegradesAndEvaluates) {
-  const std::string small = " --width-px 160 --height-px 120 --focal-px 130 --frames 6";
-  ASSERT_EQ(RunCohort("synth " + Path("clip") + small).exit_code, 0);
+  Run("synth " + Path("clip") + kSmall + " --frames 6");
   ASSERT_EQ(RunCohort("degrade " + Path("clip") + " " + Path("dark") + " --level 0.5").exit_code,
             0);
   EXPECT_LT(cv::mean(cv::imread(Path("dark/rgb/000003.png"), cv::IMREAD_GRAYSCALE))[0],
@@ -716,10 +715,7 @@ TEST_F(Commands, RendersDegradesAndEvaluates) {
 }
 
 TEST_F(Commands, ReconstructsWithCeresAndJudgesTheModel) {
-  ASSERT_EQ(RunCohort("synth " + Path("clip") +
-                      " --width-px 320 --height-px 240 --focal-px 260 --frames 16")
-                .exit_code,
-            0);
+  Run("synth " + Path("clip") + kMedium + " --frames 16");
   ASSERT_EQ(RunCohort("track " + Path("clip") + " --tracker klt --quiet --features 150 --out " +
                       Path("a.tracks"))
                 .exit_code,
@@ -812,29 +808,25 @@ TEST_F(Commands, ReconstructSaysInOneLineWhatTheTracksLack) {
 
 TEST_F(Commands, RefineMeasuresTracksAgainWhereTheModelSaysTheyAre) {
   const auto path = [this](const char* name) { return Path(name); };
-  const auto run = [](const std::string& arguments) {
-    const ProgramEnd end = RunCohort(arguments + " --quiet");
-    EXPECT_EQ(end.exit_code, 0) << arguments << "\n" << end.err;
-  };
-  run("synth " + path("clip") + " --width-px 320 --height-px 240 --focal-px 260 --frames 24");
-  run("degrade " + path("clip") + " " + path("dark") + " --level medium");
-  run("track " + path("dark") + " --features 150 --second-pass off --out " + path("a.tracks"));
-  run("reconstruct " + path("a.tracks") + " --out " + path("first"));
+  Run("synth " + path("clip") + kMedium + " --frames 24");
+  Run("degrade " + path("clip") + " " + path("dark") + " --level medium");
+  Run("track " + path("dark") + " --features 150 --second-pass off --out " + path("a.tracks"));
+  Run("reconstruct " + path("a.tracks") + " --out " + path("first"));
   const std::string refine = "refine " + path("a.tracks") + " --out " + path("b.tracks");
-  run(refine + " --model " + path("first") + " --json " + path("r.json"));
-  run("reconstruct " + path("b.tracks") + " --out " + path("second"));
+  Run(refine + " --model " + path("first") + " --json " + path("r.json"));
+  Run("reconstruct " + path("b.tracks") + " --out " + path("second"));
 
   const auto figures = ReadJson(path("r.json"));
   EXPECT_GT(figures["regained"], 0);
   EXPECT_GT(figures["kept"].get<int>(), figures["observations_before"].get<int>() * 3 / 4);
   const auto ate = [&](const char* model) {
-    run("evaluate " + path(model) + " --truth " + path("clip") + " --json " + path("e.json"));
+    Run("evaluate " + path(model) + " --truth " + path("clip") + " --json " + path("e.json"));
     return ReadJson(path("e.json"))["ate_m"].get<double>();
   };
   EXPECT_LT(ate("second"), ate("first"));
 
   // `track` does the same by itself.
-  run("track " + path("dark") + " --features 150 --out " + path("c.tracks"));
+  Run("track " + path("dark") + " --features 150 --out " + path("c.tracks"));
   const TrackFile by_refine = ReadTrackFile(path("b.tracks"));
   const TrackFile by_track = ReadTrackFile(path("c.tracks"));
   EXPECT_EQ(by_track.meta.at("second_pass"), "done");
@@ -850,14 +842,10 @@ TEST_F(Commands, RefineMeasuresTracksAgainWhereTheModelSaysTheyAre) {
 
 // Whose images have other numbers than their frames.
 TEST_F(Commands, RefinesAColmapModelIntoTheSameModelMeasuredAgain) {
-  const auto run = [](const std::string& arguments) {
-    const ProgramEnd end = RunCohort(arguments + " --quiet");
-    EXPECT_EQ(end.exit_code, 0) << arguments << "\n" << end.err;
-  };
-  run("synth " + Path("clip") + " --width-px 320 --height-px 240 --focal-px 260 --frames 24");
-  run("degrade " + Path("clip") + " " + Path("dark") + " --level medium");
-  run("track " + Path("dark") + " --tracker klt --features 150 --out " + Path("klt.tracks"));
-  run("reconstruct " + Path("klt.tracks") + " --out " + Path("first"));
+  Run("synth " + Path("clip") + kMedium + " --frames 24");
+  Run("degrade " + Path("clip") + " " + Path("dark") + " --level medium");
+  Run("track " + Path("dark") + " --tracker klt --features 150 --out " + Path("klt.tracks"));
+  Run("reconstruct " + Path("klt.tracks") + " --out " + Path("first"));
   const ColmapModel first = ReadColmapModel(dir_ / "first");
   ColmapModel renumbered = first;
   renumbered.images.clear();
@@ -868,7 +856,7 @@ TEST_F(Commands, RefinesAColmapModelIntoTheSameModelMeasuredAgain) {
   fs::create_directory(dir_ / "sparse");
   WriteColmapModel(dir_ / "sparse", renumbered, ColmapModelFormat::kBinary);
   const std::string refine = "refine --model " + Path("sparse") + " --out " + Path("refined");
-  run(refine + " --images " + Path("dark") + " --json " + Path("r.json"));
+  Run(refine + " --images " + Path("dark") + " --json " + Path("r.json"));
   for (const char* name : {"cameras.bin",
                            "images.bin",
                            "points3D.bin",
@@ -879,7 +867,7 @@ TEST_F(Commands, RefinesAColmapModelIntoTheSameModelMeasuredAgain) {
     EXPECT_TRUE(fs::exists(dir_ / "refined" / name)) << name;
   }
   const auto ate = [&](const char* model) {
-    run("evaluate " + Path(model) + " --truth " + Path("clip") + " --json " + Path("e.json"));
+    Run("evaluate " + Path(model) + " --truth " + Path("clip") + " --json " + Path("e.json"));
     const auto figures = ReadJson(Path("e.json"));
     EXPECT_EQ(figures["registered"], 24) << model;
     return figures["ate_m"].get<double>();
@@ -897,10 +885,7 @@ TEST_F(Commands, RefinesAColmapModelIntoTheSameModelMeasuredAgain) {
 
 // One rigid model cannot say where the points of several bodies are.
 TEST_F(Commands, WhatTheModelDoesNotFindAgainStaysWhereTheSceneIsNotRigid) {
-  ASSERT_EQ(RunCohort("synth " + Path("clip") +
-                      " --scene bodies --width-px 320 --height-px 240 --focal-px 260 --frames 24")
-                .exit_code,
-            0);
+  Run("synth " + Path("clip") + kMedium + " --scene bodies --frames 24");
   const std::string track = "track " + Path("clip") + " --features 150 --out ";
   const ProgramEnd two = RunCohort(track + Path("two.tracks"));
   EXPECT_EQ(two.exit_code, 0) << two.err;
@@ -999,10 +984,7 @@ TEST_F(Interruption, AKillDuringTheSecondPassKeepsTheFirstAndResumes) {
 
 // As a kill leaves it that comes when all is written and nothing renamed.
 TEST_F(Commands, ASecondPassThatOnlyLacksItsNameIsNotRunOnItsOwnResult) {
-  ASSERT_EQ(RunCohort("synth " + Path("clip") +
-                      " --frames 12 --width-px 160 --height-px 120 --focal-px 131 --quiet")
-                .exit_code,
-            0);
+  Run("synth " + Path("clip") + kSmall + " --frames 12");
   const std::string track = "track " + Path("clip") + " --features 60 --quiet --out ";
   ASSERT_EQ(RunCohort(track + Path("peace.tracks")).exit_code, 0);
   ASSERT_EQ(ReadTrackFile(Path("peace.tracks")).meta.at("second_pass"), "done");
@@ -1029,10 +1011,7 @@ TEST_F(Commands, AResumedRunSaysAgainThatTheClipEndedEarly) {
 
 TEST_F(Commands, OtherTimesOfTheFramesAreAnotherInput) {
   const std::string clip = Path("clip");
-  ASSERT_EQ(RunCohort("synth " + clip +
-                      " --frames 8 --width-px 160 --height-px 120 --focal-px 131 --quiet")
-                .exit_code,
-            0);
+  Run("synth " + clip + kSmall + " --frames 8");
   ASSERT_EQ(RunCohort(Track(clip)).exit_code, 0);
   const std::string times = ReadBytes(clip + "/rgb.txt");
   const std::size_t last = times.rfind('\n', times.size() - 2) + 1;
@@ -1050,10 +1029,7 @@ TEST_F(Interruption, OtherOptionsDoNotResume) {
 // A slip of the hand loses nothing.
 TEST_F(Commands, NoOutputTakesThePlaceOfAnInput) {
   const std::string clip = Path("clip");
-  ASSERT_EQ(RunCohort("synth " + clip +
-                      " --frames 8 --width-px 160 --height-px 120 --focal-px 131 --quiet")
-                .exit_code,
-            0);
+  Run("synth " + clip + kSmall + " --frames 8");
   const std::string video = WriteVideo(Path("v.avi"), 8);
   ASSERT_EQ(RunCohort(Track(clip)).exit_code, 0);
   const std::string tracks = Path("a.tracks");
@@ -1151,10 +1127,7 @@ TEST_F(Commands, AFileThatMayNotGrowIsOneLineAndTheOldOneStays) {
 }
 
 TEST_F(Commands, CompareMeasuresEveryCellAndResumes) {
-  ASSERT_EQ(RunCohort("synth " + Path("clip") +
-                      " --width-px 160 --height-px 120 --focal-px 130 --frames 8")
-                .exit_code,
-            0);
+  Run("synth " + Path("clip") + kSmall + " --frames 8");
   const std::string compare = "compare " + Path("clip") +
                               " --trackers klt,subspace --backends ceres --levels clean "
                               "--features 80 --jobs 2 --out " +
@@ -1217,10 +1190,7 @@ TEST_F(Commands, CompareMeasuresEveryCellAndResumes) {
 // A dark clip, with what bounds every tracker (the ceiling), what isolates tracks from the solver
 // (triangulation) and the second pass, which any tracker's tracks can have.
 TEST_F(Commands, ComparesWithTheCeilingAndTheTrueCameras) {
-  ASSERT_EQ(RunCohort("synth " + Path("clip") +
-                      " --frames 16 --width-px 320 --height-px 240 --focal-px 260 --quiet")
-                .exit_code,
-            0);
+  Run("synth " + Path("clip") + kMedium + " --frames 16");
   const std::string compare = "compare " + Path("clip") +
                               " --trackers klt,klt-refined,anchored-klt15,ceiling --backends "
                               "ceres,triangulation --features "
@@ -1257,10 +1227,7 @@ TEST_F(Commands, ComparesWithTheCeilingAndTheTrueCameras) {
 }
 
 TEST_F(Commands, CompareJudgesAClipWithoutTrueCamerasByTheHalvesOfItsTracks) {
-  ASSERT_EQ(RunCohort("synth " + Path("clip") +
-                      " --frames 16 --width-px 320 --height-px 240 --focal-px 260 --quiet")
-                .exit_code,
-            0);
+  Run("synth " + Path("clip") + kMedium + " --frames 16");
   const std::string compare = "compare " + Path("clip/rgb") +
                               " --camera 260,260,159.5,119.5 --trackers klt,subspace --backends "
                               "ceres --features 150 --out " +
@@ -1335,10 +1302,7 @@ TEST_F(Commands, CompareTakesAGlobOfTheFolderItRunsIn) {
 }
 
 TEST_F(Commands, AKilledCompareResumesAndGivesTheSame) {
-  ASSERT_EQ(RunCohort("synth " + Path("clip") +
-                      " --width-px 160 --height-px 120 --focal-px 130 --frames 8 --quiet")
-                .exit_code,
-            0);
+  Run("synth " + Path("clip") + kSmall + " --frames 8");
   const auto compare = [this](const std::string& out) {
     return "compare " + Path("clip") +
            " --trackers klt,anchored-klt,subspace --backends ceres --levels clean --features 80 "
@@ -1360,10 +1324,7 @@ TEST_F(Commands, AKilledCompareResumesAndGivesTheSame) {
 }
 
 TEST_F(Commands, ComparesAsThePaperDid) {
-  ASSERT_EQ(RunCohort("synth " + Path("clip") +
-                      " --frames 8 --width-px 320 --height-px 240 --focal-px 260 --quiet")
-                .exit_code,
-            0);
+  Run("synth " + Path("clip") + kMedium + " --frames 8");
   const std::string compare = "compare " + Path("clip") +
                               " --protocol paper --paper.window-frames 4 --levels medium "
                               "--trackers klt7,dis,descent-paper,subspace-paper,subspace --out " +
