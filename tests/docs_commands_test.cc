@@ -126,10 +126,12 @@ void ExpectRuns(const std::string& line) {
     std::string command;
     if (program == "ctest") {
       command =
-          std::regex_replace(line, std::regex("--test-dir \\S+"), "--test-dir " COHORT_BUILD_DIR) +
+          std::regex_replace(
+              line, std::regex("--test-dir \\S+"), "--test-dir " + test::BuildDir().string()) +
           " -N";
     } else if (line.starts_with("cmake --build")) {
-      command = std::regex_replace(line, std::regex("--build \\S+"), "--build " COHORT_BUILD_DIR) +
+      command = std::regex_replace(
+                    line, std::regex("--build \\S+"), "--build " + test::BuildDir().string()) +
                 " -- -n";
     } else {
       command = std::regex_replace(line, std::regex("&&.*"), "") + " -B " + dir.path().string();
@@ -164,9 +166,8 @@ std::vector<std::string> CommandsOf(const std::string& block) {
 // The page's own folder, with what a reader has before it begins.
 struct Desk {
   test::TempDir dir;
-  std::string shell = fmt::format("cd {} && PATH={}:$PATH && set -e\n",
-                                  dir.path().string(),
-                                  fs::path(COHORT_PROGRAM).parent_path().string());
+  std::string shell = fmt::format(
+      "cd {} && PATH={}:$PATH && set -e\n", dir.path().string(), test::BuildDir().string());
 
   void Prepare(const std::string& commands) const {
     const auto names = [&commands](const char* word) {

@@ -28,6 +28,15 @@ std::chrono::duration<double, std::ratio<60>> Minutes(double minutes) {
   return std::chrono::duration<double, std::ratio<60>>(minutes);
 }
 
+// The first line of a help that is not COLMAP's: of a library that is missing, for example.
+std::string WhatItSays(const std::string& help) {
+  constexpr std::size_t kMostBytes = 120;
+  const std::size_t begin = help.find_first_not_of("\r\n ");
+  if (begin == std::string::npos) return "its -h says nothing";
+  const std::string line = help.substr(begin, help.find_first_of("\r\n", begin) - begin);
+  return fmt::format("its -h says '{}'", OneLine(line.substr(0, kMostBytes)));
+}
+
 }  // namespace
 
 ColmapArgument SeedArgument(int seed) {
@@ -44,19 +53,26 @@ ColmapProgram::ColmapProgram(const std::string& program, double max_minutes)
   const std::string help = HelpText({"-h"});
   std::smatch match;
   if (!std::regex_search(help, match, std::regex(R"(COLMAP\s+v?([0-9][^\s]*))"))) {
-    ThrowError("{} is not COLMAP (its -h does not say so): {}", path_.string(), kHowToInstall);
+    ThrowError("{} is not COLMAP ({}): {}", path_.string(), WhatItSays(help), kHowToInstall);
   }
   version_ = match[1];
 }
 
-std::string ColmapProgram::HelpText(std::vector<std::string> arguments) const {
+std::string ColmapProgram::HelpText(const std::vector<std::string>& arguments) const {
   const double limit =
       max_minutes_ > 0.0 ? std::min(max_minutes_, kMaxHelpMinutes) : kMaxHelpMinutes;
-  ProgramOutput output = RunProgramForText(path_, std::move(arguments), Minutes(limit));
+  ProgramOutput output = RunProgramForText(path_, arguments, Minutes(limit));
   if (output.end.out_of_time) {
     ThrowError("{} hangs: its -h had not ended after {:.2g} minutes: {}",
                path_.string(),
                limit,
+               kHowToInstall);
+  }
+  if (output.end.signal != 0) {
+    ThrowError("{} {} was {}: it does not run here: {}",
+               path_.string(),
+               fmt::join(arguments, " "),
+               output.end.Brief(),
                kHowToInstall);
   }
   return std::move(output.text);

@@ -42,7 +42,7 @@ class ColmapProgram {
                  const std::filesystem::path& log);
 
  private:
-  std::string HelpText(std::vector<std::string> arguments) const;
+  std::string HelpText(const std::vector<std::string>& arguments) const;
 
   std::filesystem::path path_;
   double max_minutes_;

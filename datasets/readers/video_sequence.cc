@@ -1,5 +1,6 @@
 #include "datasets/readers/video_sequence.h"
 
+#include <algorithm>
 #include <cmath>
 #include <utility>
 
@@ -108,6 +109,17 @@ class VideoSequence final : public Sequence {
 
 std::unique_ptr<Sequence> OpenVideo(const std::filesystem::path& file, const FrameRange& range) {
   return std::make_unique<VideoSequence>(file, range);
+}
+
+bool IsVideoFrameName(std::string_view name) {
+  constexpr std::string_view kBefore = "frame_";
+  constexpr std::string_view kBehind = ".png";
+  constexpr std::size_t kFewestDigits = 6;
+  if (!name.starts_with(kBefore) || !name.ends_with(kBehind)) return false;
+  name.remove_prefix(kBefore.size());
+  name.remove_suffix(std::min(name.size(), kBehind.size()));
+  return name.size() >= kFewestDigits &&
+         std::ranges::all_of(name, [](char c) { return c >= '0' && c <= '9'; });
 }
 
 }  // namespace cohort

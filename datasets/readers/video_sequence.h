@@ -2,6 +2,7 @@
 
 #include <filesystem>
 #include <memory>
+#include <string_view>
 
 #include "datasets/readers/sequence.h"
 
@@ -13,5 +14,7 @@ namespace cohort {
 // its decodable frames and a Warning(). Throws Error if it is no video, no frame can be decoded, or
 // the range starts behind the last one.
 std::unique_ptr<Sequence> OpenVideo(const std::filesystem::path& file, const FrameRange& range);
+// Is it the name of a frame of a video?
+bool IsVideoFrameName(std::string_view name);
 
 }  // namespace cohort

@@ -154,9 +154,12 @@ void CheckJournal(const fs::path& database, const fs::path& journal) {
     }
     if (IsJournalOf(PagedFile(database), *file)) return;
     if (doubted == file->Mark()) {
-      ThrowError("database {}: {} is the journal of another file that was here: remove it",
-                 database.string(),
-                 journal.string());
+      ThrowError(
+          "database {}: {} seems to be the journal of another file that was here: open the "
+          "database "
+          "once by the program that wrote it, and remove the journal where that says the same",
+          database.string(),
+          journal.string());
     }
     doubted = file->Mark();
     std::this_thread::sleep_for(kPause);

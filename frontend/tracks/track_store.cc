@@ -287,6 +287,8 @@ struct TrackWriter::Impl {
     // A kill of the program loses nothing that was written, synced or not; only Finish syncs, so
     // that a finished file survives the machine's end too.
     db->Execute("PRAGMA synchronous = OFF");
+    // Who looks at a long clip while it is tracked reads for a while: that shall not end the run.
+    db->Execute("PRAGMA busy_timeout = 600000");
   }
 
   fs::path path;
@@ -336,7 +338,7 @@ TrackWriter TrackWriter::Create(const fs::path& path, const TrackFile& header) {
   return TrackWriter(std::move(impl));
 }
 
-TrackWriter TrackWriter::Resume(const fs::path& path) {
+std::optional<TrackWriter> TrackWriter::Resume(const fs::path& path) {
   auto working = FindUnfinishedTracks(path);
   std::optional<WriteLock> lock;
   std::optional<WriteLock> replaced;
@@ -345,11 +347,7 @@ TrackWriter TrackWriter::Resume(const fs::path& path) {
     if (*working != path) replaced = WriteLock::Of(path);
     working = FindUnfinishedTracks(path);  // who held it may have finished it
   }
-  if (!working) {
-    ThrowError("nothing to resume: neither {} nor {} is the file of an unfinished run",
-               path.string(),
-               PartialOf(path).string());
-  }
+  if (!working) return std::nullopt;
   auto impl = std::make_unique<Impl>(path,
                                      *working,
                                      std::move(*lock),

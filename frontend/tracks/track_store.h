@@ -51,8 +51,9 @@ class TrackWriter {
  public:
   // Starts anew: what an earlier unfinished run has left in PATH.partial is lost.
   static TrackWriter Create(const std::filesystem::path& path, const TrackFile& header);
-  // Goes on behind the last frame of FindUnfinishedTracks(path); throws Error if there is none.
-  static TrackWriter Resume(const std::filesystem::path& path);
+  // Goes on behind the last frame of FindUnfinishedTracks(path). None: there is none, or no more where
+  // another run had it when this one asked.
+  static std::optional<TrackWriter> Resume(const std::filesystem::path& path);
   TrackWriter(TrackWriter&&) noexcept;
   TrackWriter& operator=(TrackWriter&&) noexcept;
   ~TrackWriter();

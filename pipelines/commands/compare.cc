@@ -34,7 +34,7 @@ void RunCompare(const ExperimentOptions& options) {
   const std::filesystem::path out = options.out;
   // Shards may end together: the last to write has seen what all others finished.
   const WriteLock lock = WriteLock::Await(out / "cells" / "results.lock");
-  const ExperimentResults results = CollectResults(plan);
+  const ExperimentResults results = CollectResults(options, plan);
   const auto headline = MakeHeadline(results);
   WriteResultsCsv(out / "results.csv", results);
   WriteResultsJson(out / "results.json",

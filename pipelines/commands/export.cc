@@ -2,8 +2,9 @@
 
 #include <spdlog/spdlog.h>
 
+#include <optional>
+
 #include "backend/colmap/keypoint_covariances.h"
-#include "backend/colmap/model_io.h"
 #include "backend/scene/bal.h"
 #include "backend/scene/mapper.h"
 #include "backend/scene/rolling_shutter.h"
@@ -13,6 +14,7 @@
 #include "frontend/tracks/track_npz.h"
 #include "pipelines/console/messages.h"
 #include "pipelines/console/progress_bar.h"
+#include "pipelines/jobs/track_doubts.h"
 #include "pipelines/sfm/reconstruct.h"
 #include "pipelines/sfm/video_frames.h"
 
@@ -22,22 +24,28 @@ namespace {
 namespace fs = std::filesystem;
 
 void ExportColmapDatabase(const TrackFile& file, const ExportCommandOptions& options) {
-  WriteColmapDatabase(options.colmap_database, file, options.database);
   fs::path images = file.image_root;
   if (file.image_root.empty() && options.write_frames) {
+    WarnIfVideoChanged(file, options.tracks);
     images = fs::path(options.colmap_database).replace_extension("");
     images += "_images";
     WriteVideoFrames(file, images, ProgressBars());
   }
+  WriteColmapDatabase(options.colmap_database, file, options.database);
   PrintLine("{}: for COLMAP with --image_path {}", options.colmap_database, images.string());
 }
 
-TrackFile TracksToExport(const ExportCommandOptions& options) {
+TrackFile TracksToExport(const ExportCommandOptions& options,
+                         const std::optional<Reconstruction>& given) {
   TrackFile file = ReadTrackFile(options.tracks);
+  WarnIfUnfinished(file, options.tracks);
+  if (file.tracks.observations().empty()) {
+    spdlog::warn("{} has no observation of any track: there is nothing in it to export",
+                 options.tracks);
+  }
+  if (given) WarnIfModelOfOthers(*given, options.model, file, options.tracks);
   if (!options.global_shutter) return file;
-  const Reconstruction model = options.model.empty() ? ReconstructWithCeres(file).reconstruction
-                                                     : ReadModelFolder(options.model);
-  CheckIsModelOf(model, options.model, file, options.tracks);
+  const Reconstruction model = given ? *given : ReconstructWithCeres(file).reconstruction;
   if (model.readout == 0.0) {
     spdlog::warn("{}: no rolling shutter is known of; the positions are written as they are",
                  options.model.empty() ? options.tracks : options.model);
@@ -63,7 +71,9 @@ void RunExport(const ExportCommandOptions& options) {
                         {"--covariances", options.covariances},
                         {"--opensfm", options.opensfm},
                         {"--bal", options.bal}});
-  const TrackFile file = TracksToExport(options);
+  std::optional<Reconstruction> model;
+  if (!options.model.empty()) model = ReadModelFolder(options.model);
+  const TrackFile file = TracksToExport(options, model);
   CheckOutputsGiven({options.colmap_database,
                      options.csv,
                      options.npz,
@@ -95,10 +105,11 @@ void RunExport(const ExportCommandOptions& options) {
     PrintLine("{}: {} tracks", options.opensfm, file.tracks.features().size());
   }
   if (!options.bal.empty()) {
-    const Reconstruction model = ReadReconstruction(options.model);
-    WriteBal(options.bal, model);
-    PrintLine(
-        "{}: {} cameras, {} points", options.bal, model.cam_from_world.size(), model.points.size());
+    WriteBal(options.bal, *model);
+    PrintLine("{}: {} cameras, {} points",
+              options.bal,
+              model->cam_from_world.size(),
+              model->points.size());
   }
 }
 

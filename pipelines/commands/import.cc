@@ -14,6 +14,7 @@
 #include "pipelines/console/messages.h"
 #include "pipelines/console/progress_bar.h"
 #include "pipelines/console/version.h"
+#include "pipelines/jobs/track_doubts.h"
 
 namespace cohort {
 namespace {
@@ -31,8 +32,7 @@ TrackFile ReadFrames(const InputOptions& input) {
   }
   if (!sequence->Warning().empty()) spdlog::warn("{}", sequence->Warning());
   DescribeInput(input, *sequence, file);
-  const std::string doubt = DoubtOfCamera(file.camera);
-  if (!doubt.empty()) spdlog::warn("{}", doubt);
+  WarnIfCameraDoubtful(file.camera);
   return file;
 }
 

@@ -12,6 +12,7 @@
 #include "frontend/tracks/track_store.h"
 #include "pipelines/console/progress_bar.h"
 #include "pipelines/console/table.h"
+#include "pipelines/jobs/track_doubts.h"
 #include "pipelines/json/json_file.h"
 #include "pipelines/sfm/input.h"
 #include "pipelines/sfm/reconstruct.h"
@@ -22,13 +23,15 @@ namespace {
 void RefineTracks(const RefineCommandOptions& options) {
   CheckDistinctOutputs({{"--out", options.out}, {"--json", options.json}});
   const TrackFile file = ReadTrackFile(options.tracks);
+  WarnIfUnfinished(file, options.tracks);
   const Reconstruction model = ReadModelFolder(options.model);
   CheckOutputsGiven({options.json});
   if (model.points.empty()) {
     ThrowError("{}: the model has no points to look for: reconstruct first", options.model);
   }
-  CheckIsModelOf(model, options.model, file, options.tracks);
+  WarnIfModelOfOthers(model, options.model, file, options.tracks);
   const auto sequence = OpenSequence(options.images.empty() ? file.source : options.images);
+  if (options.images.empty()) WarnIfClipChanged(file, options.tracks, *sequence);
   const auto of_tracks = file.meta.find("mask");  // that they were made with
   const std::string mask =
       options.mask.empty() && of_tracks != file.meta.end() ? of_tracks->second : options.mask;
@@ -36,7 +39,7 @@ void RefineTracks(const RefineCommandOptions& options) {
       file, model, *sequence, ReadMask(mask), options.of_model.second_pass, ProgressBars());
   second.file.meta["refined_from"] = AbsolutePath(options.tracks);
   // In the place of the old ones, where the same name is given.
-  if (options.out == options.tracks) InputRecord::Forget(options.out);
+  if (CanonicalPath(options.out) == CanonicalPath(options.tracks)) InputRecord::Forget(options.out);
   WriteTrackFile(options.out, second.file);
 
   const SecondPassFigures& figures = second.figures;

@@ -1,16 +1,13 @@
 #include "pipelines/commands/show.h"
 
-#include <spdlog/spdlog.h>
-
 #include <filesystem>
 
 #include "datasets/open_sequence.h"
 #include "frontend/tracks/track_store.h"
 #include "pipelines/console/progress_bar.h"
+#include "pipelines/jobs/track_doubts.h"
 #include "pipelines/report/clip_report.h"
 #include "pipelines/report/track_video.h"
-#include "pipelines/sfm/fingerprint.h"
-#include "pipelines/sfm/reconstruct.h"
 
 namespace cohort {
 namespace {
@@ -55,11 +52,7 @@ void CheckOneClip(const ShowOptions& options, const std::vector<TrackFile>& file
 std::unique_ptr<Sequence> OpenClipOf(const ShowOptions& options, const TrackFile& file) {
   if (!options.images.empty()) return OpenSequence(options.images);
   auto sequence = OpenSequence(file.source);
-  if (!FingerprintOf(file).empty() && FingerprintOf(file) != FingerprintOfFrames(*sequence)) {
-    spdlog::warn("{} is not what it was when {} was made of it: tracks and pictures may differ",
-                 file.source,
-                 options.tracks.front());
-  }
+  WarnIfClipChanged(file, options.tracks.front(), *sequence);
   return sequence;
 }
 
@@ -67,7 +60,7 @@ void WritePageOf(const ShowOptions& options, const TrackFile& file, Sequence& se
   ClipReport report;
   if (!options.model.empty()) {
     report = ReadClipReport(options.model);
-    CheckIsModelOf(report.model, options.model, file, options.tracks.front());
+    WarnIfModelOfOthers(report.model, options.model, file, options.tracks.front());
   }
   report.title = fs::path(file.source).filename().string();
   WriteClipReport(options.out, report, file, sequence, ProgressBars());
@@ -78,7 +71,10 @@ void WritePageOf(const ShowOptions& options, const TrackFile& file, Sequence& se
 void RunShow(const ShowOptions& options) {
   if (options.tracks.size() > 2) ThrowUsageError("show takes one or two .tracks files");
   std::vector<TrackFile> files;
-  for (const std::string& tracks : options.tracks) files.push_back(ReadTrackFile(tracks));
+  for (const std::string& tracks : options.tracks) {
+    files.push_back(ReadTrackFile(tracks));
+    WarnIfUnfinished(files.back(), tracks);
+  }
   const bool is_page = fs::path(options.out).extension() == ".html";
   if (is_page && files.size() > 1) ThrowUsageError("a page shows one .tracks file: give one");
   if (!is_page && !options.model.empty()) {

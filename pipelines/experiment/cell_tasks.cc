@@ -26,9 +26,15 @@ std::string LabelOf(const TrackCell& cell, GridBackend backend) {
       "{} {} {}", NameOf(kGridBackendNames, backend), LabelOf(cell.condition), cell.tracker.name);
 }
 
+// However its path is spelled.
+Json DependencyOf(InputOptions clip) {
+  clip.input = CanonicalPath(clip.input);
+  return ToJson(clip);
+}
+
 // The frames, and what is done to them.
 Json DependenciesOf(const ExperimentOptions& options, const TrackCell& cell) {
-  Json depends_on{{"clip", ToJson(ClipInput(options, cell.condition))},
+  Json depends_on{{"clip", DependencyOf(ClipInput(options, cell.condition))},
                   {"fingerprint", cell.condition.clip.fingerprint},
                   {"level", cell.condition.level},
                   {"seed", cell.condition.seed},
@@ -37,7 +43,7 @@ Json DependenciesOf(const ExperimentOptions& options, const TrackCell& cell) {
     depends_on["second_pass"] = ToJson(options.second_pass);
   }
   if (!options.mask.empty()) {
-    depends_on["mask"] = {options.mask, FingerprintOfClip(options.mask)};
+    depends_on["mask"] = {CanonicalPath(options.mask), FingerprintOfClip(options.mask)};
   }
   return depends_on;
 }
@@ -81,8 +87,10 @@ std::vector<Task> DegradeTasks(const ExperimentOptions& options, const Experimen
     degrade.out = condition.Frames().string();
     degrade.degrade = DegradationOf(condition);
     degrade.level = condition.DegradeLevel();
-    const Json depends_on{{"degrade", ToJson(degrade)},
-                          {"fingerprint", condition.clip.fingerprint}};
+    DegradeJobOptions named = degrade;
+    named.input.input = CanonicalPath(degrade.input.input);
+    named.out.clear();
+    const Json depends_on{{"degrade", ToJson(named)}, {"fingerprint", condition.clip.fingerprint}};
     tasks.push_back({"degrade " + LabelOf(condition),
                      condition.folder / "degrade.json",
                      JsonLine(depends_on),
@@ -90,22 +98,49 @@ std::vector<Task> DegradeTasks(const ExperimentOptions& options, const Experimen
                        RunDegradeJob(degrade);
                        return Json::object();
                      },
-                     !options.shard.empty()});
+                     !options.shard.empty(),
+                     condition.Frames()});
   }
   return tasks;
+}
+
+Task FollowTask(const ExperimentOptions& options, const TrackCell& cell) {
+  Json depends_on = DependenciesOf(options, cell);
+  depends_on["paper"] = ToJson(options.paper);
+  return {fmt::format("follow {} {}", LabelOf(cell.condition), cell.tracker.name),
+          cell.Result(),
+          JsonLine(depends_on),
+          [&options, &cell] { return FollowCell(options, cell); }};
+}
+
+Task TrackTask(const ExperimentOptions& options, const TrackCell& cell) {
+  return {fmt::format("track {} {}", LabelOf(cell.condition), cell.tracker.name),
+          cell.Result(),
+          JsonLine(DependenciesOf(options, cell)),
+          [&options, &cell] { return MakeTracks(options, cell); },
+          false,
+          cell.Tracks()};
+}
+
+Task ModelTask(const ExperimentOptions& options, const TrackCell& cell, GridBackend backend) {
+  return {LabelOf(cell, backend),
+          cell.Result(backend),
+          ModelDependenciesOf(options, cell, backend),
+          [&options, &cell, backend] { return ReconstructCell(options, cell, backend); }};
+}
+
+Task HalvesTask(const ExperimentOptions& options, const TrackCell& cell, GridBackend backend) {
+  return {"halves " + LabelOf(cell, backend),
+          cell.HalvesResult(backend),
+          ModelDependenciesOf(options, cell, backend),
+          [&options, &cell, backend] { return CompareHalvesOfCell(options, cell, backend); }};
 }
 
 std::vector<Task> FollowTasks(const ExperimentOptions& options, const ExperimentPlan& plan) {
   std::vector<Task> tasks;
   for (std::size_t i = 0; i < plan.cells.size(); ++i) {
     if (!plan.shard.Takes(i)) continue;
-    const TrackCell& cell = plan.cells[i];
-    Json depends_on = DependenciesOf(options, cell);
-    depends_on["paper"] = ToJson(options.paper);
-    tasks.push_back({fmt::format("follow {} {}", LabelOf(cell.condition), cell.tracker.name),
-                     cell.Result(),
-                     JsonLine(depends_on),
-                     [&options, &cell] { return FollowCell(options, cell); }});
+    tasks.push_back(FollowTask(options, plan.cells[i]));
   }
   return tasks;
 }
@@ -115,10 +150,7 @@ std::vector<Task> TrackTasks(const ExperimentOptions& options, const ExperimentP
   for (std::size_t i = 0; i < plan.cells.size(); ++i) {
     const TrackCell& cell = plan.cells[i];
     if (!plan.shard.Takes(i) || cell.tracker.source == TrackSource::kSift) continue;
-    tasks.push_back({fmt::format("track {} {}", LabelOf(cell.condition), cell.tracker.name),
-                     cell.Result(),
-                     JsonLine(DependenciesOf(options, cell)),
-                     [&options, &cell] { return MakeTracks(options, cell); }});
+    tasks.push_back(TrackTask(options, cell));
   }
   return tasks;
 }
@@ -131,12 +163,7 @@ std::vector<Task> ReconstructTasks(const ExperimentOptions& options, const Exper
     const bool has_tracks = cell.tracker.source != TrackSource::kSift;
     if (has_tracks && IsNotAvailable(cell.Result())) continue;
     for (const GridBackend backend : plan.backends) {
-      if (!cell.Has(backend)) continue;
-      tasks.push_back(
-          {LabelOf(cell, backend),
-           cell.Result(backend),
-           ModelDependenciesOf(options, cell, backend),
-           [&options, &cell, backend] { return ReconstructCell(options, cell, backend); }});
+      if (cell.Has(backend)) tasks.push_back(ModelTask(options, cell, backend));
     }
   }
   return tasks;
@@ -153,12 +180,7 @@ std::vector<Task> HalvesTasks(const ExperimentOptions& options, const Experiment
       bool has_model = false;
       UseJsonFile(cell.Result(backend),
                   [&has_model](const Json& result) { has_model = HasModel(result); });
-      if (!has_model) continue;
-      tasks.push_back(
-          {"halves " + LabelOf(cell, backend),
-           cell.HalvesResult(backend),
-           ModelDependenciesOf(options, cell, backend),
-           [&options, &cell, backend] { return CompareHalvesOfCell(options, cell, backend); }});
+      if (has_model) tasks.push_back(HalvesTask(options, cell, backend));
     }
   }
   return tasks;

@@ -11,6 +11,11 @@ namespace cohort {
 // depend on. Tasks refer to `options` and `plan`, which must outlive them. The list of a stage is
 // made when the stages before it are done, whose results it reads.
 
+Task FollowTask(const ExperimentOptions& options, const TrackCell& cell);
+Task TrackTask(const ExperimentOptions& options, const TrackCell& cell);
+Task ModelTask(const ExperimentOptions& options, const TrackCell& cell, GridBackend backend);
+Task HalvesTask(const ExperimentOptions& options, const TrackCell& cell, GridBackend backend);
+
 // The degradation of every condition that has a cell in the shard.
 std::vector<Task> DegradeTasks(const ExperimentOptions& options, const ExperimentPlan& plan);
 // Protocol paper.

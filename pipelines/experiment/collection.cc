@@ -3,6 +3,7 @@
 #include <nlohmann/json.hpp>
 
 #include "pipelines/experiment/cell_rows.h"
+#include "pipelines/experiment/cell_tasks.h"
 #include "pipelines/experiment/undegraded.h"
 #include "pipelines/json/json_file.h"
 
@@ -55,20 +56,25 @@ void AddUndegradedRow(const ExperimentPlan& plan,
 
 }  // namespace
 
-ExperimentResults CollectResults(const ExperimentPlan& plan) {
+bool HasOwnResult(const ExperimentOptions& options, const TrackCell& cell) {
+  return HasResult(options.protocol == Protocol::kPaper ? FollowTask(options, cell)
+                                                        : TrackTask(options, cell));
+}
+
+ExperimentResults CollectResults(const ExperimentOptions& options, const ExperimentPlan& plan) {
   ExperimentResults results;
   results.cells = plan.cells;
   for (const TrackCell& cell : plan.cells) {
-    if (fs::exists(cell.Result())) {
+    if (HasOwnResult(options, cell)) {
       UseJsonFile(cell.Result(), [&](const Json& json) { AddTrackRows(cell, json, results); });
     }
     for (const GridBackend backend : plan.backends) {  // what is not there is another shard's
-      if (!fs::exists(cell.Result(backend))) continue;
+      if (!HasResult(ModelTask(options, cell, backend))) continue;
       UseJsonFile(cell.Result(backend), [&](const Json& result) {
         AddModelRows(cell, backend, result, results);
         if (!plan.halves || !cell.HasHalves(backend)) return;
         const fs::path halves = cell.HalvesResult(backend);
-        if (!fs::exists(halves)) {
+        if (!HasResult(HalvesTask(options, cell, backend))) {
           AddHalvesRows(cell, backend, result, nullptr, results);
           return;
         }

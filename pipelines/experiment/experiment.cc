@@ -38,12 +38,12 @@ bool IsFinished(const ExperimentOptions& options,
                 const TrackCell& cell) {
   const bool has_tracks = cell.tracker.source != TrackSource::kSift;
   if (has_tracks) {
-    if (!fs::exists(cell.Result())) return false;
+    if (!HasOwnResult(options, cell)) return false;
     if (options.protocol == Protocol::kPaper) return true;
     if (IsNotAvailable(cell.Result())) return true;
   }
   for (const GridBackend backend : plan.backends) {
-    if (cell.Has(backend) && !fs::exists(cell.Result(backend))) return false;
+    if (cell.Has(backend) && !HasResult(ModelTask(options, cell, backend))) return false;
   }
   return true;
 }
@@ -128,7 +128,7 @@ ExperimentPlan RunCells(const ExperimentOptions& options) {
 }
 
 ExperimentResults RunExperiment(const ExperimentOptions& options) {
-  return CollectResults(RunCells(options));
+  return CollectResults(options, RunCells(options));
 }
 
 }  // namespace cohort

@@ -38,14 +38,23 @@ void WriteResult(const Task& task, const Json& figures, const Json& error, doubl
                  {"seconds", seconds}});
 }
 
+bool IsOf(const Json& result, const Task& task) {
+  return result.value("program", "") == FingerprintOfProgram() &&
+         result.at("options") == Json::parse(task.options);
+}
+
+// Is what it makes there, or needs not be?
+bool HasMade(const Json& result, const Task& task) {
+  return task.makes.empty() || result.at("figures").contains("not_available") ||
+         fs::exists(task.makes);
+}
+
 bool IsDone(const Task& task) {
   if (!fs::exists(task.result)) return false;
   bool done = false;
   try {
     UseJsonFile(task.result, [&](const Json& result) {
-      done = result.at("error").is_null() &&
-             result.value("program", "") == FingerprintOfProgram() &&
-             result.at("options") == Json::parse(task.options);
+      done = result.at("error").is_null() && IsOf(result, task) && HasMade(result, task);
     });
   } catch (const Error& error) {
     spdlog::warn("{}; it is made anew", error.what());
@@ -108,6 +117,13 @@ void RecordEnd(const Task& task, int status) {
 }
 
 }  // namespace
+
+bool HasResult(const Task& task) {
+  if (!fs::exists(task.result)) return false;
+  bool is_of_task = false;
+  UseJsonFile(task.result, [&](const Json& result) { is_of_task = IsOf(result, task); });
+  return is_of_task;
+}
 
 void RunTasks(const std::string& stage, const std::vector<Task>& tasks, int jobs, bool resume) {
   std::vector<const Task*> open;

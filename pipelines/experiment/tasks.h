@@ -20,12 +20,16 @@ struct Task {
   std::function<nlohmann::ordered_json()> run;
   // Other processes may have the same task: one of them does it, the others wait for it.
   bool shared = false;
+  // The file or folder that it makes beside its result; empty: none, or none that others need.
+  std::filesystem::path makes = {};
 };
 
-// Does the tasks, `jobs` at a time. With `resume`, one whose result is there without an error, of
-// the same program (fingerprint.h) and with the same options, is not done again. Interrupted by
-// Ctrl-C, ends the running ones and throws Error. The calling process must not have used OpenCV's
-// threads: it forks.
+// Is its result there, good or bad: of this program, with these options?
+bool HasResult(const Task& task);
+
+// Does the tasks, `jobs` at a time. With `resume`, one that has its result (HasResult), without an
+// error, and what it makes is not done again. Interrupted by Ctrl-C, ends the running ones and throws
+// Error. The calling process must not have used OpenCV's threads: it forks.
 void RunTasks(const std::string& stage, const std::vector<Task>& tasks, int jobs, bool resume);
 
 }  // namespace cohort

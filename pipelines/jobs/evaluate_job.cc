@@ -15,6 +15,7 @@
 #include "frontend/tracks/track_store.h"
 #include "pipelines/evaluation/model_evaluation.h"
 #include "pipelines/evaluation/track_error.h"
+#include "pipelines/jobs/track_doubts.h"
 #include "pipelines/json/json_file.h"
 
 namespace cohort {
@@ -115,6 +116,7 @@ Json EvaluateTrackFile(const std::string& path,
         sequence.Name());
   }
   const TrackFile file = ReadTrackFile(path);
+  WarnIfUnfinished(file, path);
   CheckIsClipOf(file, path, sequence);
   ReinitializationOptions options;
   options.width_px = file.width_px;

@@ -7,6 +7,7 @@
 
 #include "frontend/core/output.h"
 #include "pipelines/console/progress_bar.h"
+#include "pipelines/jobs/track_doubts.h"
 #include "pipelines/json/json_file.h"
 #include "pipelines/json/option_list.h"
 
@@ -15,9 +16,9 @@ namespace cohort {
 ReconstructionSummary RunReconstructJob(const ReconstructJobOptions& options) {
   const TrackFile file = ReadTrackFile(options.tracks);
   CheckOutputsGiven({options.json});
-  if (!file.complete) {
-    spdlog::warn(
-        "{}: tracking was interrupted; it holds {} frames", options.tracks, file.frames.size());
+  WarnIfUnfinished(file, options.tracks);
+  if (options.reconstruct.backend == BackendKind::kColmap && options.reconstruct.write_frames) {
+    WarnIfVideoChanged(file, options.tracks);
   }
   spdlog::info("{} reconstructs {} frames, {} tracks ...",
                NameOf(kBackendNames, options.reconstruct.backend),

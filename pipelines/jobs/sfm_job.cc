@@ -10,6 +10,7 @@
 #include "frontend/geometry/camera_text.h"
 #include "pipelines/console/progress_bar.h"
 #include "pipelines/console/version.h"
+#include "pipelines/jobs/track_doubts.h"
 #include "pipelines/json/json_file.h"
 #include "pipelines/json/option_list.h"
 #include "pipelines/sfm/cuts.h"
@@ -42,8 +43,9 @@ Json SceneMadeOf(SfmJobOptions options, const Sequence& sequence) {
   options.resume = false;
   options.threads = 0;
   options.out.clear();
+  const std::string input = std::exchange(options.input.input, "");
   Json made_of{{"program", fmt::format("cohort {}", kVersion)},
-               {"input", AbsolutePath(options.input.input)},
+               {"input", CanonicalPath(input)},
                {"fingerprint", FingerprintOfFrames(sequence)},
                {"options", ToJson(options)}};
   if (!options.mask.empty()) made_of["mask_fingerprint"] = FingerprintOfClip(options.mask);
@@ -192,18 +194,20 @@ SfmFigures RunSfmJob(const SfmJobOptions& options) {
   const auto sequence = OpenInput(options.input);
   const Json made_of = SceneMadeOf(options, *sequence);
   const Json model_made_of = ModelMadeOf(made_of);
-  if (options.resume && IsStillThere(folder, "summary.json", made_of) &&
-      HasModel(folder, model_made_of)) {
-    WarnAgain(ReadTrackFile(folder / "clip.tracks"));
-    spdlog::info("{} is complete already", options.out);
-    return FiguresOfSummary(folder);
-  }
   // Checked before hours of work: that the folder can be made.
   std::error_code error;
   fs::create_directories(folder, error);
   if (error) ThrowError("cannot make folder {}: {}", options.out, error.message());
   CheckSceneFolder(folder);
-  const WriteLock lock = WriteLock::Of(folder);
+  WriteLock lock = WriteLock::Of(folder);
+  if (options.resume && IsStillThere(folder, "summary.json", made_of) &&
+      HasModel(folder, model_made_of)) {
+    WarnAgain(ReadTrackFile(folder / "clip.tracks"));
+    spdlog::info("{} is complete already", options.out);
+    SfmFigures figures = FiguresOfSummary(folder);
+    figures.lock = std::move(lock);
+    return figures;
+  }
 
   RunTrackJob(TrackOptionsOf(options));
   for (const fs::path& old : {summary, folder / "report.html"}) fs::remove(old, error);
@@ -233,6 +237,8 @@ SfmFigures RunSfmJob(const SfmJobOptions& options) {
   const ClipMeasures measures = MeasureClip(clip);
   figures.film_better = FilmAdvice(clip, measures);
   WriteJsonFile(summary, SummaryOf(figures, CutsOf(file), measures, made_of, files));
+  WarnIfClipChanged(file, "clip.tracks", *sequence);
+  figures.lock = std::move(lock);
   return figures;
 }
 

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "frontend/core/write_lock.h"
 #include "pipelines/jobs/reconstruct_job.h"
 #include "pipelines/jobs/track_job.h"
 #include "pipelines/sfm/film_advice.h"
@@ -68,6 +69,7 @@ struct SfmFigures {
   std::optional<double> camera_uncertainty;  // share of the distance to the scene
   std::vector<std::string> reasons;          // to doubt the model
   std::vector<std::string> film_better;      // FilmAdvice
+  std::optional<WriteLock> lock;             // of the scene: held until its page is written, too
 };
 
 // INPUT -> scene folder (docs/files.md): clip.tracks by RunTrackJob, model/ by RunReconstructJob,

@@ -15,6 +15,7 @@
 #include "pipelines/console/interrupt.h"
 #include "pipelines/console/progress_bar.h"
 #include "pipelines/console/version.h"
+#include "pipelines/jobs/track_doubts.h"
 #include "pipelines/json/json_file.h"
 #include "pipelines/json/option_list.h"
 #include "pipelines/sfm/cuts.h"
@@ -60,6 +61,7 @@ struct EarlierRun {
   bool unfinished = false;         // where it is complete: it only lacks its name
   bool second_pass_ended = false;  // or not asked for
   bool has_frames = false;
+  std::vector<FrameIndex> cuts;
 };
 
 // Was the file made of the same, with the same options? What a run found does not count.
@@ -67,7 +69,7 @@ bool IsOfJob(const TrackFile& file, const TrackFile& header) {
   std::map<std::string, std::string> meta = file.meta;
   meta.erase(kCutsMeta);
   meta.erase(kWarningMeta);
-  return file.source == header.source && meta == header.meta &&
+  return CanonicalPath(file.source) == CanonicalPath(header.source) && meta == header.meta &&
          SameCamera(file.camera, header.camera);
 }
 
@@ -91,6 +93,7 @@ EarlierRun FindEarlierRun(const fs::path& out, const TrackFile& header) {
         path.string());
   }
   run.has_frames = !earlier.frames.empty();
+  if (run.complete) run.cuts = CutsOf(earlier);
   if (run.complete && run.second_pass_ended) WarnAgain(earlier);
   return run;
 }
@@ -109,20 +112,26 @@ void TellCuts(const std::vector<FrameIndex>& cuts, const FrameIndex& first, Trac
       ToInt(cuts.front()));
 }
 
-nlohmann::ordered_json FiguresToJson(const TrackFigures& figures, const TrackJobOptions& options) {
-  return {{"frames", figures.frames},
-          {"tracks", figures.tracks},
-          {"observations", figures.observations},
-          {"predicted", figures.predicted},
-          {"mean_track_length", figures.mean_observed_length},
-          {"cuts", NumbersOf(figures.cuts)},
-          {"ms_per_frame",
-           {{"decode", figures.PerFrame(figures.decode_ms)},
-            {"detect", figures.PerFrame(figures.detect_ms)},
-            {"track", figures.PerFrame(figures.track_ms)},
-            {"write", figures.PerFrame(figures.write_ms)},
-            {"second_pass", figures.PerFrame(figures.second_pass_ms)}}},
-          {"options", ToJson(options)}};
+// To --json, if it is given. Where all was done already there are no times.
+void WriteFigures(const TrackFigures& figures, const TrackJobOptions& options) {
+  if (options.json.empty()) return;
+  nlohmann::ordered_json times;
+  if (figures.track_ms > 0.0 || figures.second_pass_ms > 0.0) {
+    times = {{"decode", figures.PerFrame(figures.decode_ms)},
+             {"detect", figures.PerFrame(figures.detect_ms)},
+             {"track", figures.PerFrame(figures.track_ms)},
+             {"write", figures.PerFrame(figures.write_ms)},
+             {"second_pass", figures.PerFrame(figures.second_pass_ms)}};
+  }
+  WriteJsonFile(options.json,
+                {{"frames", figures.frames},
+                 {"tracks", figures.tracks},
+                 {"observations", figures.observations},
+                 {"predicted", figures.predicted},
+                 {"mean_track_length", figures.mean_observed_length},
+                 {"cuts", NumbersOf(figures.cuts)},
+                 {"ms_per_frame", times},
+                 {"options", ToJson(options)}});
 }
 
 // Frame by frame into `writer`, which may have the first ones.
@@ -173,6 +182,21 @@ void TrackFrames(SequenceTracker& tracker,
   TellCuts(figures.cuts, first, writer);
 }
 
+// With the clip, when all was read: also said in the log.
+std::string WhatWasWrong(const Sequence& sequence,
+                         const TrackFile& header,
+                         const std::string& input) {
+  std::vector<std::string> warnings;
+  if (!sequence.Warning().empty()) warnings.push_back(sequence.Warning());
+  const auto was = header.meta.find("fingerprint");
+  if (was != header.meta.end() && was->second != FingerprintOfFrames(sequence)) {
+    warnings.push_back(
+        fmt::format("{} was changed while it was read: the tracks may be of two clips", input));
+  }
+  for (const std::string& warning : warnings) spdlog::warn("{}", warning);
+  return fmt::format("{}", fmt::join(warnings, "; "));
+}
+
 }  // namespace
 
 void WarnAgain(const TrackFile& tracks) {
@@ -209,23 +233,27 @@ std::optional<TrackFigures> RunTrackJob(const TrackJobOptions& options) {
   const OwnFile own(options.out);
   const EarlierRun earlier = options.resume ? FindEarlierRun(options.out, header) : EarlierRun{};
   // The end came when all was written and nothing renamed.
-  if (earlier.complete && earlier.unfinished) TrackWriter::Resume(options.out).Finish();
+  if (earlier.complete && earlier.unfinished) {
+    if (auto writer = TrackWriter::Resume(options.out)) writer->Finish();
+  }
+  TrackFigures figures;
+  figures.cuts = earlier.cuts;
   if (earlier.complete && earlier.second_pass_ended) {
     spdlog::info("{} is complete already", options.out);
+    Count(options.out, figures);
+    WriteFigures(figures, options);
     return std::nullopt;
   }
-  const std::string doubt = DoubtOfCamera(header.camera);
-  if (!doubt.empty()) spdlog::warn("{}", doubt);
-  TrackFigures figures;
+  WarnIfCameraDoubtful(header.camera);
   if (!earlier.complete) {
-    TrackWriter writer = earlier.has_frames ? TrackWriter::Resume(options.out)
+    std::optional<TrackWriter> writer = earlier.has_frames
+                                            ? TrackWriter::Resume(options.out)
                                             : TrackWriter::Create(options.out, header);
-    TrackFrames(tracker, *sequence, writer, figures);
-    if (const std::string& warning = sequence->Warning(); !warning.empty()) {
-      spdlog::warn("{}", warning);
-      writer.SetMeta(kWarningMeta, warning);
-    }
-    writer.Finish();
+    if (!writer) return RunTrackJob(options);  // another run has ended it in the meantime
+    TrackFrames(tracker, *sequence, *writer, figures);
+    const std::string warning = WhatWasWrong(*sequence, header, options.input.input);
+    if (!warning.empty()) writer->SetMeta(kWarningMeta, warning);
+    writer->Finish();
   }
   figures.decode_ms = tracker.decode_ms();
   figures.detect_ms = tracker.detect_ms();
@@ -238,11 +266,16 @@ std::optional<TrackFigures> RunTrackJob(const TrackJobOptions& options) {
       ThrowError("{} was replaced by another run after the first pass; give another output",
                  options.out);
     }
-    out.Write(RunSecondPass(std::move(file), *sequence, mask, options.second_pass));
+    file = RunSecondPass(std::move(file), *sequence, mask, options.second_pass);
+    if (!file.meta.contains(kWarningMeta)) {  // the clip may have gone since
+      const std::string warning = WhatWasWrong(*sequence, header, options.input.input);
+      if (!warning.empty()) file.meta[kWarningMeta] = warning;
+    }
+    out.Write(file);
     figures.second_pass_ms = stopwatch.Milliseconds();
   }
   Count(options.out, figures);
-  if (!options.json.empty()) WriteJsonFile(options.json, FiguresToJson(figures, options));
+  WriteFigures(figures, options);
   return figures;
 }
 

@@ -159,8 +159,9 @@ void WriteMp4(const fs::path& path,
                                            frames_per_second,
                                            picture.size())) {
       ThrowError(
-          "cannot write {}: OpenCV's FFmpeg begins no video in H.264: it has none, or the system "
-          "gives no threads or memory",
+          "cannot write {}: OpenCV's FFmpeg begins no video in H.264: it has none, the system "
+          "gives "
+          "no threads or memory, or the disk is full",
           name);
     }
     writer.write(picture);

@@ -30,28 +30,6 @@ Camera ParseCamera(const std::string& text, int width_px, int height_px) {
 
 }  // namespace
 
-std::string DoubtOfCamera(const std::optional<Camera>& camera) {
-  if (!camera) return "";
-  // No lens does that, decimals with a comma do: 525,5 525,5 ...
-  if (camera->fx > 2.0 * camera->fy || camera->fy > 2.0 * camera->fx) {
-    return fmt::format(
-        "the camera's focal lengths {:g} and {:g} px are of no lens: is the calibration right, and "
-        "are its decimals with points?",
-        camera->fx,
-        camera->fy);
-  }
-  const bool is_inside = camera->cx >= 0.0 && camera->cy >= 0.0 && camera->cx < camera->width_px &&
-                         camera->cy < camera->height_px;
-  if (is_inside) return "";
-  return fmt::format(
-      "the camera's principal point ({:g}, {:g}) lies outside its pictures of {} x {}: is the "
-      "calibration of pictures of another size?",
-      camera->cx,
-      camera->cy,
-      camera->width_px,
-      camera->height_px);
-}
-
 std::unique_ptr<Sequence> OpenInput(const InputOptions& options) {
   return OpenSequence(options.input,
                       options.layout,
@@ -76,6 +54,12 @@ void DescribeInput(const InputOptions& options, const Sequence& sequence, TrackF
 
 std::string AbsolutePath(const std::filesystem::path& path) {
   return path.empty() ? "" : std::filesystem::absolute(path).lexically_normal().string();
+}
+
+std::string CanonicalPath(const std::filesystem::path& path) {
+  std::error_code error;
+  const auto canonical = std::filesystem::weakly_canonical(AbsolutePath(path), error);
+  return error ? AbsolutePath(path) : canonical.string();
 }
 
 cv::Mat ReadMask(const std::string& path) {

@@ -47,9 +47,6 @@ struct InputOptions {
   }
 };
 
-// What is to be doubted of a camera, a line with what to do; empty: nothing.
-std::string DoubtOfCamera(const std::optional<Camera>& camera);
-
 std::unique_ptr<Sequence> OpenInput(const InputOptions& options);
 
 // The camera given, else the sequence's own, else none. Throws UsageError on another text.
@@ -64,6 +61,8 @@ void DescribeInput(const InputOptions& options, const Sequence& sequence, TrackF
 
 // Absolute and without dots, as a .tracks file names input; empty stays empty.
 std::string AbsolutePath(const std::filesystem::path& path);
+// The same for every spelling of a path, also through links: to compare by.
+std::string CanonicalPath(const std::filesystem::path& path);
 
 // CV_8UC1, 0 where no feature may be. Empty without a path; throws Error naming one that is no
 // picture.

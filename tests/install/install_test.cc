@@ -29,8 +29,10 @@ class Install : public testing::Test {
   static std::string SourceDir() { return test::SourceDir().string(); }
 
   void InstallIntoPrefix() const {
-    const test::ProgramEnd end = test::RunShell(fmt::format(
-        "'{}' --install '{}' --prefix '{}'", COHORT_CMAKE, COHORT_BUILD_DIR, Path("prefix")));
+    const test::ProgramEnd end = test::RunShell(fmt::format("'{}' --install '{}' --prefix '{}'",
+                                                            COHORT_CMAKE,
+                                                            test::BuildDir().string(),
+                                                            Path("prefix")));
     ASSERT_EQ(end.exit_code, 0) << end.err;
   }
 
@@ -76,7 +78,7 @@ TEST_F(Install, AProjectThatFindsThePackageBuildsAndReconstructsAVideo) {
 }
 
 TEST_F(Install, BringsTheManualAndTheCompletions) {
-  if (!fs::exists(fs::path(COHORT_BUILD_DIR) / "manual")) GTEST_SKIP() << "no program was built";
+  if (!fs::exists(test::BuildDir() / "manual")) GTEST_SKIP() << "no program was built";
   ASSERT_NO_FATAL_FAILURE(InstallIntoPrefix());
   for (const char* file : {"man/man1/cohort.1",
                            "man/man1/cohort-track.1",

@@ -11,7 +11,7 @@
 #include <sstream>
 
 #include "frontend/core/output.h"
-#include "tests/support/shell.h"
+#include "tests/support/program.h"
 #include "tests/support/temp_dir.h"
 
 namespace cohort {
@@ -77,7 +77,7 @@ std::map<std::string, std::string> Contents(const fs::path& folder) {
 // The commands in an empty folder; `around` is put before each of them.
 void RunCommands(const fs::path& folder, const std::string& around, int threads) {
   fs::create_directory(folder);
-  const std::string program = around + " " + COHORT_PROGRAM + " ";
+  const std::string program = around + " " + test::ProgramPath() + " ";
   for (const std::string& command :
        {std::string("synth clip --motion lateral --frames 8 --width-px 160 --height-px 120 "
                     "--focal-px 131"),

@@ -183,7 +183,7 @@ class Safety : public testing::Test {
                        (*dir_ / "tmp").string());
   }
   static test::ProgramEnd Run(const Words& words) {
-    return test::RunShell(Environment() + COHORT_PROGRAM + " " + Line(words));
+    return test::RunShell(Environment() + test::ProgramPath() + " " + Line(words));
   }
 
   static Trace RunTraced(const Words& words) {
@@ -195,7 +195,7 @@ class Safety : public testing::Test {
         "mkdirat,link,linkat,symlink,symlinkat,truncate,chmod,fchmodat,mknod,mknodat,chown,"
         "utimensat,"
         "execve,socket,connect,bind " +
-        COHORT_PROGRAM + " " + Line(words));
+        test::ProgramPath() + " " + Line(words));
     std::istringstream lines(ReadBytes(log));
     // A call that another process falls into is in two parts.
     std::map<std::string, std::string> begun;
@@ -243,8 +243,7 @@ class Safety : public testing::Test {
   static void ExpectHarmless(const Trace& trace) {
     const std::string out = (*dir_ / "out").string() + "/";
     const std::string temporary = (*dir_ / "tmp").string() + "/";
-    const std::set<std::string> programs{
-        fs::path(COHORT_PROGRAM).filename().string(), "colmap", "ffmpeg"};
+    const std::set<std::string> programs{"cohort", "colmap", "ffmpeg"};
     bool ran = false;
     for (const Call& call : trace.calls) {
       if (call.name == "execve") {
@@ -534,7 +533,7 @@ void ExpectOneLine(const std::string& environment, const Words& words) {
   SCOPED_TRACE(fmt::format("{}", fmt::join(words, " ")));
   const test::ProgramEnd end = test::RunShell(fmt::format("{} ulimit -v 2000000; timeout 60 {} {}",
                                                           environment + "true;",
-                                                          COHORT_PROGRAM,
+                                                          test::ProgramPath(),
                                                           Line(words)));
   EXPECT_EQ(end.exit_code, 1) << end.err;
   EXPECT_TRUE(end.err.starts_with("cohort: error: ")) << end.err;
@@ -544,7 +543,7 @@ void ExpectOneLine(const std::string& environment, const Words& words) {
 
 TEST_F(Safety, WhatLiesOfItsSizeIsOneLineInTwoGigabytes) {
   test::ProgramEnd honest = test::RunShell(
-      Environment() + "ulimit -v 2000000; " + COHORT_PROGRAM + " " +
+      Environment() + "ulimit -v 2000000; " + test::ProgramPath() + " " +
       Line({"track", In("clip"), "--features", "40", "--quiet", "--out", Out("honest.tracks")}));
   ASSERT_EQ(honest.exit_code, 0) << "there is room for what is no lie: " << honest.err;
 

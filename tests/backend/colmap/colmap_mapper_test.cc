@@ -472,7 +472,8 @@ TEST(ColmapProgram, SaysHowToGetColmap) {
               ThrowsMessage<Error>(testing::AllOf(HasSubstr("colmap is not installed"),
                                                   HasSubstr("apt install colmap"),
                                                   HasSubstr("--colmap-program"))));
-  EXPECT_THAT([] { ColmapProgram("/bin/true"); }, ThrowsMessage<Error>(HasSubstr("is not COLMAP")));
+  EXPECT_THAT([] { ColmapProgram("/bin/true"); },
+              ThrowsMessage<Error>(HasSubstr("is not COLMAP (its -h says nothing)")));
   ColmapOptions options;
   options.program = (dir / "colmap").string();
   EXPECT_THAT([&] { ReconstructWithColmap(MakeSyntheticTracks().file, options, dir / "work"); },
@@ -525,6 +526,12 @@ TEST(ColmapProgram, TellsAKilledProgram) {
       "case \"$*\" in\n'-h') echo COLMAP 3.8 ;;\n*-h) ;;\n*) kill -ABRT $$ ;;\nesac\n");
   ColmapProgram program(fake.path());
   EXPECT_EQ(program.Run("mapper", {}, fake.log()).Brief(), "killed by signal 6");
+  const FakeColmap crashing("kill -SEGV $$\n");
+  EXPECT_THAT([&] { ColmapProgram(crashing.path()); },
+              ThrowsMessage<Error>(HasSubstr("colmap -h was killed by signal 11")));
+  const FakeColmap incomplete("echo colmap: cannot find libceres.so.3; exit 127\n");
+  EXPECT_THAT([&] { ColmapProgram(incomplete.path()); },
+              ThrowsMessage<Error>(HasSubstr("its -h says 'colmap: cannot find libceres.so.3'")));
 }
 
 TEST(ColmapProgram, ThatHangsIsKilledAtItsTimeLimit) {

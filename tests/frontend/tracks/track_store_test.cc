@@ -300,7 +300,7 @@ TEST_P(KilledWriter, KeepsEveryFinishedFrameAndIsResumed) {
   }
 
   const auto first = static_cast<std::uint32_t>(kept.frames.size());
-  WriteFrames(TrackWriter::Resume(path), first, first + 2).Finish();
+  WriteFrames(TrackWriter::Resume(path).value(), first, first + 2).Finish();
   const TrackFile whole = ReadTrackFile(path);
   EXPECT_TRUE(whole.complete);
   EXPECT_EQ(whole.frames.size(), first + 2);
@@ -372,8 +372,9 @@ TEST(TrackStore, TheJournalOfAnotherFileIsNotPlayedIntoIt) {
   fs::rename(dir / "good.tracks", path);
   const std::string before = ReadBytes(path);
   for (int i = 0; i < 2; ++i) {
-    EXPECT_THAT([&] { ReadTrackFile(path); },
-                ThrowsMessage<Error>(HasSubstr("a.tracks-journal is the journal of another file")));
+    EXPECT_THAT(
+        [&] { ReadTrackFile(path); },
+        ThrowsMessage<Error>(HasSubstr("a.tracks-journal seems to be the journal of another")));
   }
   EXPECT_TRUE(ReadBytes(path) == before);
   WriteTrackFile(path, Example(4));
@@ -416,8 +417,7 @@ TEST(TrackStore, NothingReplacesAFileThatAnotherRunIsWriting) {
 TEST(TrackStore, ResumesOnlyWhatIsUnfinished) {
   const test::TempDir dir;
   EXPECT_FALSE(FindUnfinishedTracks(dir / "a.tracks"));
-  EXPECT_THAT([&] { TrackWriter::Resume(dir / "a.tracks"); },
-              ThrowsMessage<Error>(AllOf(HasSubstr("nothing to resume"), HasSubstr("a.tracks"))));
+  EXPECT_FALSE(TrackWriter::Resume(dir / "a.tracks"));
   WriteTrackFile(dir / "a.tracks", Example(1));
   EXPECT_FALSE(FindUnfinishedTracks(dir / "a.tracks"));
   std::ofstream(dir / "a.tracks.partial") << "";  // killed before it held anything
@@ -427,7 +427,7 @@ TEST(TrackStore, ResumesOnlyWhatIsUnfinished) {
 TEST(TrackStore, RefusesFramesThatDoNotAscendAlsoAfterResuming) {
   const test::TempDir dir;
   WriteFrames(TrackWriter::Create(dir / "a.tracks", Header()), 0, 3);
-  auto writer = TrackWriter::Resume(dir / "a.tracks");
+  TrackWriter writer = TrackWriter::Resume(dir / "a.tracks").value();
   EXPECT_THROW(writer.AppendFrame(Info(2), {}, {}), std::logic_error);
   writer.AppendFrame(Info(3), {}, {});
 }
@@ -550,7 +550,7 @@ TEST(TrackStore, AFullDiskIsOneErrorAndTheOldFileStays) {
   const auto done =
       static_cast<std::uint32_t>(ReadTrackFile(dir / "a.tracks.partial").frames.size());
   EXPECT_GT(done, 10u);
-  WriteFrames(TrackWriter::Resume(path), done, 1000).Finish();
+  WriteFrames(TrackWriter::Resume(path).value(), done, 1000).Finish();
   EXPECT_EQ(ReadTrackFile(path).tracks.observations().size(), 1000 * kFeatures);
 
   EXPECT_THAT(test::RunInChild([&] {

@@ -28,6 +28,7 @@ namespace {
 
 namespace fs = std::filesystem;
 using test::ProgramEnd;
+using test::ProgramPath;
 using test::RunCohort;
 using test::RunShell;
 using test::TempDir;
@@ -144,7 +145,7 @@ TEST_F(Commands, AFullOrClosedStderrIsNoReasonToEnd) {
   const std::string track = "track " + clip.string() + " --tracker klt --features 30 --out ";
   for (const char* to : {"2>/dev/full", "2>&-", "2> >(exit)"}) {
     // bash, for the last.
-    const std::string run = fmt::format("bash -c '{} ", COHORT_PROGRAM);
+    const std::string run = fmt::format("bash -c '{} ", ProgramPath());
     const std::string out = Path("a.tracks");
     const ProgramEnd good = RunShell(fmt::format("{}{}{} {}'", run, track, out, to));
     EXPECT_EQ(good.exit_code, 0) << to;
@@ -155,7 +156,7 @@ TEST_F(Commands, AFullOrClosedStderrIsNoReasonToEnd) {
     fs::remove(out);
   }
   // On a terminal there is a bar: `script` gives the program one.
-  const ProgramEnd on_terminal = RunShell(std::string("script -qec '") + COHORT_PROGRAM + " " +
+  const ProgramEnd on_terminal = RunShell(std::string("script -qec '") + ProgramPath() + " " +
                                           track + Path("a.tracks") + "' /dev/full");
   EXPECT_EQ(ReadTrackFile(Path("a.tracks")).frames.size(), 8U) << on_terminal.out;
 }
@@ -174,7 +175,7 @@ TEST_F(Commands, AFullOrClosedStdoutIsAFailureThatIsSaid) {
   }
   // A reader who leaves, with work to be done.
   const ProgramEnd left =
-      RunShell("bash -c '" + std::string(COHORT_PROGRAM) + " " + track + " > >(exit); echo $?'");
+      RunShell("bash -c '" + ProgramPath() + " " + track + " > >(exit); echo $?'");
   EXPECT_TRUE(ReadTrackFile(Path("a.tracks")).complete);
   EXPECT_THAT(left.out, testing::AnyOf("0\n", "1\n"));
 }
@@ -206,7 +207,7 @@ TEST_F(Commands, APathThatTheSystemRefusesIsNamedWithTheReason) {
 
   const std::string in_gone =
       "mkdir " + Path("gone") + " && cd " + Path("gone") + " && rmdir " + Path("gone") + " && ";
-  ExpectFailure(RunShell(in_gone + COHORT_PROGRAM + " synth a --frames 1"),
+  ExpectFailure(RunShell(in_gone + ProgramPath() + " synth a --frames 1"),
                 1,
                 AllOf(HasSubstr("the current folder is gone"), HasSubstr("change to another")));
 }
@@ -221,7 +222,7 @@ TEST_F(Commands, AFolderThatMayNotBeReadIsNamedWithTheReason) {
       return RunCohort(arguments).err;
     });
   };
-  if (!run("--version").empty()) GTEST_SKIP() << "others may not run " << COHORT_PROGRAM;
+  if (!run("--version").empty()) GTEST_SKIP() << "others may not run " << ProgramPath();
   EXPECT_EQ(run(Track(clip)),
             "cohort: error: cannot use " + clip + "/rgb.txt: Permission denied\n");
   fs::permissions(clip, fs::perms::owner_all);
@@ -634,7 +635,7 @@ TEST_F(Commands, AFolderThatCannotBeWritten) {
 TEST_F(Commands, AFullDiskKeepsTheOldFile) {
   const std::string clip = WriteImages(Path("clip"), 8);
   ASSERT_EQ(RunCohort(Track(clip)).exit_code, 0);
-  const std::string full = std::string("trap '' XFSZ; ulimit -f 4; ") + COHORT_PROGRAM + " ";
+  const std::string full = std::string("trap '' XFSZ; ulimit -f 4; ") + ProgramPath() + " ";
 
   WriteText(Path("a.csv"), "the old file");
   ExpectFailure(RunShell(full + "export " + Path("a.tracks") + " --csv " + Path("a.csv")),
@@ -658,9 +659,8 @@ TEST_F(Commands, WithoutColmapSaysHowToGetIt) {
   ExpectFailure(RunCohort(reconstruct + " --colmap-program " + Path("colmap")),
                 1,
                 AllOf(HasSubstr(Path("colmap")), HasSubstr("apt")));
-  ExpectFailure(RunShell("PATH=/nowhere " + std::string(COHORT_PROGRAM) + " " + reconstruct),
-                1,
-                HasSubstr("apt"));
+  ExpectFailure(
+      RunShell("PATH=/nowhere " + ProgramPath() + " " + reconstruct), 1, HasSubstr("apt"));
   EXPECT_FALSE(fs::exists(Path("m")));
 }
 
@@ -673,6 +673,16 @@ TEST_F(Commands, AFileThatIsNoTracksFile) {
   ExpectFailure(RunCohort("export " + Path("none.tracks") + " --csv " + Path("a.csv")),
                 1,
                 HasSubstr("none.tracks"));
+}
+
+TEST_F(Commands, ExportOfABlackClipSaysThatItIsEmpty) {
+  const std::string clip = Path("clip");
+  fs::create_directory(clip);
+  for (int i = 0; i < 3; ++i) cv::imwrite(ImagePath(clip, i), cv::Mat::zeros(120, 160, CV_8U));
+  Run(Track(clip));
+  const ProgramEnd end = RunCohort("export " + Path("a.tracks") + " --csv " + Path("a.csv"));
+  EXPECT_EQ(end.exit_code, 0);
+  EXPECT_THAT(end.err, HasSubstr("a.tracks has no observation of any track"));
 }
 
 TEST_F(Commands, ExportOfAVideoWritesTheFramesThatTheDatabaseNames) {
@@ -773,7 +783,7 @@ TEST_F(Commands, ReconstructsWithCeresAndJudgesTheModel) {
   const std::string again = "reconstruct " + Path("a.tracks") + " --quiet --out " + Path("m");
   const ProgramEnd killed = RunShell(fmt::format(
       "{} {} & pid=$!; while [ ! -d {}.partial ]; do sleep 0.005; done; kill -9 $pid; wait $pid",
-      COHORT_PROGRAM,
+      ProgramPath(),
       again,
       Path("m")));
   EXPECT_NE(killed.exit_code, 0);
@@ -917,7 +927,7 @@ class Interruption : public Commands {
     return RunShell(fmt::format(
         "{} {} & pid=$!; while [ \"$(stat -c %s {} 2>/dev/null || echo 0)\" -lt 60000 ]; do "
         "sleep 0.01; done; kill -{} $pid; wait $pid",
-        COHORT_PROGRAM,
+        ProgramPath(),
         Tracking("hurt"),
         Path("hurt.tracks"),
         signal));
@@ -958,8 +968,8 @@ TEST_F(Interruption, CtrlCEndsCleanlyAndResumes) {
 
 TEST_F(Interruption, AKillDuringTheSecondPassKeepsTheFirstAndResumes) {
   auto run = std::async(std::launch::async, [&] {
-    return RunShell(fmt::format(
-        "{} {} & echo $! > {}; wait $!", COHORT_PROGRAM, Tracking("hurt"), Path("pid")));
+    return RunShell(
+        fmt::format("{} {} & echo $! > {}; wait $!", ProgramPath(), Tracking("hurt"), Path("pid")));
   });
   while (!IsWritten("hurt")) std::this_thread::sleep_for(std::chrono::milliseconds(1));
   ::kill(std::stoi(ReadBytes(Path("pid"))), SIGKILL);
@@ -973,13 +983,120 @@ TEST_F(Interruption, AKillDuringTheSecondPassKeepsTheFirstAndResumes) {
   // What `auto` made is what `on` asks for.
   for (const char* const mode : {"", " --second-pass on"}) {
     const ProgramEnd again = RunShell(fmt::format("{} track {} --features 200 --resume --out {}{}",
-                                                  COHORT_PROGRAM,
+                                                  ProgramPath(),
                                                   clip_,
                                                   Path("hurt.tracks"),
                                                   mode));
     EXPECT_EQ(again.exit_code, 0) << again.err;
     EXPECT_THAT(again.err, HasSubstr("complete already"));
   }
+}
+
+TEST_F(Interruption, TwoThatGoOnAtOnceBothEndWell) {
+  EXPECT_EQ(RunAndSignal("KILL").exit_code, 128 + SIGKILL);
+  const ProgramEnd both =
+      RunShell(fmt::format("{0} {1} --resume & {0} {1} --resume; end=$?; wait $!; echo $? $end",
+                           ProgramPath(),
+                           Tracking("hurt")));
+  EXPECT_THAT(both.out, HasSubstr("0 0\n")) << both.err;
+  ASSERT_EQ(Csv("hurt"), 0);
+  EXPECT_EQ(ReadBytes(Path("hurt.csv")), ReadBytes(Path("peace.csv")));
+}
+
+TEST_F(Interruption, WhoeverUsesUnfinishedTracksIsTold) {
+  EXPECT_EQ(RunAndSignal("KILL").exit_code, 128 + SIGKILL);
+  EXPECT_THAT(RunCohort("export " + Path("hurt.tracks") + " --csv " + Path("h.csv")).err,
+              HasSubstr("hurt.tracks: tracking was interrupted; it holds"));
+}
+
+TEST_F(Interruption, SaysThatTheClipWasReplacedWhileItWasTracked) {
+  WriteImages(Path("long"), 200);
+  const std::string track = fmt::format(
+      "track {} --features 200 --second-pass off --quiet --out {}", Path("long"), Path("l.tracks"));
+  const ProgramEnd end = RunShell(
+      fmt::format("{} {} & pid=$!; while [ ! -e {} ]; do sleep 0.01; done; kill -STOP $pid; "
+                  "cp {}/000.png {}/199.png; kill -CONT $pid; wait $pid",
+                  ProgramPath(),
+                  track,
+                  Path("l.tracks"),
+                  Path("long"),
+                  Path("long")));
+  EXPECT_EQ(end.exit_code, 0) << end.err;
+  EXPECT_THAT(end.err, HasSubstr("long was changed while it was read"));
+  EXPECT_THAT(ReadTrackFile(Path("l.tracks")).meta.at("warning"), HasSubstr("was changed"));
+}
+
+TEST_F(Commands, SaysThatTheClipIsNotWhatItWasWhenItWasTracked) {
+  Run("synth " + Path("clip") + kMedium + " --frames 12");
+  Run("synth " + Path("other") + kMedium + " --frames 12 --seed 4");
+  Run("track " + Path("clip") + " --features 150 --second-pass off --out " + Path("a.tracks"));
+  Run("reconstruct " + Path("a.tracks") + " --out " + Path("m"));
+  const std::string refine =
+      "refine " + Path("a.tracks") + " --model " + Path("m") + " --quiet --out " + Path("b.tracks");
+  EXPECT_EQ(RunCohort(refine).err, "");
+  fs::rename(Path("clip"), Path("moved"));
+  fs::rename(Path("other"), Path("clip"));
+  EXPECT_THAT(RunCohort(refine).err, HasSubstr("clip is not what it was when"));
+  EXPECT_EQ(RunCohort(refine + " --images " + Path("moved")).err, "");
+
+  const std::string video = WriteVideo(Path("v.avi"), 8);
+  ASSERT_EQ(RunCohort(Track(video)).exit_code, 0);
+  WriteVideo(video, 9);
+  EXPECT_THAT(RunCohort("export " + Path("a.tracks") + " --colmap-database " + Path("c.db")).err,
+              HasSubstr("v.avi is not what it was when"));
+}
+
+TEST_F(Commands, SaysThatTheModelIsOfOtherTracks) {
+  for (const std::string clip : {"a", "b"}) {
+    const std::string seed = clip == "a" ? " --seed 1" : " --seed 2";
+    Run("synth " + Path(clip) + kMedium + " --frames 12" + seed);
+    Run("track " + Path(clip) + " --features 150 --out " + Path(clip + ".tracks"));
+    Run("reconstruct " + Path(clip + ".tracks") + " --out " + Path(clip + ".model"));
+  }
+  const auto problem_of = [this](const std::string& model) {
+    return RunCohort("export " + Path("a.tracks") + " --model " + Path(model) + " --quiet --bal " +
+                     Path("a.bal"));
+  };
+  EXPECT_EQ(problem_of("a.model").err, "");
+  const std::string of_others = problem_of("b.model").err;
+  EXPECT_THAT(of_others,
+              testing::AnyOf(HasSubstr("was made of other tracks than"), HasSubstr("is no track")));
+  // Measured again where the model says they are, they are still its tracks.
+  Run("refine " + Path("a.tracks") + " --model " + Path("a.model") + " --out " +
+      Path("./a.tracks"));
+  EXPECT_EQ(problem_of("a.model").err, "");
+}
+
+TEST_F(Commands, ExportOfAPieceReplacesThePicturesOfTheWhole) {
+  const std::string video = WriteVideo(Path("v.avi"), 8);
+  const std::string to_colmap =
+      "export " + Path("a.tracks") + " --quiet --colmap-database " + Path("c.db");
+  Run(Track(video));
+  Run(to_colmap);
+  Run(Track(video, "--frames 0:4"));
+  Run(to_colmap);
+  EXPECT_TRUE(fs::exists(Path("c_images/frame_000003.png")));
+  EXPECT_FALSE(fs::exists(Path("c_images/frame_000004.png")));
+  // Another's picture is in the way: nothing is replaced.
+  WriteText(Path("c_images/mine.png"), "mine");
+  const std::string before = ReadBytes(Path("c.db"));
+  Run(Track(video));
+  ExpectFailure(RunCohort(to_colmap), 1, HasSubstr("mine.png"));
+  EXPECT_EQ(ReadBytes(Path("c.db")), before);
+}
+
+TEST_F(Commands, TracksThatAreCompleteGiveTheirFiguresToo) {
+  const std::string clip = WriteImages(Path("clip"), 8);
+  Run(Track(clip, "--json " + Path("first.json")));
+  fs::create_directory_symlink(Path("clip"), Path("link"));  // another spelling of the same
+  const ProgramEnd again = RunCohort(Track(Path("link"), "--resume --json " + Path("again.json")));
+  EXPECT_EQ(again.exit_code, 0) << again.err;
+  const auto first = ReadJson(Path("first.json"));
+  const auto second = ReadJson(Path("again.json"));
+  for (const char* figure : {"frames", "tracks", "observations", "predicted", "cuts"}) {
+    EXPECT_EQ(first.at(figure), second.at(figure)) << figure;
+  }
+  EXPECT_TRUE(second.at("ms_per_frame").is_null());
 }
 
 // As a kill leaves it that comes when all is written and nothing renamed.
@@ -1110,7 +1227,7 @@ TEST_F(Commands, AFileThatMayNotGrowIsOneLineAndTheOldOneStays) {
   const std::string clip = WriteImages(Path("clip"), 8);
   ASSERT_EQ(RunCohort(Track(clip)).exit_code, 0);
   for (const char* name : {"old.csv", "old.npz", "old.db", "old.mp4"}) WriteText(Path(name), "old");
-  const std::string limited = std::string("ulimit -f 1; ") + COHORT_PROGRAM + " ";
+  const std::string limited = std::string("ulimit -f 1; ") + ProgramPath() + " ";
   const std::string tracks = Path("a.tracks");
   for (const std::string& line : {"export " + tracks + " --csv " + Path("old.csv"),
                                   "export " + tracks + " --npz " + Path("old.npz"),
@@ -1166,7 +1283,7 @@ TEST_F(Commands, CompareMeasuresEveryCellAndResumes) {
   ASSERT_EQ(RunCohort(compare + "2 --shard 1/2").exit_code, 0);
   EXPECT_THAT(RunCohort(compare + "2 --collect").err, HasSubstr("1 of 2 cells are not finished"));
   fs::remove_all(Path("out2"));
-  const std::string shard = std::string(COHORT_PROGRAM) + " " + compare + "2 --shard ";
+  const std::string shard = ProgramPath() + " " + compare + "2 --shard ";
   const ProgramEnd shards = RunShell(shard + "0/2 & first=$!; " + shard + "1/2 && wait $first");
   ASSERT_EQ(shards.exit_code, 0) << shards.err;
   const std::string of_the_last = ReadBytes(Path("out2/results.csv"));
@@ -1276,6 +1393,57 @@ TEST_F(Commands, CompareDoesAgainWhatAChangedClipMakesStale) {
   EXPECT_THAT(failures[1]["reason"], StartsWith("tracking failed: "));
 }
 
+TEST_F(Commands, CompareTakesNoCellOfAnotherClipOrOfOtherOptions) {
+  Run("synth " + Path("clip") + kSmall + " --frames 8");
+  const auto compare = [this](const std::string& more) {
+    return RunCohort("compare " + Path("clip") +
+                     " --trackers klt,subspace --backends triangulation --levels clean --quiet "
+                     "--out " +
+                     Path("grid") + more);
+  };
+  const auto frames_of_cells = [this] {
+    std::vector<double> frames;
+    const nlohmann::json results = ReadJson(Path("grid/results.json"));
+    for (const auto& row : results.at("rows")) {
+      if (row.at("metric") == "frames") frames.push_back(row.at("value"));
+    }
+    return frames;
+  };
+  ASSERT_EQ(compare(" --features 30").exit_code, 0);
+  EXPECT_EQ(frames_of_cells(), std::vector<double>(2, 8.0));
+  // Other options: nothing of it is there.
+  ExpectFailure(compare(" --features 20 --collect"), 1, HasSubstr("no cell of this grid"));
+  // Another clip of that name, half of it done.
+  fs::remove_all(Path("clip"));
+  Run("synth " + Path("clip") + kSmall + " --frames 10 --seed 9");
+  const ProgramEnd half = compare(" --features 30 --shard 0/2 --resume");
+  ASSERT_EQ(half.exit_code, 0) << half.err;
+  EXPECT_EQ(frames_of_cells(), std::vector<double>(1, 10.0));
+  ASSERT_EQ(compare(" --features 30 --shard 1/2 --resume").exit_code, 0);
+  EXPECT_EQ(frames_of_cells(), std::vector<double>(2, 10.0));
+}
+
+TEST_F(Commands, CompareMakesAnewWhatWasDeleted) {
+  Run("synth " + Path("clip") + kSmall + " --frames 8");
+  const auto compare = [this](const std::string& clip, const std::string& more) {
+    return RunCohort("compare " + Path(clip) +
+                     " --trackers klt --levels medium --features 30 --quiet --resume --out " +
+                     Path("grid") + more);
+  };
+  ASSERT_EQ(compare("clip", " --backends triangulation").exit_code, 0);
+  const fs::path cell = dir_ / "grid/cells/clip/medium/1";
+  fs::remove(cell / "klt/clip.tracks");
+  fs::remove_all(cell / "frames");
+  const ProgramEnd end = compare("clip", " --backends triangulation,ceres");
+  EXPECT_THAT(end.out, Not(HasSubstr("FAILED"))) << end.err;
+  EXPECT_TRUE(fs::exists(cell / "klt/clip.tracks"));
+  EXPECT_TRUE(fs::exists(cell / "frames"));
+  // Another spelling of the clip is the same clip.
+  const auto written = fs::last_write_time(cell / "klt/tracks.json");
+  ASSERT_EQ(compare("grid/../clip", " --backends triangulation,ceres").exit_code, 0);
+  EXPECT_EQ(fs::last_write_time(cell / "klt/tracks.json"), written);
+}
+
 TEST_F(Commands, CompareDoesAgainWhatAnotherProgramDid) {
   const std::string clip = WriteImages(Path("clip"), 6);
   const std::string compare =
@@ -1284,7 +1452,7 @@ TEST_F(Commands, CompareDoesAgainWhatAnotherProgramDid) {
   EXPECT_THAT(RunCohort(compare).err, HasSubstr("track: 1 of 1 are done already"));
   // The same program but for one byte behind its end, which nothing reads.
   const std::string changed = Path("changed");
-  fs::copy_file(COHORT_PROGRAM, changed);
+  fs::copy_file(ProgramPath(), changed);
   std::ofstream(changed, std::ios::app) << '\n';
   const ProgramEnd end = RunShell(changed + " " + compare);
   EXPECT_EQ(end.exit_code, 0) << end.err;
@@ -1296,7 +1464,7 @@ TEST_F(Commands, CompareTakesAGlobOfTheFolderItRunsIn) {
   const ProgramEnd end =
       RunShell(fmt::format("cd {} && {} compare '*.png' --trackers klt --backends ceres --out {}",
                            clip,
-                           COHORT_PROGRAM,
+                           ProgramPath(),
                            Path("out")));
   EXPECT_EQ(end.exit_code, 0) << end.err;
 }
@@ -1313,7 +1481,7 @@ TEST_F(Commands, AKilledCompareResumesAndGivesTheSame) {
   const ProgramEnd killed = RunShell(
       fmt::format("{} {} & pid=$!; while [ ! -f {} ]; do sleep 0.005; done; kill -9 $pid; wait "
                   "$pid",
-                  COHORT_PROGRAM,
+                  ProgramPath(),
                   compare("hurt"),
                   Path("hurt/cells/clip/clean/1/klt/tracks.json")));
   EXPECT_EQ(killed.exit_code, 128 + SIGKILL);

@@ -35,10 +35,11 @@ class RefineColmap : public testing::Test {
 // As somebody would who has never heard of tracks: COLMAP finds the camera itself.
 TEST_F(RefineColmap, AModelOfSiftHasLessErrorAfterwardsAndColmapReadsIt) {
   constexpr const char* kQuiet = " > /dev/null 2>&1";
-  Run(COHORT_PROGRAM " synth " + path("clip") +
+  Run(test::ProgramPath() + " synth " + path("clip") +
       " --width-px 320 --height-px 240 --focal-px 260 "
       "--frames 20 --quiet");
-  Run(COHORT_PROGRAM " degrade " + path("clip") + " " + path("dark") + " --level 0.5 --quiet");
+  Run(test::ProgramPath() + " degrade " + path("clip") + " " + path("dark") +
+      " --level 0.5 --quiet");
   const std::string images = " --image_path " + path("dark/rgb");
   const std::string database = " --database_path " + path("db.db");
   const bool is_old =
@@ -58,7 +59,7 @@ TEST_F(RefineColmap, AModelOfSiftHasLessErrorAfterwardsAndColmapReadsIt) {
   const auto made = ReadLargestColmapModel(path("sparse"));
   ASSERT_TRUE(made);
   const ColmapModel& before = made->model;
-  Run(COHORT_PROGRAM " refine --quiet --model " + made->folder.string() + " --images " +
+  Run(test::ProgramPath() + " refine --quiet --model " + made->folder.string() + " --images " +
       path("dark") + " --out " + path("refined"));
   const ColmapModel after = ReadColmapModel(path("refined"));
   EXPECT_EQ(after.images.size(), before.images.size());

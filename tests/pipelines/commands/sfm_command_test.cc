@@ -131,7 +131,7 @@ TEST_F(Sfm, GoesOnWhereItWasKilled) {
   int kills = 0;
   for (double seconds = 0.2; !fs::exists(killed / "summary.json") && kills < 40; seconds *= 1.3) {
     test::RunShell(
-        "timeout -s KILL " + std::to_string(seconds) + " " + COHORT_PROGRAM + " sfm " +
+        "timeout -s KILL " + std::to_string(seconds) + " " + test::ProgramPath() + " sfm " +
         (*dir_ / "clip").string() +
         " --camera 260,260,159.5,119.5,-0.1,0.02 --features 200 --quiet --resume --out " +
         killed.string());

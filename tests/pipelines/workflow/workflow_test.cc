@@ -76,7 +76,7 @@ grid:
   std::string Shell() const {
     return fmt::format("cd {} && export PATH={}:$PATH{} && ",
                        dir_.path().string(),
-                       fs::path(COHORT_PROGRAM).parent_path().string(),
+                       test::BuildDir().string(),
                        environment_);
   }
 
