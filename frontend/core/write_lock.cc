@@ -78,12 +78,16 @@ WriteLock WriteLock::OfNew(const fs::path& path, bool folder) {
   for (int attempt = 0; error == EEXIST && attempt < 100; ++attempt) {
     // Held while it is removed, so that nobody else's new one is.
     const WriteLock old(Open(path));
+    const bool nothing_there = old.descriptor_ < 0 && errno == ENOENT;
     if (old.descriptor_ >= 0) {
       LockOrThrow(old.descriptor_, path, LOCK_EX);
       if (!IsAt(path, old.descriptor_)) continue;
     }
-    error = Remove(path, folder);
-    if (error != 0) break;
+    // Where nothing was, another run may have put its own by now.
+    if (!nothing_there) {
+      error = Remove(path, folder);
+      if (error != 0) break;
+    }
     int descriptor = -1;
     error = Make(path, folder, &descriptor);
     WriteLock made(descriptor);

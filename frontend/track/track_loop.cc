@@ -72,6 +72,7 @@ FrameResult TrackLoop::Track(const Frame& frame) {
 void TrackLoop::CheckSize(const cv::Size& size) {
   if (!previous_frame_) {
     size_ = size;
+    Check(mask_.empty() || mask_.type() == CV_8UC1, "masks have one channel of 8 bits");
     if (!mask_.empty() && mask_.size() != size_) {
       ThrowError("the mask is {}x{}, the frames are {}x{}: give a mask of the frames' size",
                  mask_.cols,

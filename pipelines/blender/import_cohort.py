@@ -46,9 +46,35 @@ class ImportFailed(Exception):
     """What is wrong, where, and what to do."""
 
 
+# What the reading of a file that is not as it should be ends in.
+BAD = (ArithmeticError, AttributeError, IndexError, KeyError, OSError, RecursionError, TypeError, ValueError)
+
+
 def read(path):
     """The Model in a folder, or of a transforms.json."""
     path = os.path.abspath(path)
+    try:
+        model = read_model(path)
+    except BAD as error:
+        raise ImportFailed(f"{path} is not as cohort writes it: {error!r}") from error
+    return checked(model, path)
+
+
+def checked(model, path):
+    """With numbers that a scene can have."""
+    camera = model.camera
+    if not all(0 < value < 2**31 for value in (*camera[:2], camera.fx, camera.fy)):
+        raise ImportFailed(f"{path}: the camera {camera[:6]} is none")
+    poses = [frame.world_from_blender for frame in model.frames]
+    numbers = (camera[:6], poses, model.points, model.colours)
+    if not all(np.isfinite(np.asarray(values, float)).all() for values in numbers):
+        raise ImportFailed(f"{path} has numbers that are not finite")
+    if model.fps is not None and not 0 < model.fps < 1e6:
+        return model._replace(fps=None)
+    return model
+
+
+def read_model(path):
     if os.path.isfile(path):
         return read_transforms(path)
     if os.path.isfile(os.path.join(path, "cameras.txt")):
@@ -75,7 +101,7 @@ def data_lines(path):
 def read_colmap(folder, trajectory, images):
     try:
         return parse_colmap(folder, trajectory, images)
-    except (IndexError, KeyError, ValueError) as error:
+    except BAD as error:
         raise ImportFailed(f"{folder} is no model in COLMAP's text form: {error!r}") from error
 
 
@@ -160,7 +186,7 @@ def read_transforms(path):
             )
             for i, frame in enumerate(scene["frames"])
         ]
-    except (OSError, KeyError, TypeError, ValueError) as error:
+    except BAD as error:
         raise ImportFailed(f"{path} is no transforms.json with one camera: {error!r}") from error
     if not frames:
         raise ImportFailed(f"{path} has no frames")
@@ -174,6 +200,8 @@ def read_transforms(path):
 
 
 def read_ply(path):
+    if os.path.exists(path) and not os.path.isfile(path):
+        raise ImportFailed(f"cannot read {path}: it is no file")
     try:
         with open(path, "rb") as file:
             head, _, body = file.read().partition(b"end_header\n")

@@ -182,19 +182,13 @@ void TrackFrames(SequenceTracker& tracker,
   TellCuts(figures.cuts, first, writer);
 }
 
-// With the clip, when all was read: also said in the log.
+// Also in the log; empty: nothing.
 std::string WhatWasWrong(const Sequence& sequence,
                          const TrackFile& header,
                          const std::string& input) {
-  std::vector<std::string> warnings;
-  if (!sequence.Warning().empty()) warnings.push_back(sequence.Warning());
-  const auto was = header.meta.find("fingerprint");
-  if (was != header.meta.end() && was->second != FingerprintOfFrames(sequence)) {
-    warnings.push_back(
-        fmt::format("{} was changed while it was read: the tracks may be of two clips", input));
-  }
-  for (const std::string& warning : warnings) spdlog::warn("{}", warning);
-  return fmt::format("{}", fmt::join(warnings, "; "));
+  std::string warning = WarningOfClip(sequence, header, input);
+  if (!warning.empty()) spdlog::warn("{}", warning);
+  return warning;
 }
 
 }  // namespace

@@ -70,8 +70,6 @@ struct TrackFigures {
   double PerFrame(double ms) const { return frames == 0 ? 0.0 : ms / static_cast<double>(frames); }
 };
 
-// In .tracks: what was wrong with the clip, as that it ended before its last frame.
-inline constexpr const char* kWarningMeta = "warning";
 // Says it again where the work is done already.
 void WarnAgain(const TrackFile& tracks);
 

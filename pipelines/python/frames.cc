@@ -91,18 +91,22 @@ cv::Mat GrayOfArray(const py::object& object, bool rgb, const std::string& what)
                what,
                std::string(py::str(py::type::of(object).attr("__name__"))));
   }
-  const py::array array = py::array::ensure(object, py::array::c_style);
-  const bool is_8_bit = py::isinstance<py::array_t<std::uint8_t>>(array);
-  if (!is_8_bit && !py::isinstance<py::array_t<std::uint16_t>>(array)) {
-    ThrowError("{} has {} pixels: give uint8 or uint16", what, std::string(py::str(array.dtype())));
+  const auto given = py::reinterpret_borrow<py::array>(object);
+  const bool is_8_bit = py::isinstance<py::array_t<std::uint8_t>>(given);
+  if (!is_8_bit && !py::isinstance<py::array_t<std::uint16_t>>(given)) {
+    ThrowError("{} has {} pixels: give uint8 or uint16", what, std::string(py::str(given.dtype())));
   }
-  const py::ssize_t channels = array.ndim() == 2 ? 1 : array.ndim() == 3 ? array.shape(2) : 0;
-  if ((channels != 1 && channels != 3) || array.size() == 0 || array.shape(0) > 1 << 20 ||
-      array.shape(1) > 1 << 20) {
-    ThrowError("{} has the shape {}: give (height, width) or (height, width, 3)",
-               what,
-               std::string(py::str(object.attr("shape"))));
+  const py::ssize_t channels = given.ndim() == 2 ? 1 : given.ndim() == 3 ? given.shape(2) : 0;
+  const auto shape = [&] { return std::string(py::str(given.attr("shape"))); };
+  if ((channels != 1 && channels != 3) || given.size() == 0) {
+    ThrowError("{} has the shape {}: give (height, width) or (height, width, 3)", what, shape());
   }
+  constexpr py::ssize_t kMostPixels = py::ssize_t{1} << 30;  // as of files
+  if (given.shape(0) > kMostPixels / given.shape(1)) {
+    ThrowError("{} has the shape {}: up to 2^30 pixels are read", what, shape());
+  }
+  const py::array array = py::array::ensure(given, py::array::c_style);
+  if (!array) ThrowError("there is no memory for a copy of {}, of shape {}", what, shape());
   const int depth = is_8_bit ? CV_8U : CV_16U;
   const cv::Mat picture(static_cast<int>(array.shape(0)),
                         static_cast<int>(array.shape(1)),

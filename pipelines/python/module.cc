@@ -10,6 +10,7 @@
 #include <chrono>
 #include <filesystem>
 #include <memory>
+#include <mutex>
 #include <nlohmann/json.hpp>
 #include <opencv2/core/utility.hpp>
 #include <optional>
@@ -24,6 +25,7 @@
 #include "backend/colmap/tracks_to_database.h"
 #include "frontend/core/interruption.h"
 #include "frontend/core/output.h"
+#include "frontend/geometry/camera_fault.h"
 #include "frontend/geometry/camera_text.h"
 #include "frontend/tracks/track_csv.h"
 #include "frontend/tracks/track_store.h"
@@ -31,6 +33,8 @@
 #include "pipelines/json/option_list.h"
 #include "pipelines/python/arrays.h"
 #include "pipelines/python/frames.h"
+#include "pipelines/python/gil.h"
+#include "pipelines/sfm/fingerprint.h"
 #include "pipelines/sfm/input.h"
 #include "pipelines/sfm/reconstruct.h"
 #include "pipelines/sfm/summary_json.h"
@@ -77,7 +81,11 @@ struct RefineArguments {
 template <typename Options>
 Options FromJsonText(const std::string& json, const std::string& function) {
   Options options;
-  SetFromJson(ListOptions(options), Json::parse(json), function);
+  try {
+    SetFromJson(ListOptions(options), Json::parse(json), function);
+  } catch (const Json::exception& e) {  // names that are no text, numbers that fit none
+    ThrowUsageError("{}: the options are none that JSON can hold ({})", function, e.what());
+  }
   return options;
 }
 
@@ -95,20 +103,26 @@ std::string DefaultOptions(const std::string& function) {
                   function);
 }
 
-// While one lives, OpenCV has as many threads as asked for; 0: as before.
+// While one lives, OpenCV has as many threads as asked for; 0: as before. Of several calls at once the
+// last that was asked counts, and the last that ends puts back what was before all of them.
 class ThreadsOfOpenCv {
  public:
-  explicit ThreadsOfOpenCv(int threads) : before_(cv::getNumThreads()) {
+  explicit ThreadsOfOpenCv(int threads) {
+    const std::lock_guard lock(mutex);
+    if (alive++ == 0) before = cv::getNumThreads();
     if (threads > 0) cv::setNumThreads(threads);
   }
   ThreadsOfOpenCv(const ThreadsOfOpenCv&) = delete;
   ThreadsOfOpenCv& operator=(const ThreadsOfOpenCv&) = delete;
   ~ThreadsOfOpenCv() {
-    if (cv::getNumThreads() != before_) cv::setNumThreads(before_);
+    const std::lock_guard lock(mutex);
+    if (--alive == 0 && cv::getNumThreads() != before) cv::setNumThreads(before);
   }
 
  private:
-  int before_;
+  static inline std::mutex mutex;
+  static inline int alive = 0;
+  static inline int before = 0;
 };
 
 // Throws KeyboardInterrupt after Ctrl-C, or what else a signal's handler raises. May be called as often
@@ -118,6 +132,7 @@ void RaiseOfSignals() {
   const auto now = std::chrono::steady_clock::now();
   if (now - asked < std::chrono::milliseconds(10)) return;
   asked = now;
+  if (CallWithoutGil::MustEnd()) ThrowError("the interpreter exits");
   const py::gil_scoped_acquire gil;
   if (PyErr_CheckSignals() != 0) throw py::error_already_set();
 }
@@ -140,13 +155,29 @@ std::unique_ptr<Sequence> OpenArrays(const ClipArgument& clip, bool rgb, bool ke
 }
 
 cv::Mat MaskOf(const std::optional<py::object>& array, const std::string& path) {
-  return array ? GrayOfArray(*array, false, "the mask") : ReadMask(path);
+  if (!array) return ReadMask(path);
+  cv::Mat mask = GrayOfArray(*array, false, "the mask");
+  if (mask.depth() != CV_8U) mask = mask > 0;
+  return mask;
+}
+
+// Throws Error unless it is of pictures of that size.
+Camera CameraOfPictures(const Camera& camera, int width_px, int height_px) {
+  if (camera.width_px != width_px || camera.height_px != height_px) {
+    ThrowError("the camera is of pictures of {}x{}, these are {}x{}: give that of these",
+               camera.width_px,
+               camera.height_px,
+               width_px,
+               height_px);
+  }
+  return camera;
 }
 
 TrackFile Track(const ClipArgument& clip,
                 const std::string& options,
                 bool rgb,
                 const std::optional<py::object>& mask_array,
+                const std::optional<Camera>& camera,
                 const py::object& callback) {
   TrackArguments arguments = FromJsonText<TrackArguments>(options, "track()");
   const bool second_pass = WantsSecondPass(arguments.second_pass.mode, arguments.tracker);
@@ -154,7 +185,7 @@ TrackFile Track(const ClipArgument& clip,
   std::unique_ptr<Sequence> sequence = OpenArrays(clip, rgb, second_pass);
   const StageProgress progress = ProgressTo(callback);
 
-  const py::gil_scoped_release no_gil;
+  const CallWithoutGil no_gil;
   const InterruptionCheck interruption(RaiseOfSignals);
   const ThreadsOfOpenCv threads(arguments.threads);
   // Destroyed without the GIL, which the thread that reads ahead may wait for.
@@ -173,8 +204,16 @@ TrackFile Track(const ClipArgument& clip,
   file.meta["program"] = fmt::format("cohort {}", kVersion);
   file.meta["frames"] = arguments.input.frames;
   file.meta["mask"] = AbsolutePath(arguments.mask);
-  if (!second_pass) return file;
-  return WithSecondPass(std::move(file), *opened, mask, arguments.second_pass, progress).file;
+  if (!arguments.mask.empty()) {
+    file.meta["mask_fingerprint"] = FingerprintOfClip(arguments.mask);
+  }
+  if (camera) file.camera = CameraOfPictures(*camera, file.width_px, file.height_px);
+  if (second_pass) {
+    file = WithSecondPass(std::move(file), *opened, mask, arguments.second_pass, progress).file;
+  }
+  const std::string warning = WarningOfClip(*opened, file, arguments.input.input);
+  if (!warning.empty()) file.meta[kWarningMeta] = warning;
+  return file;
 }
 
 TrackFile Refine(const TrackFile& file,
@@ -183,14 +222,16 @@ TrackFile Refine(const TrackFile& file,
                  const std::string& options,
                  bool rgb,
                  const std::optional<py::object>& mask_array,
+                 const fs::path& mask_path,
                  const py::object& callback) {
   const auto arguments = FromJsonText<RefineArguments>(options, "refine()");
-  const auto mask_path = file.meta.find("mask");  // that the tracks were made with
-  const cv::Mat mask = MaskOf(mask_array, mask_path == file.meta.end() ? "" : mask_path->second);
+  const auto of_tracks = file.meta.find("mask");  // that they were made with
+  const bool as_before = mask_path.empty() && of_tracks != file.meta.end();
+  const cv::Mat mask = MaskOf(mask_array, as_before ? of_tracks->second : mask_path.string());
   std::unique_ptr<Sequence> sequence = OpenArrays(clip, rgb, true);
   const StageProgress progress = ProgressTo(callback);
 
-  const py::gil_scoped_release no_gil;
+  const CallWithoutGil no_gil;
   const InterruptionCheck interruption(RaiseOfSignals);
   const std::unique_ptr<Sequence> opened =
       sequence ? std::move(sequence) : OpenSequence(std::get<fs::path>(clip));
@@ -210,7 +251,7 @@ Model ReconstructTracks(const TrackFile& file,
                         const py::object& callback) {
   const auto arguments = FromJsonText<ReconstructOptions>(options, "reconstruct()");
   const StageProgress progress = ProgressTo(callback);
-  const py::gil_scoped_release no_gil;
+  const CallWithoutGil no_gil;
   const InterruptionCheck interruption(RaiseOfSignals);
   ReconstructResult result = folder ? ReconstructIntoFolder(file, arguments, *folder, progress)
                                     : Reconstruct(file, arguments, {}, progress);
@@ -220,7 +261,9 @@ Model ReconstructTracks(const TrackFile& file,
 
 Model ReadModel(const fs::path& folder) {
   Model model{ReadModelFolder(folder), "{}", {}};
-  if (fs::exists(folder / "summary.json")) model.summary = ReadBytes(folder / "summary.json");
+  std::error_code error;
+  if (fs::exists(folder / "summary.json", error))
+    model.summary = ReadBytes(folder / "summary.json");
   return model;
 }
 
@@ -242,10 +285,19 @@ TrackFile MakeTracks(const py::array_t<ObservationRow>& rows,
                      int width_px,
                      int height_px,
                      const std::optional<Camera>& camera) {
+  if (width_px < 1 || height_px < 1 || width_px > kMaxPictureSidePx ||
+      height_px > kMaxPictureSidePx) {
+    ThrowUsageError(
+        "no picture has {} x {} px: give width_px and height_px of the clip", width_px, height_px);
+  }
+  constexpr std::uint32_t kMostFrames = 10'000'000;
+  if (frames > kMostFrames) {
+    ThrowUsageError("a clip of {} frames: up to {} are taken, counted from 0", frames, kMostFrames);
+  }
   TrackFile file;
   file.width_px = width_px;
   file.height_px = height_px;
-  file.camera = camera;
+  if (camera) file.camera = CameraOfPictures(*camera, width_px, height_px);
   file.meta = {{"program", fmt::format("cohort {}", kVersion)}, {"tracker", "import"}};
   file.tracks = ToTracks(rows);
   if (!file.tracks.frames().empty() && ToInt(file.tracks.frames().back()) >= frames) {
@@ -287,6 +339,14 @@ std::vector<std::tuple<std::uint32_t, std::uint32_t, std::string>> EndsOf(const 
   return ends;
 }
 
+// Names of files need not be UTF-8: their other bytes are surrogates, as in Python's own paths.
+void SetError(const py::handle& type, const std::string& what) {
+  const std::string line = OneLine(what);
+  const auto text = py::reinterpret_steal<py::object>(
+      PyUnicode_DecodeUTF8(line.data(), static_cast<Py_ssize_t>(line.size()), "surrogateescape"));
+  PyErr_SetObject(type.ptr(), text.ptr());
+}
+
 void BindErrors(py::module_& module) {
   static const py::exception<Error> error(module, "Error", PyExc_RuntimeError);
   const py::tuple bases = py::make_tuple(error, py::handle(PyExc_ValueError));
@@ -296,9 +356,16 @@ void BindErrors(py::module_& module) {
         try {
           if (pointer) std::rethrow_exception(pointer);
         } catch (const UsageError& e) {
-          PyErr_SetString(usage_error.ptr(), e.what());
+          SetError(usage_error, e.what());
         } catch (const Error& e) {
-          PyErr_SetString(error.ptr(), e.what());
+          SetError(error, e.what());
+        } catch (const fs::filesystem_error& e) {
+          SetError(error,
+                   fmt::format("{}: {}",
+                               e.path1().empty() ? "the empty path" : e.path1().string(),
+                               e.code().message()));
+        } catch (const cv::Exception& e) {
+          SetError(error, fmt::format("OpenCV: {}", e.err));
         }
       });
 }
@@ -325,6 +392,9 @@ void BindCamera(py::module_& module) {
              camera.width_px = width_px;
              camera.height_px = height_px;
              camera.known = known;
+             if (const std::string fault = FaultOf(camera); !fault.empty()) {
+               ThrowUsageError("the camera: {}", fault);
+             }
              return camera;
            }),
            py::arg("width_px"),
@@ -418,7 +488,7 @@ void BindTrackFile(py::module_& module) {
       .def("observations", [](const TrackFile& file) { return ToArray(file.tracks); });
 
   module.attr("OBSERVATION") = py::dtype::of<ObservationRow>();
-  using NoGil = py::call_guard<py::gil_scoped_release>;
+  using NoGil = py::call_guard<CallWithoutGil>;
   module.def("make_tracks",
              &MakeTracks,
              py::arg("rows"),
@@ -487,7 +557,7 @@ void BindModel(py::module_& module) {
       .def("points", [](const Model& model) { return PointsOf(model.reconstruction); })
       .def("views", [](const Model& model) { return ViewsOf(model.reconstruction); });
 
-  module.def("read_model", &ReadModel, py::arg("folder"), py::call_guard<py::gil_scoped_release>());
+  module.def("read_model", &ReadModel, py::arg("folder"), py::call_guard<CallWithoutGil>());
   module.def(
       "write_model",
       [](const fs::path& folder, const Model& model) {
@@ -495,7 +565,7 @@ void BindModel(py::module_& module) {
       },
       py::arg("folder"),
       py::arg("model"),
-      py::call_guard<py::gil_scoped_release>());
+      py::call_guard<CallWithoutGil>());
 }
 
 void BindWork(py::module_& module) {
@@ -506,6 +576,7 @@ void BindWork(py::module_& module) {
              py::arg("options"),
              py::arg("rgb"),
              py::arg("mask"),
+             py::arg("camera"),
              py::arg("progress"));
   module.def("reconstruct",
              &ReconstructTracks,
@@ -521,8 +592,9 @@ void BindWork(py::module_& module) {
          const std::string& options,
          bool rgb,
          const std::optional<py::object>& mask,
+         const fs::path& mask_path,
          const py::object& progress) {
-        return Refine(tracks, model.reconstruction, clip, options, rgb, mask, progress);
+        return Refine(tracks, model.reconstruction, clip, options, rgb, mask, mask_path, progress);
       },
       py::arg("tracks"),
       py::arg("model"),
@@ -530,6 +602,7 @@ void BindWork(py::module_& module) {
       py::arg("options"),
       py::arg("rgb"),
       py::arg("mask"),
+      py::arg("mask_path"),
       py::arg("progress"));
 }
 
@@ -542,6 +615,7 @@ PYBIND11_MODULE(_cohort, module) {
   BindTrackFile(module);
   BindModel(module);
   BindWork(module);
+  py::module_::import("atexit").attr("register")(py::cpp_function(&CallWithoutGil::AwaitCalls));
 }
 
 }  // namespace

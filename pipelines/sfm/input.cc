@@ -52,6 +52,19 @@ void DescribeInput(const InputOptions& options, const Sequence& sequence, TrackF
   file.camera = KnownCamera(options, sequence, file.width_px, file.height_px);
 }
 
+std::string WarningOfClip(const Sequence& sequence,
+                          const TrackFile& file,
+                          const std::string& input) {
+  std::vector<std::string> warnings;
+  if (!sequence.Warning().empty()) warnings.push_back(sequence.Warning());
+  const auto was = file.meta.find("fingerprint");
+  if (was != file.meta.end() && was->second != FingerprintOfFrames(sequence)) {
+    warnings.push_back(
+        fmt::format("{} was changed while it was read: the tracks may be of two clips", input));
+  }
+  return fmt::format("{}", fmt::join(warnings, "; "));
+}
+
 std::string AbsolutePath(const std::filesystem::path& path) {
   return path.empty() ? "" : std::filesystem::absolute(path).lexically_normal().string();
 }

@@ -59,6 +59,13 @@ std::optional<Camera> KnownCamera(const InputOptions& options,
 // camera and, of files, meta["fingerprint"] (FingerprintOfFrames).
 void DescribeInput(const InputOptions& options, const Sequence& sequence, TrackFile& file);
 
+// In .tracks: what was wrong with the clip, as that it ended before its last frame.
+inline constexpr const char* kWarningMeta = "warning";
+// The same of a clip that was read, whose DescribeInput `file` has; empty: nothing.
+std::string WarningOfClip(const Sequence& sequence,
+                          const TrackFile& file,
+                          const std::string& input);
+
 // Absolute and without dots, as a .tracks file names input; empty stays empty.
 std::string AbsolutePath(const std::filesystem::path& path);
 // The same for every spelling of a path, also through links: to compare by.

@@ -53,6 +53,7 @@ Clip = Union[Path, Iterable[Array]]
 OBSERVATION: np.dtype[Any] = _cohort.OBSERVATION
 
 _log = logging.getLogger("cohort")
+_ma: Any = np.ma  # its functions have no types
 
 # Options of the program that name files, or that only a program can have.
 _OF_THE_PROGRAM = ("input", "out", "resume", "json", "tracks", "model", "images")
@@ -123,14 +124,14 @@ class Tracks:
         many the clip has; without, up to the last one observed.
         """
         table = rows if isinstance(rows, Mapping) else {n: rows[n] for n in rows.dtype.names or ()}
-        columns = {name: np.asarray(column) for name, column in table.items()}
+        columns = {name: _unmasked(name, column) for name, column in table.items()}
         missing = [name for name in ("frame", "track_id", "x", "y") if name not in columns]
         if missing:
             raise UsageError(f"the observations have no column {missing[0]}")
         unknown = [name for name in columns if name not in (OBSERVATION.names or ())]
         if unknown:
             raise UsageError(f"the observations have a column {unknown[0]}, which nobody knows")
-        count = len(columns["frame"])
+        count = columns["frame"].size
         array = np.zeros(count, OBSERVATION)
         array["observed"] = True
         for name in ("cov_xx", "cov_xy", "cov_yy"):
@@ -140,7 +141,7 @@ class Tracks:
                 raise UsageError(f"column {name} has the shape {column.shape}, frame ({count},)")
             if name in ("frame", "track_id"):
                 _require_ids(name, column)
-            array[name] = column
+            array[name] = _flags(name, column) if name == "observed" else column
         if frames is None:
             frames = int(array["frame"].max()) + 1 if count else 0
         return Tracks(_cohort.make_tracks(array, frames, width_px, height_px, camera))
@@ -157,10 +158,11 @@ class Tracks:
     ) -> Tracks:
         """Tracks of any tracker: xy (T, N, 2), NaN where there is none.
 
-        `observed` (T, N): which positions the image confirms, often called visibility; all without.
+        `observed` (T, N): which positions the image confirms, often called visibility, True or
+        False; all without. Of a masked array what is masked is NaN.
         `covariances` (T, N, 2, 2) [px^2], NaN where unknown.
         """
-        positions = np.asarray(xy, np.float64)
+        positions = _ma.filled(_ma.asarray(xy, np.float64), np.nan)
         if positions.ndim != 3 or positions.shape[2] != 2:
             raise UsageError(f"xy has the shape {positions.shape}: give (frames, tracks, 2)")
         shape = positions.shape[:2]
@@ -172,7 +174,7 @@ class Tracks:
             "y": positions[frame, track_id, 1],
         }
         if observed is not None:
-            seen = np.asarray(observed, bool)
+            seen = _flags("observed", _unmasked("observed", observed))
             if seen.shape != shape:
                 raise UsageError(f"observed has the shape {seen.shape}, xy has {positions.shape}")
             columns["observed"] = seen[frame, track_id]
@@ -292,7 +294,13 @@ class Reconstruction:
 
     def __init__(self, model: _cohort.Model) -> None:
         self._model = model
-        self._summary: dict[str, Any] = json.loads(model.summary)
+        try:
+            self._summary: dict[str, Any] = json.loads(model.summary)
+        except ValueError as error:
+            raise Error(f"the model's summary.json is no JSON: {error}") from None
+        reasons = self._summary.get("reasons", []) if isinstance(self._summary, dict) else None
+        if not isinstance(reasons, list):
+            raise Error("the model's summary.json is not as cohort writes it")
 
     @staticmethod
     def read(folder: Path) -> Reconstruction:
@@ -404,22 +412,27 @@ def track(
 
     Other options: default_options("track").
     """
-    if isinstance(camera, Camera):
-        options["camera"] = camera.text
-    elif isinstance(camera, str):
+    if isinstance(camera, str):
         options["camera"] = camera
-    elif camera is not None:
+    elif camera is not None and not isinstance(camera, Camera):
         options["camera"] = ",".join(str(word) for word in camera)
     mask_array = None
     if isinstance(mask, np.ndarray):
-        mask_array = mask.astype(np.uint8) * 255 if mask.dtype == bool else mask
+        mask_array = _mask(mask)
     elif mask is not None:
         options["mask"] = os.fspath(mask)
     if not isinstance(clip, (str, os.PathLike)):
         for name in ("layout", "frames"):
-            if options.get(name) not in (None, "", "auto"):
+            if str(options.get(name) or "auto") != "auto":
                 raise UsageError(f"option {name} is for clips that are read from files")
-    file = _cohort.track(clip, _to_json(options), _is_rgb(channels), mask_array, progress)
+    of_pictures = camera if isinstance(camera, Camera) else None
+    file = _cohort.track(
+        clip, _to_json(options), _is_rgb(channels), mask_array, of_pictures, progress
+    )
+    if "warning" in file.meta:
+        _log.warning("%s", file.meta["warning"])
+    if "cuts" in file.meta:
+        _log.warning("the clip is cut at %s: all tracks end there", file.meta["cuts"])
     if file.meta.get("second_pass", "").startswith("none"):
         _log.warning("no second pass: %s", file.meta["second_pass"])
     return Tracks(file)
@@ -438,7 +451,8 @@ def reconstruct(
     exception: see Reconstruction.failed. Options: default_options("reconstruct"), such as
     backend="colmap".
     """
-    model = _cohort.reconstruct(tracks._file, folder, _to_json(options), progress)
+    file = _tracks(tracks)._file
+    model = _cohort.reconstruct(file, folder, _to_json(options), progress)
     for warning in model.warnings:
         _log.warning("%s", warning)
     return Reconstruction(model)
@@ -449,23 +463,37 @@ def refine(
     model: Reconstruction,
     clip: Optional[Clip] = None,
     *,
-    mask: Optional[Array] = None,
+    mask: Union[Path, Array, None] = None,
     channels: Literal["bgr", "rgb"] = "bgr",
     progress: Optional[Progress] = None,
     **options: Any,
 ) -> Tracks:
     """Measures tracks again where a model says that they are: the work of `cohort refine`.
 
-    `clip`: what the tracks were made of; without, Tracks.source. Options:
-    default_options("refine").
+    `clip`: what the tracks were made of; without, Tracks.source. `mask`: as of track(); without,
+    the one that they were made with, if it was a file. Options: default_options("refine").
     """
+    _tracks(tracks)
+    if not isinstance(model, Reconstruction):
+        raise TypeError(f"model is a {type(model).__name__}: give a cohort.Reconstruction")
+    if not len(model.track_ids):
+        raise Error("the model has no points to look for: reconstruct first")
+    mask_array = _mask(mask) if isinstance(mask, np.ndarray) else None
+    mask_path = "" if mask is None or isinstance(mask, np.ndarray) else os.fspath(mask)
     if clip is None:
         if not tracks.source:
             raise UsageError("the tracks are of frames that came as arrays: give them as clip")
         clip = tracks.source
     return Tracks(
         _cohort.refine(
-            tracks._file, model._model, clip, _to_json(options), _is_rgb(channels), mask, progress
+            tracks._file,
+            model._model,
+            clip,
+            _to_json(options),
+            _is_rgb(channels),
+            mask_array,
+            mask_path,
+            progress,
         )
     )
 
@@ -481,10 +509,15 @@ def default_options(function: str) -> dict[str, Any]:
 
 def _to_json(options: Mapping[str, Any]) -> str:
     for name in _OF_THE_PROGRAM:
-        if options.get(name):
+        if options.get(name) is not None and str(options[name]) not in ("", "False"):
             raise UsageError(f"option {name} is the program's alone")
     kept = {name: value for name, value in options.items() if name not in _OF_THE_PROGRAM}
-    return json.dumps(kept, default=_plain, allow_nan=False)
+    try:
+        return json.dumps(kept, default=_plain, allow_nan=False)
+    except UsageError:
+        raise
+    except (TypeError, ValueError, RecursionError) as error:
+        raise UsageError(f"the options are none that JSON can hold: {error}") from None
 
 
 def _plain(value: Any) -> Any:
@@ -493,6 +526,30 @@ def _plain(value: Any) -> Any:
     if isinstance(value, os.PathLike):
         return os.fspath(value)
     raise UsageError(f"an option cannot be a {type(value).__name__}")
+
+
+def _tracks(tracks: Tracks) -> Tracks:
+    if not isinstance(tracks, Tracks):
+        raise TypeError(f"tracks is a {type(tracks).__name__}: give cohort.Tracks (Tracks.read)")
+    if not tracks.complete:
+        _log.warning("tracking was interrupted; it holds %d frames", len(tracks.frames))
+    return tracks
+
+
+def _mask(mask: Array) -> Array:
+    return mask.astype(np.uint8) * 255 if mask.dtype == bool else mask
+
+
+def _unmasked(name: str, values: npt.ArrayLike) -> Array:
+    if _ma.is_masked(values):
+        raise UsageError(f"{name} has masked values: leave those rows out")
+    return np.asarray(values)
+
+
+def _flags(name: str, values: Array) -> Array:
+    if values.dtype.kind not in "biu":
+        raise UsageError(f"{name} has {values.dtype} values: give True or False, as scores > 0.5")
+    return values.astype(bool)
 
 
 def _is_rgb(channels: str) -> bool:

@@ -111,7 +111,12 @@ def write_colmap_database(path: _Path, tracks: TrackFile, options: str) -> None:
 def read_model(folder: _Path) -> Model: ...
 def write_model(folder: _Path, model: Model) -> None: ...
 def track(
-    clip: _Clip, options: str, rgb: bool, mask: Optional[_Array], progress: _Progress
+    clip: _Clip,
+    options: str,
+    rgb: bool,
+    mask: Optional[_Array],
+    camera: Optional[Camera],
+    progress: _Progress,
 ) -> TrackFile: ...
 def reconstruct(
     tracks: TrackFile, folder: Optional[_Path], options: str, progress: _Progress
@@ -123,5 +128,6 @@ def refine(
     options: str,
     rgb: bool,
     mask: Optional[_Array],
+    mask_path: _Path,
     progress: _Progress,
 ) -> TrackFile: ...

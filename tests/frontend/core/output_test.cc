@@ -5,6 +5,12 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <chrono>
+#include <future>
+#include <string>
+#include <vector>
+
 #include "frontend/core/error.h"
 #include "frontend/core/input_record.h"
 #include "tests/support/temp_dir.h"
@@ -128,6 +134,33 @@ TEST(InputRecord, IsOfTheProgramAlone) {
   WriteBytes(dir / "a", "old");
   static_cast<void>(ReadBytes(dir / "a"));
   EXPECT_NO_THROW(CheckOutputPath(dir / "a"));
+}
+
+TEST(OutputFile, IsWholeWhileSeveralWriteIt) {
+  constexpr std::size_t kBytes = 20'000;
+  const test::TempDir dir;
+  const std::filesystem::path path = dir / "a";
+  WriteBytes(path, std::string(kBytes, '0'));
+  std::vector<std::future<void>> writers;
+  for (const char letter : {'1', '2', '3', '4'}) {
+    writers.push_back(std::async(std::launch::async, [&path, letter] {
+      for (int i = 0; i < 100; ++i) {
+        OutputFile out(path);
+        WriteBytes(out.partial(), std::string(kBytes, letter));
+        out.Commit();
+      }
+    }));
+  }
+  const auto at_work = [&writers] {
+    return std::ranges::any_of(writers, [](const std::future<void>& writer) {
+      return writer.wait_for(std::chrono::seconds(0)) != std::future_status::ready;
+    });
+  };
+  while (at_work()) {
+    const std::string bytes = ReadBytes(path);
+    ASSERT_EQ(bytes, std::string(kBytes, bytes.empty() ? '?' : bytes.front()));
+  }
+  for (std::future<void>& writer : writers) EXPECT_NO_THROW(writer.get());
 }
 
 TEST(Outputs, AreDistinctFiles) {

@@ -1,6 +1,7 @@
 """The Blender add-on: its reading and geometry in plain Python, and all of it in the real Blender."""
 
 import importlib.util
+import json
 import os
 import pathlib
 import shutil
@@ -110,6 +111,18 @@ class WrittenByHand(unittest.TestCase):
         (self.dir / "cameras.txt").write_text("1 PINHOLE 640 480 here\n")
         with self.assertRaisesRegex(import_cohort.ImportFailed, "no model in COLMAP's text form"):
             import_cohort.read(self.dir)
+        (self.dir / "cameras.txt").unlink()
+        pose = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]
+        scene = {"w": 6, "h": 4, "fl_x": 5, "fl_y": 5, "cx": 3, "cy": 2,
+                 "frames": [{"file_path": "a", "transform_matrix": pose}]}
+        for changed in ({"w": 0}, {"w": float("inf")}, {"fl_x": float("nan")}, {"frames": {"a": 1}},
+                        {"ply_file_path": 5}, {"ply_file_path": "/dev/zero"},
+                        {"frames": [{"file_path": "a", "transform_matrix": [float("nan")] * 16}]}):
+            (self.dir / "transforms.json").write_text(json.dumps({**scene, **changed}))
+            with self.assertRaises(import_cohort.ImportFailed, msg=str(changed)):
+                import_cohort.read(self.dir / "transforms.json")
+        (self.dir / "transforms.json").write_text(json.dumps(scene))
+        import_cohort.read(self.dir / "transforms.json")
         write_by_hand(self.dir)
         (self.dir / "points3D.txt").unlink()
         with self.assertRaisesRegex(import_cohort.ImportFailed, "cannot read .*points3D.txt: No"):

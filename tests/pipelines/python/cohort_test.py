@@ -4,6 +4,7 @@ import json
 import os
 import pathlib
 import re
+import shutil
 import signal
 import sqlite3
 import subprocess
@@ -192,6 +193,58 @@ class Track(Clip):
             cohort.track(self.frames, channels="gbr")
         with self.assertRaisesRegex(ZeroDivisionError, "division"):
             cohort.track(frame if i < 3 else 1 // 0 for i, frame in enumerate(self.frames))
+
+    def test_masks_are_0_or_not_of_any_type(self):
+        mask = np.zeros((240, 320), np.uint16)
+        mask[:, 160:] = 65535
+        tracks = [cohort.track(self.frames[:3], mask=m, tracker="klt") for m in (mask, mask > 0)]
+        self.expect_same(*tracks)
+        self.assertGreater(len(tracks[0].track_ids), 0)
+        self.assertGreaterEqual(tracks[0].observations["x"][tracks[0].observations["frame"] == 0].min(), 159)
+
+    def test_a_camera_is_of_the_clips_pictures_and_may_be_a_guess(self):
+        numbers = [260, 260, 159.5, 119.5]
+        guess = cohort.Camera(320, 240, numbers, known=False)
+        self.assertFalse(cohort.track(self.frames[:3], camera=guess, tracker="klt").camera.known)
+        with self.assertRaisesRegex(cohort.Error, "640x480, these are 320x240"):
+            cohort.track(self.frames[:3], camera=cohort.Camera(640, 480, numbers), tracker="klt")
+
+    def test_frames_that_no_memory_holds_are_refused(self):
+        huge = np.broadcast_to(np.uint8(0), (1 << 20, 1 << 20))
+        with self.assertRaisesRegex(cohort.Error, "frame 0 .* 2.30 pixels"):
+            cohort.track([huge])
+        with self.assertRaisesRegex(cohort.Error, "the mask .* 2.30 pixels"):
+            cohort.track(self.frames, mask=huge)
+
+    def test_a_clip_that_breaks_off_is_said(self):
+        with tempfile.TemporaryDirectory() as folder:
+            clip = pathlib.Path(folder) / "rgb"
+            shutil.copytree(self.dir / "clip/rgb", clip)
+            (clip / "000005.png").write_bytes(b"no picture")
+            with self.assertLogs("cohort", "WARNING") as log:
+                tracks = cohort.track(clip, tracker="klt")
+        self.assertIn("000005.png", log.output[0])
+        self.assertIn("000005.png", tracks.meta["warning"])
+
+    def test_the_program_may_end_while_threads_work(self):
+        code = ("import cohort, numpy, threading, time\n"
+                "frames = [numpy.full((120, 160), i, numpy.uint8) for i in range(200)]\n"
+                "def work():\n"
+                "    while True: cohort.track((f for f in frames), tracker='klt')\n"
+                "for _ in range(2): threading.Thread(target=work, daemon=True).start()\n"
+                "time.sleep(0.3)\n")
+        for _ in range(3):
+            end = subprocess.run([sys.executable, "-c", code], capture_output=True, timeout=60)
+            self.assertEqual(end.returncode, 0, end.stderr)
+
+    def test_errors_name_files_whose_names_are_no_text(self):
+        with self.assertRaisesRegex(cohort.Error, "x\udcff"):
+            cohort.Tracks.read("x\udcff")
+        for options in ({"seed": 10**400}, {"detector": float("nan")}, {"mask": "x\udcff"}):
+            with self.assertRaises(cohort.UsageError, msg=str(options)):
+                cohort.track(self.frames, **options)
+        with self.assertRaisesRegex(TypeError, "give cohort.Tracks"):
+            cohort.reconstruct("program.tracks")
 
     def test_options_are_the_programs(self):
         dumped = json.loads(run("track", "--dump-config").stdout)
@@ -487,6 +540,22 @@ class Files(Clip):
         self.assertFalse(cohort.reconstruct(read).failed)
         with self.assertRaisesRegex(cohort.Error, "no_such.db"):
             cohort.Tracks.read_colmap_database("no_such.db")
+
+    def test_tables_that_are_no_tracks_are_refused(self):
+        xy = np.zeros((3, 2, 2))
+        size = {"width_px": 9, "height_px": 9}
+        with self.assertRaisesRegex(cohort.UsageError, "give True or False"):
+            cohort.Tracks.from_dense(xy, np.full((3, 2), 0.5), **size)
+        with self.assertRaisesRegex(cohort.UsageError, "-1 x 9 px"):
+            cohort.Tracks.from_dense(xy, width_px=-1, height_px=9)
+        row = {"frame": [4_000_000_000], "track_id": [0], "x": [1], "y": [1]}
+        with self.assertRaisesRegex(cohort.UsageError, "4000000001 frames"):
+            cohort.Tracks.from_observations(row, **size)
+        masked = np.ma.masked_equal([1.0], 1.0)
+        with self.assertRaisesRegex(cohort.UsageError, "x has masked values"):
+            cohort.Tracks.from_observations({**row, "frame": [0], "x": masked}, **size)
+        there = cohort.Tracks.from_dense(np.ma.masked_equal(xy - [[[0], [7]]], -7), **size)
+        self.assertEqual(len(there.observations), 3)
 
     def test_bad_tracks_are_refused(self):
         size = dict(width_px=320, height_px=240)

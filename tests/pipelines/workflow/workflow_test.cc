@@ -244,6 +244,20 @@ TEST_F(Workflow, AConfigThatIsWrongSaysHow) {
   EXPECT_THAT(error_of("cohort: none/such\ngrid: {clips: [clip]}\n"),
               HasSubstr("no program 'none/such'"));
   EXPECT_THAT(error_of("scenes: {clips: [a/hall.mp4, b/hall.mp4]}\n"), HasSubstr("called hall"));
+  EXPECT_THAT(error_of("grid: {clips: clip}\n"), HasSubstr("give a list"));
+  EXPECT_THAT(error_of("scenes: {clips: [5]}\n"), HasSubstr("has '5': give paths"));
+  EXPECT_THAT(error_of("scenes: {clips: ['br{a}']}\n"), HasSubstr("braces"));
+  EXPECT_THAT(error_of("scenes: {clips: {a: x, a.log: y}}\n"), HasSubstr("another one's files"));
+  EXPECT_THAT(error_of("scenes: {clips: [clip], options: [4]}\n"), HasSubstr("'options'"));
+  EXPECT_THAT(error_of("out: ''\nscenes: {clips: [clip]}\n"), HasSubstr("'out'"));
+}
+
+TEST_F(Workflow, TheOutputFoldersNameIsNoMoreThanAName) {
+  WriteBytes(dir_ / "config.yaml",
+             "out: 'o $(touch planted) \"u\" t'\nscenes: {clips: {none: no_such_clip}}\n");
+  Run(Snakemake("--cores 1"));
+  EXPECT_FALSE(fs::exists(dir_ / "planted"));
+  EXPECT_TRUE(fs::exists(dir_ / "o $(touch planted) \"u\" t/scenes/none.json"));
 }
 
 // Slurm lives as long as the pipe to its script is open.
