@@ -198,7 +198,6 @@ SfmFigures RunSfmJob(const SfmJobOptions& options) {
   std::error_code error;
   fs::create_directories(folder, error);
   if (error) ThrowError("cannot make folder {}: {}", options.out, error.message());
-  CheckSceneFolder(folder);
   WriteLock lock = WriteLock::Of(folder);
   if (options.resume && IsStillThere(folder, "summary.json", made_of) &&
       HasModel(folder, model_made_of)) {
@@ -208,6 +207,7 @@ SfmFigures RunSfmJob(const SfmJobOptions& options) {
     figures.lock = std::move(lock);
     return figures;
   }
+  CheckSceneFolder(folder);
 
   RunTrackJob(TrackOptionsOf(options));
   for (const fs::path& old : {summary, folder / "report.html"}) fs::remove(old, error);
