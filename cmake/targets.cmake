@@ -89,8 +89,8 @@ function(cohort_list_suites program timeout)
 endfunction()
 
 # cohort_add_tests(tracks LABEL unit SOURCES a_test.cc LIBRARIES cohort::tracks)
-# One program a folder; CTest lists of the label unit every suite by name, of the others (slow, colmap) every
-# TEST.
+# One program a folder; CTest lists every suite of it by name where the label is unit, every TEST where
+# it is another (slow, colmap).
 # Under sanitizers, where a program starts slowly, it lists every program twice: half its tests each.
 # What the label `unit` needs is built by the target unit_tests.
 function(cohort_add_tests name)
@@ -105,13 +105,13 @@ function(cohort_add_tests name)
   if(ARG_LABEL STREQUAL unit)
     add_dependencies(unit_tests ${name}_test)
   endif()
-  if(NOT COHORT_SANITIZE AND ARG_LABEL STREQUAL unit)
-    cohort_list_suites(${name}_test ${ARG_TIMEOUT})
-    return()
-  endif()
   if(NOT COHORT_SANITIZE)
-    gtest_discover_tests(${name}_test PROPERTIES LABELS ${ARG_LABEL} TIMEOUT ${ARG_TIMEOUT}
-                         DISCOVERY_TIMEOUT 60)
+    if(ARG_LABEL STREQUAL unit)
+      cohort_list_suites(${name}_test ${ARG_TIMEOUT})
+    else()
+      gtest_discover_tests(${name}_test PROPERTIES LABELS ${ARG_LABEL} TIMEOUT ${ARG_TIMEOUT}
+                           DISCOVERY_TIMEOUT 60)
+    endif()
     return()
   endif()
   foreach(half 0 1)

@@ -156,8 +156,8 @@ void CheckJournal(const fs::path& database, const fs::path& journal) {
     if (doubted == file->Mark()) {
       ThrowError(
           "database {}: {} seems to be the journal of another file that was here: open the "
-          "database "
-          "once by the program that wrote it, and remove the journal where that says the same",
+          "database once by the program that wrote it, and remove the journal where that says the "
+          "same",
           database.string(),
           journal.string());
     }

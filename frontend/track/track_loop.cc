@@ -7,6 +7,7 @@
 #include "frontend/core/error.h"
 #include "frontend/core/stopwatch.h"
 #include "frontend/detect/corners.h"
+#include "frontend/image/mask.h"
 
 namespace cohort {
 namespace {
@@ -72,14 +73,7 @@ FrameResult TrackLoop::Track(const Frame& frame) {
 void TrackLoop::CheckSize(const cv::Size& size) {
   if (!previous_frame_) {
     size_ = size;
-    Check(mask_.empty() || mask_.type() == CV_8UC1, "masks have one channel of 8 bits");
-    if (!mask_.empty() && mask_.size() != size_) {
-      ThrowError("the mask is {}x{}, the frames are {}x{}: give a mask of the frames' size",
-                 mask_.cols,
-                 mask_.rows,
-                 size_.width,
-                 size_.height);
-    }
+    CheckMask(mask_, size_);
   }
   Check(size == size_, "all frames of a sequence have one size");
 }

@@ -114,12 +114,11 @@ Task FollowTask(const ExperimentOptions& options, const TrackCell& cell) {
 }
 
 Task TrackTask(const ExperimentOptions& options, const TrackCell& cell) {
-  return {fmt::format("track {} {}", LabelOf(cell.condition), cell.tracker.name),
-          cell.Result(),
-          JsonLine(DependenciesOf(options, cell)),
-          [&options, &cell] { return MakeTracks(options, cell); },
-          false,
-          cell.Tracks()};
+  return {.label = fmt::format("track {} {}", LabelOf(cell.condition), cell.tracker.name),
+          .result = cell.Result(),
+          .options = JsonLine(DependenciesOf(options, cell)),
+          .run = [&options, &cell] { return MakeTracks(options, cell); },
+          .makes = cell.Tracks()};
 }
 
 Task ModelTask(const ExperimentOptions& options, const TrackCell& cell, GridBackend backend) {

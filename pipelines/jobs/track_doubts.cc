@@ -2,13 +2,13 @@
 
 #include <spdlog/spdlog.h>
 
-#include <algorithm>
-#include <cmath>
 #include <filesystem>
+#include <utility>
 #include <vector>
 
 #include "datasets/open_sequence.h"
-#include "pipelines/sfm/fingerprint.h"
+#include "frontend/core/statistics.h"
+#include "pipelines/sfm/input.h"
 #include "pipelines/sfm/reconstruct.h"
 
 namespace cohort {
@@ -23,18 +23,12 @@ constexpr double kOtherTracksShareOfWidth = 0.02;
 double DistanceToViews(const TrackFile& file, const Reconstruction& model) {
   std::vector<double> distances;
   for (const auto& [feature, point] : model.points) {
-    const auto track = file.tracks.Track(feature);
     for (const PointView& view : point.views) {
-      const auto seen = std::ranges::lower_bound(
-          track, view.frame, {}, [](const Observation& o) { return o.frame; });
-      const bool is_there = seen != track.end() && seen->frame == view.frame;
-      distances.push_back(is_there ? (seen->xy - view.xy).norm() : file.width_px);
+      const Observation* const seen = file.tracks.Find(feature, view.frame);
+      distances.push_back(seen != nullptr ? (seen->xy - view.xy).norm() : file.width_px);
     }
   }
-  if (distances.empty()) return 0.0;
-  const auto middle = distances.begin() + std::ssize(distances) / 2;
-  std::nth_element(distances.begin(), middle, distances.end());
-  return *middle;
+  return Median(std::move(distances));
 }
 
 // Empty: nothing.
@@ -67,8 +61,7 @@ void WarnIfUnfinished(const TrackFile& file, const std::string& tracks) {
 }
 
 void WarnIfClipChanged(const TrackFile& file, const std::string& tracks, const Sequence& clip) {
-  const auto was = file.meta.find("fingerprint");
-  if (was == file.meta.end() || was->second == FingerprintOfFrames(clip)) return;
+  if (IsStillTheClip(file, clip)) return;
   spdlog::warn("{} is not what it was when {} was made of it: tracks and pictures may differ",
                file.source,
                tracks);

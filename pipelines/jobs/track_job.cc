@@ -234,6 +234,7 @@ std::optional<TrackFigures> RunTrackJob(const TrackJobOptions& options) {
   figures.cuts = earlier.cuts;
   if (earlier.complete && earlier.second_pass_ended) {
     spdlog::info("{} is complete already", options.out);
+    if (options.json.empty()) return std::nullopt;
     Count(options.out, figures);
     WriteFigures(figures, options);
     return std::nullopt;

@@ -8,6 +8,7 @@
 
 #include "datasets/readers/gray_image.h"
 #include "frontend/core/error.h"
+#include "frontend/geometry/camera_fault.h"
 
 namespace py = pybind11;
 
@@ -98,7 +99,8 @@ cv::Mat GrayOfArray(const py::object& object, bool rgb, const std::string& what)
   }
   const py::ssize_t channels = given.ndim() == 2 ? 1 : given.ndim() == 3 ? given.shape(2) : 0;
   const auto shape = [&] { return std::string(py::str(given.attr("shape"))); };
-  if ((channels != 1 && channels != 3) || given.size() == 0) {
+  if ((channels != 1 && channels != 3) || given.size() == 0 || given.shape(0) > kMaxPictureSidePx ||
+      given.shape(1) > kMaxPictureSidePx) {
     ThrowError("{} has the shape {}: give (height, width) or (height, width, 3)", what, shape());
   }
   constexpr py::ssize_t kMostPixels = py::ssize_t{1} << 30;  // as of files

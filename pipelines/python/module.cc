@@ -262,8 +262,8 @@ Model ReconstructTracks(const TrackFile& file,
 Model ReadModel(const fs::path& folder) {
   Model model{ReadModelFolder(folder), "{}", {}};
   std::error_code error;
-  if (fs::exists(folder / "summary.json", error))
-    model.summary = ReadBytes(folder / "summary.json");
+  const fs::path summary = folder / "summary.json";
+  if (fs::exists(summary, error)) model.summary = ReadBytes(summary);
   return model;
 }
 

@@ -160,8 +160,7 @@ void WriteMp4(const fs::path& path,
                                            picture.size())) {
       ThrowError(
           "cannot write {}: OpenCV's FFmpeg begins no video in H.264: it has none, the system "
-          "gives "
-          "no threads or memory, or the disk is full",
+          "gives no threads or memory, or the disk is full",
           name);
     }
     writer.write(picture);

@@ -52,13 +52,17 @@ void DescribeInput(const InputOptions& options, const Sequence& sequence, TrackF
   file.camera = KnownCamera(options, sequence, file.width_px, file.height_px);
 }
 
+bool IsStillTheClip(const TrackFile& file, const Sequence& sequence) {
+  const auto was = file.meta.find("fingerprint");
+  return was == file.meta.end() || was->second == FingerprintOfFrames(sequence);
+}
+
 std::string WarningOfClip(const Sequence& sequence,
                           const TrackFile& file,
                           const std::string& input) {
   std::vector<std::string> warnings;
   if (!sequence.Warning().empty()) warnings.push_back(sequence.Warning());
-  const auto was = file.meta.find("fingerprint");
-  if (was != file.meta.end() && was->second != FingerprintOfFrames(sequence)) {
+  if (!IsStillTheClip(file, sequence)) {
     warnings.push_back(
         fmt::format("{} was changed while it was read: the tracks may be of two clips", input));
   }

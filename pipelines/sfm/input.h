@@ -59,6 +59,8 @@ std::optional<Camera> KnownCamera(const InputOptions& options,
 // camera and, of files, meta["fingerprint"] (FingerprintOfFrames).
 void DescribeInput(const InputOptions& options, const Sequence& sequence, TrackFile& file);
 
+// Are the files of the clip those that `file` was made of? Where it does not know it may be.
+bool IsStillTheClip(const TrackFile& file, const Sequence& sequence);
 // In .tracks: what was wrong with the clip, as that it ended before its last frame.
 inline constexpr const char* kWarningMeta = "warning";
 // The same of a clip that was read, whose DescribeInput `file` has; empty: nothing.

@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "frontend/core/part_times.h"
+#include "frontend/image/mask.h"
 
 namespace cohort {
 namespace {
@@ -24,15 +25,7 @@ ModelPredictions::ModelPredictions(const TrackFile& file,
       model_(model),
       rows_(model.cam_from_world, model.readout, model.camera.height_px),
       mask_(mask) {
-  const cv::Size size(model.camera.width_px, model.camera.height_px);
-  if (!mask.empty() && mask.size() != size) {
-    ThrowError("the mask is {}x{}, the frames are {}x{}: give a mask of the frames' size",
-               mask.cols,
-               mask.rows,
-               size.width,
-               size.height);
-  }
-  Check(mask.empty() || mask.type() == CV_8UC1, "masks have one channel of 8 bits");
+  CheckMask(mask, {model.camera.width_px, model.camera.height_px});
   for (const auto& [feature, point] : model.points) {
     std::vector<FrameIndex> seen;
     for (const Observation& observation : file.tracks.Track(feature)) {

@@ -416,14 +416,10 @@ def track(
         options["camera"] = camera
     elif camera is not None and not isinstance(camera, Camera):
         options["camera"] = ",".join(str(word) for word in camera)
-    mask_array = None
-    if isinstance(mask, np.ndarray):
-        mask_array = _mask(mask)
-    elif mask is not None:
-        options["mask"] = os.fspath(mask)
+    mask_array, options["mask"] = _mask(mask)
     if not isinstance(clip, (str, os.PathLike)):
         for name in ("layout", "frames"):
-            if str(options.get(name) or "auto") != "auto":
+            if _is_given(options.get(name)) and str(options[name]) != "auto":
                 raise UsageError(f"option {name} is for clips that are read from files")
     of_pictures = camera if isinstance(camera, Camera) else None
     file = _cohort.track(
@@ -478,8 +474,7 @@ def refine(
         raise TypeError(f"model is a {type(model).__name__}: give a cohort.Reconstruction")
     if not len(model.track_ids):
         raise Error("the model has no points to look for: reconstruct first")
-    mask_array = _mask(mask) if isinstance(mask, np.ndarray) else None
-    mask_path = "" if mask is None or isinstance(mask, np.ndarray) else os.fspath(mask)
+    mask_array, mask_path = _mask(mask)
     if clip is None:
         if not tracks.source:
             raise UsageError("the tracks are of frames that came as arrays: give them as clip")
@@ -509,7 +504,7 @@ def default_options(function: str) -> dict[str, Any]:
 
 def _to_json(options: Mapping[str, Any]) -> str:
     for name in _OF_THE_PROGRAM:
-        if options.get(name) is not None and str(options[name]) not in ("", "False"):
+        if _is_given(options.get(name)):
             raise UsageError(f"option {name} is the program's alone")
     kept = {name: value for name, value in options.items() if name not in _OF_THE_PROGRAM}
     try:
@@ -536,8 +531,15 @@ def _tracks(tracks: Tracks) -> Tracks:
     return tracks
 
 
-def _mask(mask: Array) -> Array:
-    return mask.astype(np.uint8) * 255 if mask.dtype == bool else mask
+def _mask(mask: Union[Path, Array, None]) -> tuple[Optional[Array], str]:
+    """As an array, or as a path; neither."""
+    if isinstance(mask, np.ndarray):
+        return (mask.astype(np.uint8) * 255 if mask.dtype == bool else mask), ""
+    return None, "" if mask is None else os.fspath(mask)
+
+
+def _is_given(option: Any) -> bool:
+    return isinstance(option, np.ndarray) or bool(option)
 
 
 def _unmasked(name: str, values: npt.ArrayLike) -> Array:
