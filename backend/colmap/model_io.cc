@@ -16,6 +16,7 @@
 #include "frontend/core/input_file.h"
 #include "frontend/core/input_record.h"
 #include "frontend/core/output.h"
+#include "frontend/tracks/frame_name.h"
 
 namespace cohort {
 namespace {
@@ -559,9 +560,7 @@ ColmapModel ToColmapModel(const Reconstruction& reconstruction) {
     const auto name = reconstruction.frame_names.find(frame);
     ColmapModelImage& image = model.images[ColmapImageIdOf(frame)];
     image.cam_from_world = cam_from_world;
-    image.name = name != reconstruction.frame_names.end()
-                     ? name->second
-                     : fmt::format("frame_{:06}.png", ToInt(frame));
+    image.name = name != reconstruction.frame_names.end() ? name->second : NumberedFrameName(frame);
   }
   for (const auto& [feature, point] : reconstruction.points) {
     const std::uint64_t id = std::uint64_t{ToInt(feature)} + 1;

@@ -1,12 +1,12 @@
 #include "datasets/readers/video_sequence.h"
 
-#include <algorithm>
 #include <cmath>
 #include <utility>
 
 #include "datasets/readers/gray_image.h"
 #include "datasets/readers/video_decoder.h"
 #include "frontend/core/error.h"
+#include "frontend/tracks/frame_name.h"
 
 namespace cohort {
 namespace {
@@ -72,8 +72,9 @@ class VideoSequence final : public Sequence {
       if (!decoder_->Next()) return End();
     }
     const std::size_t index = std::exchange(next_, next_ + range_.stride);
-    std::string name = fmt::format("frame_{:06}.png", index);
-    Frame frame{FrameIndex(index), std::llround(decoder_->Seconds() * 1e9), std::move(name), {}};
+    const auto frame_index = static_cast<FrameIndex>(index);
+    Frame frame{
+        frame_index, std::llround(decoder_->Seconds() * 1e9), NumberedFrameName(frame_index), {}};
     SetPicture(decoder_->Picture(), file_, frame);
     return frame;
   }
@@ -109,17 +110,6 @@ class VideoSequence final : public Sequence {
 
 std::unique_ptr<Sequence> OpenVideo(const std::filesystem::path& file, const FrameRange& range) {
   return std::make_unique<VideoSequence>(file, range);
-}
-
-bool IsVideoFrameName(std::string_view name) {
-  constexpr std::string_view kBefore = "frame_";
-  constexpr std::string_view kBehind = ".png";
-  constexpr std::size_t kFewestDigits = 6;
-  if (!name.starts_with(kBefore) || !name.ends_with(kBehind)) return false;
-  name.remove_prefix(kBefore.size());
-  name.remove_suffix(std::min(name.size(), kBehind.size()));
-  return name.size() >= kFewestDigits &&
-         std::ranges::all_of(name, [](char c) { return c >= '0' && c <= '9'; });
 }
 
 }  // namespace cohort

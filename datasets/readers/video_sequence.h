@@ -2,19 +2,15 @@
 
 #include <filesystem>
 #include <memory>
-#include <string_view>
 
 #include "datasets/readers/sequence.h"
 
 namespace cohort {
 
 // A video file through FFmpeg (VideoDecoder), decoded frame by frame to 8-bit grey. Frame i has the
-// file's time, from 0 on, and the name frame_00000i.png, under which it is written out for programs
-// that want files. A file that ends before what its header promises (cut short, damaged) gives all
-// its decodable frames and a Warning(). Throws Error if it is no video, no frame can be decoded, or
-// the range starts behind the last one.
+// file's time, from 0 on, and the name NumberedFrameName. A file that ends before what its header
+// promises (cut short, damaged) gives all its decodable frames and a Warning(). Throws Error if it is
+// no video, no frame can be decoded, or the range starts behind the last one.
 std::unique_ptr<Sequence> OpenVideo(const std::filesystem::path& file, const FrameRange& range);
-// Is it the name of a frame of a video?
-bool IsVideoFrameName(std::string_view name);
 
 }  // namespace cohort

@@ -103,6 +103,12 @@ void OutputFile::Commit() {
 }
 
 OutputFolder::OutputFolder(fs::path path, const std::vector<std::string>& own_names)
+    : OutputFolder(std::move(path), [&own_names](const std::string& name) {
+        return std::find(own_names.begin(), own_names.end(), name) != own_names.end();
+      }) {}
+
+OutputFolder::OutputFolder(fs::path path,
+                           const std::function<bool(const std::string& name)>& is_own)
     : path_(NameOfFolder(std::move(path))), partial_(path_.string() + ".partial") {
   if (fs::exists(path_) && !fs::is_directory(path_)) {
     ThrowError("cannot write folder {}: it is a file", path_.string());
@@ -116,7 +122,7 @@ OutputFolder::OutputFolder(fs::path path, const std::vector<std::string>& own_na
     }
     for (const auto& entry : fs::directory_iterator(path_)) {
       const std::string name = entry.path().filename().string();
-      if (std::find(own_names.begin(), own_names.end(), name) == own_names.end()) {
+      if (!is_own(name)) {
         ThrowError("cannot replace folder {}: it holds {}, which is not ours; give another folder",
                    path_.string(),
                    name);

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
 #include <initializer_list>
 #include <optional>
 #include <string>
@@ -40,10 +41,13 @@ class OutputFile {
 };
 
 // The same for a folder. An existing folder is replaced whole; so that a slip of the hand deletes
-// nothing, one that holds an entry not in `own_names`, or a file that the run reads, is refused at once.
+// nothing, one that holds an entry whose name is not ours, or a file that the run reads, is refused at
+// once.
 class OutputFolder {
  public:
   OutputFolder(std::filesystem::path path, const std::vector<std::string>& own_names);
+  OutputFolder(std::filesystem::path path,
+               const std::function<bool(const std::string& name)>& is_own);
   OutputFolder(const OutputFolder&) = delete;
   OutputFolder& operator=(const OutputFolder&) = delete;
   ~OutputFolder();

@@ -14,6 +14,7 @@
 #include "pipelines/console/table.h"
 #include "pipelines/jobs/track_doubts.h"
 #include "pipelines/json/json_file.h"
+#include "pipelines/sfm/doubts.h"
 #include "pipelines/sfm/input.h"
 #include "pipelines/sfm/reconstruct.h"
 
@@ -43,9 +44,8 @@ void RefineTracks(const RefineCommandOptions& options) {
   WriteTrackFile(options.out, second.file);
 
   const SecondPassFigures& figures = second.figures;
-  if (figures.left > figures.replaced) {
-    spdlog::warn("{}: the scene is not as the model has it", figures.Brief());
-  }
+  if (const std::string doubt = DoubtOfMeasuring(figures); !doubt.empty())
+    spdlog::warn("{}", doubt);
   if (!options.json.empty()) {
     WriteJsonFile(options.json,
                   {{"observations_before", figures.before},

@@ -9,6 +9,7 @@
 #include "datasets/readers/gray_image.h"
 #include "frontend/core/error.h"
 #include "frontend/geometry/camera_fault.h"
+#include "frontend/tracks/frame_name.h"
 
 namespace py = pybind11;
 
@@ -68,8 +69,8 @@ class ArraySequence final : public Sequence {
 
  private:
   Frame FrameOf(const cv::Mat& gray) {
-    const auto index = static_cast<std::uint32_t>(next_++);
-    return {FrameIndex{index}, 0, fmt::format("frame_{:06}.png", index), gray};
+    const auto index = static_cast<FrameIndex>(next_++);
+    return {index, 0, NumberedFrameName(index), gray};
   }
 
   py::object iterator_;

@@ -27,6 +27,7 @@
 #include "frontend/core/output.h"
 #include "frontend/geometry/camera_fault.h"
 #include "frontend/geometry/camera_text.h"
+#include "frontend/tracks/frame_name.h"
 #include "frontend/tracks/track_csv.h"
 #include "frontend/tracks/track_store.h"
 #include "pipelines/console/version.h"
@@ -34,6 +35,7 @@
 #include "pipelines/python/arrays.h"
 #include "pipelines/python/frames.h"
 #include "pipelines/python/gil.h"
+#include "pipelines/sfm/doubts.h"
 #include "pipelines/sfm/fingerprint.h"
 #include "pipelines/sfm/input.h"
 #include "pipelines/sfm/reconstruct.h"
@@ -101,6 +103,14 @@ std::string DefaultOptions(const std::string& function) {
   if (function == "write_colmap_database") return DefaultsAsJsonText<ColmapDatabaseOptions>();
   ThrowUsageError("default_options('{}'): give track, reconstruct, refine or write_colmap_database",
                   function);
+}
+
+// As os.fsdecode has it: names of files may be of any bytes, so what is no UTF-8 becomes surrogates.
+py::str ToStr(const std::string& text) {
+  PyObject* const decoded =
+      PyUnicode_DecodeFSDefaultAndSize(text.data(), static_cast<py::ssize_t>(text.size()));
+  if (decoded == nullptr) throw py::error_already_set();
+  return py::reinterpret_steal<py::str>(decoded);
 }
 
 // While one lives, OpenCV has as many threads as asked for; 0: as before. Of several calls at once the
@@ -216,26 +226,34 @@ TrackFile Track(const ClipArgument& clip,
   return file;
 }
 
-TrackFile Refine(const TrackFile& file,
-                 const Reconstruction& model,
-                 const ClipArgument& clip,
-                 const std::string& options,
-                 bool rgb,
-                 const std::optional<py::object>& mask_array,
-                 const fs::path& mask_path,
-                 const py::object& callback) {
+// The tracks, and what there is to doubt of them. Without a clip, that which `file` names.
+std::pair<TrackFile, std::vector<std::string>> Refine(const TrackFile& file,
+                                                      const Reconstruction& model,
+                                                      const std::optional<ClipArgument>& clip,
+                                                      const std::string& options,
+                                                      bool rgb,
+                                                      const std::optional<py::object>& mask_array,
+                                                      const fs::path& mask_path,
+                                                      const py::object& callback) {
+  constexpr const char* kTracks = "this Tracks object";
   const auto arguments = FromJsonText<RefineArguments>(options, "refine()");
   const auto of_tracks = file.meta.find("mask");  // that they were made with
   const bool as_before = mask_path.empty() && of_tracks != file.meta.end();
   const cv::Mat mask = MaskOf(mask_array, as_before ? of_tracks->second : mask_path.string());
-  std::unique_ptr<Sequence> sequence = OpenArrays(clip, rgb, true);
+  std::unique_ptr<Sequence> sequence = clip ? OpenArrays(*clip, rgb, true) : nullptr;
   const StageProgress progress = ProgressTo(callback);
 
   const CallWithoutGil no_gil;
   const InterruptionCheck interruption(RaiseOfSignals);
+  std::vector<std::string> doubts = {DoubtOfModel(model, "this Reconstruction", file, kTracks)};
   const std::unique_ptr<Sequence> opened =
-      sequence ? std::move(sequence) : OpenSequence(std::get<fs::path>(clip));
-  return MeasureAgain(file, model, *opened, mask, arguments.second_pass, progress).file;
+      sequence ? std::move(sequence)
+               : OpenSequence(clip ? std::get<fs::path>(*clip) : fs::path(file.source));
+  if (!clip) doubts.push_back(DoubtOfClip(file, kTracks, *opened));
+  SecondPass second = MeasureAgain(file, model, *opened, mask, arguments.second_pass, progress);
+  doubts.push_back(DoubtOfMeasuring(second.figures));
+  std::erase(doubts, "");
+  return {std::move(second.file), std::move(doubts)};
 }
 
 // A model with what Reconstruct says of it; of one that was read, summary.json or nothing.
@@ -306,7 +324,7 @@ TrackFile MakeTracks(const py::array_t<ObservationRow>& rows,
                frames);
   }
   for (std::uint32_t i = 0; i < frames; ++i) {
-    file.frames.push_back({FrameIndex{i}, fmt::format("frame_{:06}.png", i), 0});
+    file.frames.push_back({FrameIndex{i}, NumberedFrameName(FrameIndex{i}), 0});
   }
   return file;
 }
@@ -445,12 +463,20 @@ void BindCamera(py::module_& module) {
 
 void BindTrackFile(py::module_& module) {
   py::class_<TrackFile>(module, "TrackFile")
-      .def_readonly("source", &TrackFile::source)
-      .def_readonly("image_root", &TrackFile::image_root)
+      .def_property_readonly("source", [](const TrackFile& file) { return ToStr(file.source); })
+      .def_property_readonly("image_root",
+                             [](const TrackFile& file) { return ToStr(file.image_root); })
       .def_readonly("width_px", &TrackFile::width_px)
       .def_readonly("height_px", &TrackFile::height_px)
       .def_readonly("camera", &TrackFile::camera)
-      .def_readonly("meta", &TrackFile::meta)
+      .def_property_readonly("meta",
+                             [](const TrackFile& file) {
+                               py::dict meta;
+                               for (const auto& [name, text] : file.meta) {
+                                 meta[ToStr(name)] = ToStr(text);
+                               }
+                               return meta;
+                             })
       .def_readonly("complete", &TrackFile::complete)
       .def_property_readonly("frames",
                              [](const TrackFile& file) {
@@ -462,9 +488,9 @@ void BindTrackFile(py::module_& module) {
                              })
       .def_property_readonly("frame_names",
                              [](const TrackFile& file) {
-                               std::vector<std::string> names;
+                               py::list names;
                                for (const FrameInfo& frame : file.frames) {
-                                 names.push_back(frame.name);
+                                 names.append(ToStr(frame.name));
                                }
                                return names;
                              })
@@ -500,7 +526,13 @@ void BindTrackFile(py::module_& module) {
   module.def("write_tracks", &WriteTrackFile, py::arg("path"), py::arg("tracks"), NoGil());
   module.def(
       "read_csv",
-      [](const fs::path& path) { return ToArray(ReadTracksCsv(path).tracks); },
+      [](const fs::path& path) {
+        const TrackSet tracks = [&path] {
+          const CallWithoutGil no_gil;
+          return ReadTracksCsv(path).tracks;
+        }();
+        return ToArray(tracks);
+      },
       py::arg("path"));
   module.def(
       "write_csv",
@@ -534,11 +566,11 @@ void BindModel(py::module_& module) {
       .def_property_readonly(
           "frame_names",
           [](const Model& model) {
-            std::vector<std::string> names;
+            py::list names;
             for (const auto& [frame, pose] : model.reconstruction.cam_from_world) {
               const auto& known = model.reconstruction.frame_names;
               const auto name = known.find(frame);
-              names.push_back(name == known.end() ? "" : name->second);
+              names.append(ToStr(name == known.end() ? "" : name->second));
             }
             return names;
           })
@@ -588,7 +620,7 @@ void BindWork(py::module_& module) {
       "refine",
       [](const TrackFile& tracks,
          const Model& model,
-         const ClipArgument& clip,
+         const std::optional<ClipArgument>& clip,
          const std::string& options,
          bool rgb,
          const std::optional<py::object>& mask,

@@ -4,7 +4,6 @@
 #include <cstdlib>
 #include <cstring>
 #include <nlohmann/json.hpp>
-#include <set>
 #include <string>
 #include <utility>
 
@@ -235,33 +234,6 @@ Reconstruction ReadModelFolder(const fs::path& folder) {
     model.readout = json["readout"].get<double>();
   }
   return model;
-}
-
-void CheckIsModelOf(const Reconstruction& model,
-                    const std::string& model_name,
-                    const TrackFile& file,
-                    const std::string& tracks_name) {
-  const auto fail = [&](const std::string& what) {
-    ThrowError("{}: {}: give the model that was made of {}", model_name, what, tracks_name);
-  };
-  if (model.cam_from_world.empty()) return;
-  if (model.camera.width_px != file.width_px || model.camera.height_px != file.height_px) {
-    fail(fmt::format("its pictures are {}x{}, those of the tracks {}x{}",
-                     model.camera.width_px,
-                     model.camera.height_px,
-                     file.width_px,
-                     file.height_px));
-  }
-  std::set<FrameIndex> frames;
-  for (const FrameInfo& frame : file.frames) frames.insert(frame.index);
-  for (const auto& [frame, pose] : model.cam_from_world) {
-    if (!frames.contains(frame)) fail(fmt::format("the tracks have no frame {}", ToInt(frame)));
-  }
-  for (const auto& [feature, point] : model.points) {
-    if (file.tracks.Track(feature).empty()) {
-      fail(fmt::format("its point {} is no track", ToInt(feature)));
-    }
-  }
 }
 
 ReconstructResult ReconstructIntoFolder(const TrackFile& file,

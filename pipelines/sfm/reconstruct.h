@@ -94,13 +94,6 @@ ReconstructResult Reconstruct(const TrackFile& file,
 // A model folder's model, with the readout that its summary.json says; another program's has none.
 Reconstruction ReadModelFolder(const std::filesystem::path& folder);
 
-// Throws Error where a model cannot be of tracks: its camera is of another size, or it has a frame or
-// a point that they do not have. The names are for the message.
-void CheckIsModelOf(const Reconstruction& model,
-                    const std::string& model_name,
-                    const TrackFile& file,
-                    const std::string& tracks_name);
-
 // The same into a model folder: the model's files and summary.json (docs/files.md), and of Ceres
 // tracks_without_point.csv and the covariances. Whole or not at all. `summary_options`: JSON that
 // summary.json is to have as its options; empty: `options`.

@@ -217,20 +217,6 @@ cv::Mat UndistortionMap(const Camera& from, const Camera& to) {
   return map;
 }
 
-// Of the pictures in a folder, those with a name of ours.
-std::vector<std::string> OwnImages(const fs::path& folder) {
-  std::vector<std::string> names;
-  if (!fs::is_directory(folder)) return names;
-  for (const auto& entry : fs::directory_iterator(folder)) {
-    const std::string name = entry.path().filename().string();
-    if (name.ends_with(".jpg") && name.size() > 4 &&
-        std::all_of(name.begin(), name.end() - 4, [](char c) { return c >= '0' && c <= '9'; })) {
-      names.push_back(name);
-    }
-  }
-  return names;
-}
-
 // Viewers cut off what is nearer than a fixed distance: the median of the distances from which
 // points are seen becomes ten.
 double ScaleOf(const Reconstruction& model) {
@@ -240,6 +226,11 @@ double ScaleOf(const Reconstruction& model) {
 }
 
 std::string ImageName(FrameIndex frame) { return fmt::format("{:06}.jpg", ToInt(frame)); }
+
+bool IsImageName(const std::string& name) {
+  return name.ends_with(".jpg") && name.size() > 4 &&
+         std::all_of(name.begin(), name.end() - 4, [](char c) { return c >= '0' && c <= '9'; });
+}
 
 // The model in the scene's world, seen by the undistorted camera in the chosen frames: points that
 // one of them sees.
@@ -346,7 +337,7 @@ void WriteImages(const TrackFile& file,
                  const SceneFigures& figures,
                  const fs::path& folder,
                  const StageProgress& progress) {
-  OutputFolder out(folder, OwnImages(folder));
+  OutputFolder out(folder, IsImageName);
   const Camera& from = model.camera;
   const bool is_pinhole = !from.HasDistortion() && from.fx == figures.camera.fx &&
                           from.fy == figures.camera.fy && from.cx == figures.camera.cx &&
@@ -474,7 +465,7 @@ Rigid3 SceneFromModel(const Reconstruction& model) {
 
 void CheckSceneFolder(const fs::path& folder) {
   if (!fs::is_directory(folder)) return;
-  const OutputFolder images(folder / "images", OwnImages(folder / "images"));
+  const OutputFolder images(folder / "images", IsImageName);
   const OutputFolder sparse(folder / "sparse", {"0"});
   // COLMAP's and Nerfstudio's projects have the same names: a folder without our files is none of ours.
   const bool is_ours = fs::exists(folder / "clip.tracks") || fs::exists(folder / "model_of.json");

@@ -1,31 +1,15 @@
 #include "pipelines/sfm/video_frames.h"
 
+#include <set>
 #include <string>
-#include <vector>
 
 #include "datasets/open_sequence.h"
-#include "datasets/readers/video_sequence.h"
 #include "frontend/core/error.h"
 #include "frontend/core/output.h"
 #include "frontend/image/write_image.h"
+#include "frontend/tracks/frame_name.h"
 
 namespace cohort {
-
-namespace {
-
-// Those of the tracks, and those that other tracks of the video have left.
-std::vector<std::string> OwnNames(const TrackFile& file, const std::filesystem::path& folder) {
-  std::vector<std::string> names;
-  for (const FrameInfo& frame : file.frames) names.push_back(frame.name);
-  if (!std::filesystem::is_directory(folder)) return names;
-  for (const auto& entry : std::filesystem::directory_iterator(folder)) {
-    const std::string name = entry.path().filename().string();
-    if (IsVideoFrameName(name)) names.push_back(name);
-  }
-  return names;
-}
-
-}  // namespace
 
 void WriteVideoFrames(const TrackFile& file,
                       const std::filesystem::path& folder,
@@ -35,7 +19,12 @@ void WriteVideoFrames(const TrackFile& file,
     ThrowError(
         "{}: the video that the tracks are of is not there any more: {}", file.source, kWithout);
   }
-  OutputFolder out(folder, OwnNames(file, folder));
+  std::set<std::string> names;
+  for (const FrameInfo& frame : file.frames) names.insert(frame.name);
+  // Also what other tracks of the video have left.
+  OutputFolder out(folder, [&names](const std::string& name) {
+    return names.contains(name) || IsNumberedFrameName(name);
+  });
   const auto video = OpenSequence(file.source, Layout::kVideo);
   std::size_t done = 0;
   for (const FrameInfo& wanted : file.frames) {

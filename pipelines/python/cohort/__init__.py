@@ -475,22 +475,21 @@ def refine(
     if not len(model.track_ids):
         raise Error("the model has no points to look for: reconstruct first")
     mask_array, mask_path = _mask(mask)
-    if clip is None:
-        if not tracks.source:
-            raise UsageError("the tracks are of frames that came as arrays: give them as clip")
-        clip = tracks.source
-    return Tracks(
-        _cohort.refine(
-            tracks._file,
-            model._model,
-            clip,
-            _to_json(options),
-            _is_rgb(channels),
-            mask_array,
-            mask_path,
-            progress,
-        )
+    if clip is None and not tracks.source:
+        raise UsageError("the tracks are of frames that came as arrays: give them as clip")
+    file, doubts = _cohort.refine(
+        tracks._file,
+        model._model,
+        clip,
+        _to_json(options),
+        _is_rgb(channels),
+        mask_array,
+        mask_path,
+        progress,
     )
+    for doubt in doubts:
+        _log.warning("%s", doubt)
+    return Tracks(file)
 
 
 def default_options(function: str) -> dict[str, Any]:

@@ -124,10 +124,10 @@ def reconstruct(
 def refine(
     tracks: TrackFile,
     model: Model,
-    clip: _Clip,
+    clip: Optional[_Clip],
     options: str,
     rgb: bool,
     mask: Optional[_Array],
     mask_path: _Path,
     progress: _Progress,
-) -> TrackFile: ...
+) -> tuple[TrackFile, list[str]]: ...

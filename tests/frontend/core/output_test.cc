@@ -233,7 +233,7 @@ TEST(OutputFolder, OfAnotherUserInASharedFolderIsNotReplaced) {
   WriteBytes(dir / "a", "old");
   ASSERT_EQ(chmod(dir.path().c_str(), 01777), 0);
   ASSERT_EQ(seteuid(65533), 0);
-  EXPECT_THAT([&] { OutputFolder out(dir / "model", {}); },
+  EXPECT_THAT([&] { OutputFolder out(dir / "model", {"a"}); },
               ThrowsMessage<Error>(HasSubstr("model: it is another user's; give another name")));
   EXPECT_THAT([&] { OutputFile out(dir / "a"); },
               ThrowsMessage<Error>(HasSubstr("a: it is another user's; give another name")));

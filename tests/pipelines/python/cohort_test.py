@@ -226,6 +226,18 @@ class Track(Clip):
         self.assertIn("000005.png", log.output[0])
         self.assertIn("000005.png", tracks.meta["warning"])
 
+    def test_names_that_are_no_utf_8_come_as_the_system_has_them(self):
+        with tempfile.TemporaryDirectory() as folder:
+            clip = os.fsencode(folder) + b"/clip\xff"
+            shutil.copytree(os.fsencode(self.dir / "clip/rgb"), clip)
+            os.rename(clip + b"/000000.png", clip + b"/000000\xe9.png")
+            tracks = cohort.track(os.fsdecode(clip), tracker="klt")
+            self.assertEqual(os.fsencode(tracks.source), clip)
+            self.assertIn("000000\udce9.png", tracks.frame_names)
+            tracks.write(folder + "/a.tracks")
+            self.assertEqual(cohort.Tracks.read(folder + "/a.tracks").frame_names, tracks.frame_names)
+            self.assertIn("000000\udce9.png", cohort.reconstruct(tracks).frame_names)
+
     def test_the_program_may_end_while_threads_work(self):
         code = ("import cohort, numpy, threading, time\n"
                 "frames = [numpy.full((120, 160), i, numpy.uint8) for i in range(200)]\n"
@@ -398,6 +410,25 @@ class Reconstruct(Clip):
             cohort.refine(first, model)
         with self.assertRaisesRegex(cohort.Error, "has no frame 10"):
             cohort.refine(first, model, self.frames[:10])
+
+    def test_refine_says_what_there_is_to_doubt(self):
+        with self.assertNoLogs("cohort", "WARNING"):
+            cohort.refine(self.program_tracks, self.model)
+        with tempfile.TemporaryDirectory() as folder:
+            clip = pathlib.Path(folder) / "rgb"
+            shutil.copytree(self.dir / "clip/rgb", clip)
+            tracks = cohort.track(clip, camera=CAMERA, tracker="klt", detector={"max_features": 80})
+            model = cohort.reconstruct(tracks)
+            (clip / "000005.png").write_bytes((clip / "000006.png").read_bytes())
+            with self.assertLogs("cohort", "WARNING") as log:
+                cohort.refine(tracks, model)
+            self.assertIn("is not what it was when this Tracks object was made", log.output[0])
+            with self.assertLogs("cohort", "WARNING") as log:
+                cohort.refine(self.program_tracks, model)
+            self.assertIn("made of other tracks than this Tracks object", log.output[0])
+        narrow = cohort.track([frame[:200] for frame in self.frames], tracker="klt")
+        with self.assertRaisesRegex(cohort.Error, "its pictures are 320x240, .* 320x200"):
+            cohort.refine(narrow, self.model, self.frames)
 
     def test_refine_finds_the_clip_that_the_tracks_are_of(self):
         refined = cohort.refine(self.program_tracks, self.model, min_confirmed=0.4)

@@ -1,0 +1,112 @@
+#include "pipelines/sfm/doubts.h"
+
+#include <fmt/format.h>
+
+#include <set>
+#include <utility>
+#include <vector>
+
+#include "frontend/core/error.h"
+#include "frontend/core/statistics.h"
+#include "pipelines/sfm/input.h"
+
+namespace cohort {
+namespace {
+
+// Tracks that a model was made of, or that were measured again where it says that they are, lie
+// within a pixel or two of its views; others of the same ids anywhere.
+constexpr double kOtherTracksShareOfWidth = 0.02;
+
+// Median over the model's views of the distance to the track of that id in that frame; a picture's
+// width where it has none there. 0 without views.
+double DistanceToViews(const TrackFile& file, const Reconstruction& model) {
+  std::vector<double> distances;
+  for (const auto& [feature, point] : model.points) {
+    for (const PointView& view : point.views) {
+      const Observation* const seen = file.tracks.Find(feature, view.frame);
+      distances.push_back(seen != nullptr ? (seen->xy - view.xy).norm() : file.width_px);
+    }
+  }
+  return Median(std::move(distances));
+}
+
+void CheckIsModelOf(const Reconstruction& model,
+                    const std::string& model_name,
+                    const TrackFile& file,
+                    const std::string& tracks_name) {
+  const auto fail = [&](const std::string& what) {
+    ThrowError("{}: {}: give the model that was made of {}", model_name, what, tracks_name);
+  };
+  if (model.cam_from_world.empty()) return;
+  if (model.camera.width_px != file.width_px || model.camera.height_px != file.height_px) {
+    fail(fmt::format("its pictures are {}x{}, those of the tracks {}x{}",
+                     model.camera.width_px,
+                     model.camera.height_px,
+                     file.width_px,
+                     file.height_px));
+  }
+  std::set<FrameIndex> frames;
+  for (const FrameInfo& frame : file.frames) frames.insert(frame.index);
+  for (const auto& [frame, pose] : model.cam_from_world) {
+    if (!frames.contains(frame)) fail(fmt::format("the tracks have no frame {}", ToInt(frame)));
+  }
+  for (const auto& [feature, point] : model.points) {
+    if (file.tracks.Track(feature).empty()) {
+      fail(fmt::format("its point {} is no track", ToInt(feature)));
+    }
+  }
+}
+
+}  // namespace
+
+std::string DoubtOfClip(const TrackFile& file,
+                        const std::string& tracks_name,
+                        const Sequence& clip) {
+  if (IsStillTheClip(file, clip)) return "";
+  return fmt::format("{} is not what it was when {} was made of it: tracks and pictures may differ",
+                     file.source,
+                     tracks_name);
+}
+
+std::string DoubtOfModel(const Reconstruction& model,
+                         const std::string& model_name,
+                         const TrackFile& file,
+                         const std::string& tracks_name) {
+  CheckIsModelOf(model, model_name, file, tracks_name);
+  const double distance_px = DistanceToViews(file, model);
+  if (distance_px < kOtherTracksShareOfWidth * file.width_px) return "";
+  return fmt::format(
+      "{} was made of other tracks than {}: its points were seen {:.0f} px (median) from where the "
+      "tracks of their numbers are: reconstruct these",
+      model_name,
+      tracks_name,
+      distance_px);
+}
+
+std::string DoubtOfMeasuring(const SecondPassFigures& figures) {
+  if (figures.left <= figures.replaced) return "";
+  return figures.Brief() + ": the scene is not as the model has it";
+}
+
+std::string DoubtOfCamera(const Camera& camera) {
+  // No lens does that, decimals with a comma do: 525,5 525,5 ...
+  if (camera.fx > 2.0 * camera.fy || camera.fy > 2.0 * camera.fx) {
+    return fmt::format(
+        "the camera's focal lengths {:g} and {:g} px are of no lens: is the calibration right, and "
+        "are its decimals with points?",
+        camera.fx,
+        camera.fy);
+  }
+  const bool is_inside = camera.cx >= 0.0 && camera.cy >= 0.0 && camera.cx < camera.width_px &&
+                         camera.cy < camera.height_px;
+  if (is_inside) return "";
+  return fmt::format(
+      "the camera's principal point ({:g}, {:g}) lies outside its pictures of {} x {}: is the "
+      "calibration of pictures of another size?",
+      camera.cx,
+      camera.cy,
+      camera.width_px,
+      camera.height_px);
+}
+
+}  // namespace cohort
