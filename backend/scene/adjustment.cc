@@ -120,6 +120,12 @@ void AdjustUntilSettled(WorkingModel& model,
   }
 }
 
+void AdjustToOptimum(WorkingModel& model, const CameraRefinement& refinement) {
+  const BundleResult adjustment =
+      AdjustRegistered(model, MapperBundleOptions(model, refinement, 30, 1e-8));
+  spdlog::debug("to the optimum: {}", adjustment.Brief());
+}
+
 void AdjustPoints(WorkingModel& model) {
   PointProblem problem = MakePointProblem(model);
   if (problem.bundle.observations.empty()) return;
@@ -156,8 +162,8 @@ std::optional<Camera> FindBetterCamera(const WorkingModel& model,
   return std::nullopt;
 }
 
-std::optional<ModelCovariances> AdjustWithCovariances(WorkingModel& model,
-                                                      const CameraRefinement& refinement) {
+std::optional<ModelCovariances> CovariancesAtOptimum(WorkingModel model,
+                                                     const CameraRefinement& refinement) {
   const std::vector<int> frames = model.RegisteredFrames();
   BundleOptions bundle = MapperBundleOptions(model, refinement, 10, 1e-8);
   bundle.covariances = true;

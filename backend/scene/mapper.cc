@@ -31,8 +31,8 @@ Camera CameraOrGuess(const TrackFile& file) {
                file.width_px,
                file.height_px);
   }
-  if (!file.camera) return Camera::Guess(file.width_px, file.height_px);
-  const Camera& c = *file.camera;
+  Camera c = file.camera.value_or(Camera::Guess(file.width_px, file.height_px));
+  c.row_order = RowOrderOf(file);
   for (const double value :
        {c.fx, c.fy, c.cx, c.cy, c.k1, c.k2, c.p1, c.p2, c.k3, c.k4, c.k5, c.k6}) {
     if (!std::isfinite(value)) ThrowError("the tracks' camera has a parameter that is not finite");
@@ -267,6 +267,7 @@ void AdjustParts(const MapperOptions& options,
     if (judged.readout != 0.0) {
       AdjustToReadout(observed, judged.readout, refinement, model, judged.corrected[i]);
     }
+    if (refinement.Any()) AdjustToOptimum(model, refinement);
     model.Normalise();
   }
 }
@@ -314,21 +315,20 @@ std::vector<std::string> DoubtModel(const MapperResult& result,
 }
 
 // What there is to say of the chosen part, the model itself included, whose tracks the pictures
-// show as `observed`. Covariances need it at its
-// optimum, so it may move a little.
-void Describe(JudgedParts& judged,
+// show as `observed`.
+void Describe(const JudgedParts& judged,
               const WhitenedTracks& observed,
               const Camera& camera,
               const CameraRefinement& refinement,
               const MapperOptions& options,
               const std::vector<int>& keyframes,
               MapperResult& result) {
-  WorkingModel& model = judged.parts[judged.chosen].model;
+  const WorkingModel& model = judged.parts[judged.chosen].model;
   result.noise = model.noise();
   if (camera.known) result.better_camera = FindBetterCamera(model, keyframes);
   result.summary.reasons = DoubtModel(result, judged, camera);
   if (options.covariances) {
-    if (auto covariances = AdjustWithCovariances(model, refinement)) {
+    if (auto covariances = CovariancesAtOptimum(model, refinement)) {
       result.camera_covariances = std::move(covariances->cameras);
       result.point_covariances = std::move(covariances->points);
     } else {
@@ -401,8 +401,12 @@ void SetPoses(const std::map<FrameIndex, Rigid3>& cam_from_world, WorkingModel& 
 }
 
 // Poses of `start`, points anew, then all together but the camera.
-WorkingModel AdjustedModel(const WhitenedTracks& whitened, const Reconstruction& start) {
-  WorkingModel model(whitened, start.camera);
+WorkingModel AdjustedModel(const WhitenedTracks& whitened,
+                           RowOrder row_order,
+                           const Reconstruction& start) {
+  Camera camera = start.camera;
+  camera.row_order = row_order;
+  WorkingModel model(whitened, camera);
   SetPoses(start.cam_from_world, model);
   model.TriangulateAllTracks();
   AdjustUntilSettled(model, {}, 4, 5);
@@ -421,7 +425,7 @@ MapperResult ReconstructWithCeres(const TrackFile& file, const MapperOptions& op
 Reconstruction AdjustWithCeres(const TrackFile& file, const Reconstruction& start) {
   const TimedPart part("reconstruction");
   const WhitenedTracks whitened(file, WhiteningOptionsFrom({}));
-  return ToReconstruction(AdjustedModel(whitened, start), whitened, 0.0);
+  return ToReconstruction(AdjustedModel(whitened, RowOrderOf(file), start), whitened, 0.0);
 }
 
 MapperResult AdjustAndJudgeWithCeres(const TrackFile& file,
@@ -431,7 +435,7 @@ MapperResult AdjustAndJudgeWithCeres(const TrackFile& file,
   const TimedPart part("reconstruction");
   const Stopwatch stopwatch;
   const WhitenedTracks whitened(file, WhiteningOptionsFrom(options));
-  JudgedParts judged{.parts = {{AdjustedModel(whitened, start), {}}}};
+  JudgedParts judged{.parts = {{AdjustedModel(whitened, RowOrderOf(file), start), {}}}};
   const CameraRefinement refinement = RefinementOf(start.camera, options);
   AdjustParts(options, refinement, judged);
   const WorkingModel& model = judged.parts.front().model;

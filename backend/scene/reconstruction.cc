@@ -12,13 +12,12 @@ namespace {
 // Calls back with every point, its view and how far that is from where the point should be seen.
 template <typename Model, typename Use>
 void ForEachError(Model& reconstruction, const Use& use) {
-  const RowPoses rows(
-      reconstruction.cam_from_world, reconstruction.readout, reconstruction.camera.height_px);
+  const RowPoses rows(reconstruction.cam_from_world, reconstruction.readout, reconstruction.camera);
   for (auto& [feature, point] : reconstruction.points) {
     for (const PointView& view : point.views) {
       const Rigid3 cam_from_world = reconstruction.readout == 0.0
                                         ? reconstruction.cam_from_world.at(view.frame)
-                                        : rows.CamFromWorld(view.frame, view.xy.y());
+                                        : rows.CamFromWorld(view.frame, view.xy);
       const auto xy = reconstruction.camera.Project(cam_from_world * point.in_world);
       // Behind the camera there is no projection; such a view is a picture's width wrong.
       use(point, view, xy ? (*xy - view.xy).norm() : reconstruction.camera.width_px);
@@ -36,6 +35,16 @@ void UpdateReprojectionErrors(Reconstruction& reconstruction) {
   for (auto& [feature, point] : reconstruction.points) {
     if (!point.views.empty()) point.mean_reprojection_px /= static_cast<double>(point.views.size());
   }
+}
+
+void MoveViewsToTracks(const TrackSet& tracks, double readout, Reconstruction& reconstruction) {
+  reconstruction.readout = readout;
+  for (auto& [feature, point] : reconstruction.points) {
+    for (PointView& view : point.views) {
+      if (const Observation* o = tracks.Find(feature, view.frame)) view.xy = o->xy;
+    }
+  }
+  UpdateReprojectionErrors(reconstruction);
 }
 
 std::map<FrameIndex, std::vector<double>> ReprojectionErrors(const Reconstruction& reconstruction) {

@@ -9,6 +9,7 @@
 #include "frontend/geometry/camera.h"
 #include "frontend/geometry/rigid3.h"
 #include "frontend/tracks/observation.h"
+#include "frontend/tracks/track_set.h"
 
 namespace cohort {
 
@@ -39,6 +40,8 @@ struct Reconstruction {
 
 // Fills mean_reprojection_px of every point from cameras, points and views.
 void UpdateReprojectionErrors(Reconstruction& reconstruction);
+// Its views where `tracks` have them: the same ones, as a shutter of that readout saw them.
+void MoveViewsToTracks(const TrackSet& tracks, double readout, Reconstruction& reconstruction);
 
 // Of every frame, how far the views are from where their points should be seen [px]; a picture's
 // width behind the camera.
@@ -73,7 +76,8 @@ struct ReconstructionSummary {
 
   // Failed: there is no model. Doubtful: there are reasons.
   ModelQuality Quality() const;
-  bool Failed() const { return TooFewRegistered(registered, frames); }
+  // Cameras that are given have a pose though nothing was reconstructed.
+  bool Failed() const { return points == 0 || TooFewRegistered(registered, frames); }
   std::string Brief() const;
 };
 

@@ -218,7 +218,7 @@ bool ReadoutEstimate::IsRolling() const {
 std::vector<Eigen::Vector2d> AsGlobalShutter(const WhitenedTracks& observed,
                                              const WorkingModel& model,
                                              double readout) {
-  const RowPoses rows(PosesByIndex(model), readout, model.camera().height_px);
+  const RowPoses rows(PosesByIndex(model), readout, model.camera());
   std::vector<double> depths(static_cast<std::size_t>(observed.frame_count()), 1.0);
   for (const int frame : model.RegisteredFrames()) {
     depths[static_cast<std::size_t>(frame)] = MedianDepth(model, frame);
@@ -228,7 +228,7 @@ std::vector<Eigen::Vector2d> AsGlobalShutter(const WhitenedTracks& observed,
   for (const WhitenedObservation& o : observed.observations()) {
     Eigen::Vector2d& xy = positions.emplace_back(o.xy);
     if (!model.HasPose(o.frame)) continue;
-    const Rigid3 row = rows.CamFromWorld(observed.frames()[o.frame].index, o.xy.y());
+    const Rigid3 row = rows.CamFromWorld(observed.frames()[o.frame].index, o.xy);
     xy = Corrected(model.camera(),
                    model.Pose(o.frame),
                    row,
@@ -241,7 +241,7 @@ std::vector<Eigen::Vector2d> AsGlobalShutter(const WhitenedTracks& observed,
 
 TrackFile AsGlobalShutter(TrackFile file, const Reconstruction& model) {
   if (model.readout == 0.0) return file;
-  const RowPoses rows(model.cam_from_world, model.readout, model.camera.height_px);
+  const RowPoses rows(model.cam_from_world, model.readout, model.camera);
   std::map<FrameIndex, double> depths;
   for (const auto& [frame, pose] : model.cam_from_world) {
     depths[frame] = MedianDepth(file, model, frame);
@@ -254,7 +254,7 @@ TrackFile AsGlobalShutter(TrackFile file, const Reconstruction& model) {
     const auto point = model.points.find(o.feature);
     o.xy = Corrected(model.camera,
                      pose->second,
-                     rows.CamFromWorld(o.frame, o.xy.y()),
+                     rows.CamFromWorld(o.frame, o.xy),
                      o.xy,
                      point != model.points.end() ? &point->second.in_world : nullptr,
                      depths.at(o.frame));

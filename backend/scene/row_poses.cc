@@ -10,6 +10,8 @@ namespace {
 constexpr double kMostFrames = 3.0;
 constexpr int kNeighbours = 3;  // on each side
 
+bool AreColumns(RowOrder order) { return order == RowOrder::kLeft || order == RowOrder::kRight; }
+
 Eigen::Vector3d RotationVector(const Eigen::Quaterniond& rotation) {
   const Eigen::AngleAxisd turn(rotation);
   return turn.angle() * turn.axis();
@@ -25,8 +27,10 @@ Eigen::Quaterniond FromRotationVector(const Eigen::Vector3d& vector) {
 
 RowPoses::RowPoses(const std::map<FrameIndex, Rigid3>& cam_from_world,
                    double readout,
-                   int height_px)
-    : readout_(readout), height_px_(height_px) {
+                   const Camera& camera)
+    : readout_(readout),
+      row_order_(camera.row_order),
+      last_px_((AreColumns(camera.row_order) ? camera.width_px : camera.height_px) - 1.0) {
   for (auto it = cam_from_world.begin(); it != cam_from_world.end(); ++it) {
     Motion& motion = motions_[it->first];
     motion.cam_from_world = it->second;
@@ -49,10 +53,28 @@ RowPoses::RowPoses(const std::map<FrameIndex, Rigid3>& cam_from_world,
   }
 }
 
-Rigid3 RowPoses::CamFromWorld(FrameIndex frame, double y) const {
+double RowPoses::RowOf(const Eigen::Vector2d& xy) const {
+  switch (row_order_) {
+    case RowOrder::kDown:
+      return xy.y();
+    case RowOrder::kUp:
+      return last_px_ - xy.y();
+    case RowOrder::kRight:
+      return xy.x();
+    case RowOrder::kLeft:
+      return last_px_ - xy.x();
+  }
+  return xy.y();
+}
+
+Rigid3 RowPoses::CamFromWorld(FrameIndex frame, const Eigen::Vector2d& xy) const {
+  return OfRow(frame, RowOf(xy));
+}
+
+Rigid3 RowPoses::OfRow(FrameIndex frame, double y) const {
   const Motion& motion = motions_.at(frame);
   if (readout_ == 0.0) return motion.cam_from_world;
-  const double tau = readout_ * ((y + 0.5) / height_px_ - 0.5);
+  const double tau = readout_ * ((y + 0.5) / (last_px_ + 1.0) - 0.5);
   Eigen::Vector3d center = motion.center;
   Eigen::Vector3d turn = Eigen::Vector3d::Zero();
   for (const Neighbour& neighbour : motion.neighbours) {
@@ -76,14 +98,15 @@ std::optional<Eigen::Vector2d> RowPoses::Project(const Camera& camera,
                                                  const Eigen::Vector3d& in_world) const {
   constexpr int kMostSteps = 20;
   constexpr double kSettledPx = 1e-6;
-  double y = 0.5 * height_px_ - 0.5;
+  double y = 0.5 * last_px_;
   for (int step = 0; step < kMostSteps; ++step) {
-    auto xy = camera.Project(CamFromWorld(frame, y) * in_world);
+    auto xy = camera.Project(OfRow(frame, y) * in_world);
     if (!xy) return std::nullopt;
-    if (readout_ == 0.0 || std::abs(xy->y() - y) < kSettledPx) return xy;
-    y = xy->y();
-    // Far off the picture the parabola says nothing any more.
-    if (!(std::abs(y) < 3.0 * height_px_)) return std::nullopt;
+    const double row = RowOf(*xy);
+    if (readout_ == 0.0 || std::abs(row - y) < kSettledPx) return xy;
+    y = row;
+    // Far off the picture the polynomial says nothing any more.
+    if (!(std::abs(y) < 3.0 * (last_px_ + 1.0))) return std::nullopt;
   }
   return std::nullopt;
 }

@@ -9,7 +9,8 @@
 
 namespace cohort {
 
-// Where a camera with a rolling shutter is when it exposes a row. Row y of a frame is exposed at
+// Where a camera with a rolling shutter is when it exposes a row of its sensor: a row of the picture,
+// or a column of one that was turned upright (Camera::row_order). Row y of a frame is exposed at
 //   tau = readout ((y + 1/2) / height - 1/2)
 // frame intervals after the middle row, whose pose is the frame's. Between frames the camera's
 // centre and its rotation vector against the frame's follow the polynomial through those of the
@@ -18,10 +19,13 @@ namespace cohort {
 class RowPoses {
  public:
   // Frames count from FrameIndex: a frame left out is two intervals.
-  RowPoses(const std::map<FrameIndex, Rigid3>& cam_from_world, double readout, int height_px);
+  RowPoses(const std::map<FrameIndex, Rigid3>& cam_from_world,
+           double readout,
+           const Camera& camera);
 
-  // Of a frame with a pose; rows beyond the picture are as far away as its height goes.
-  Rigid3 CamFromWorld(FrameIndex frame, double y) const;
+  // Of a frame with a pose, for the row that xy is in; rows beyond the picture are as far away as its
+  // height goes.
+  Rigid3 CamFromWorld(FrameIndex frame, const Eigen::Vector2d& xy) const;
 
   // Where the frame shows a point of the world: the xy whose row projects it to xy, by fixed-point
   // iteration. None behind the camera or where there is no such row.
@@ -41,8 +45,12 @@ class RowPoses {
     std::vector<Neighbour> neighbours;
   };
 
+  double RowOf(const Eigen::Vector2d& xy) const;  // y, from -1/2 on, as the sensor counts
+  Rigid3 OfRow(FrameIndex frame, double y) const;
+
   double readout_;
-  double height_px_;
+  RowOrder row_order_;
+  double last_px_;  // the greatest y of a pixel
   std::map<FrameIndex, Motion> motions_;
 };
 

@@ -190,10 +190,12 @@ cv::Mat MeasuredLight(const cv::Mat& gray,
   return image;
 }
 
-cv::Mat TrueMotion(const Sequence& sequence, FrameIndex frame, const cv::Mat& depth_m) {
+cv::Mat TrueMotion(const Sequence& sequence,
+                   const std::optional<Camera>& camera,
+                   FrameIndex frame,
+                   const cv::Mat& depth_m) {
   const std::map<FrameIndex, Rigid3>& poses = sequence.TrueCamFromWorld();
   const auto here = poses.find(frame);
-  const std::optional<Camera> camera = sequence.KnownCamera();
   if (here == poses.end() || depth_m.empty() || !camera) return {};
   const auto next = poses.find(FrameIndex(ToInt(frame) + 1));
   const auto previous = ToInt(frame) == 0 ? poses.end() : poses.find(FrameIndex(ToInt(frame) - 1));
@@ -281,10 +283,15 @@ namespace {
 class SequenceDegrader {
  public:
   SequenceDegrader(Sequence& sequence,
+                   const std::optional<Camera>& camera,
                    const DegradeOptions& options,
                    const Progress& progress,
                    TumWriter& writer)
-      : sequence_(sequence), options_(options), progress_(progress), writer_(writer) {}
+      : sequence_(sequence),
+        camera_(camera),
+        options_(options),
+        progress_(progress),
+        writer_(writer) {}
 
   // Until the sequence ends or another thread fails.
   void Work() {
@@ -417,7 +424,7 @@ class SequenceDegrader {
     const std::uint32_t index = ToInt(job.frame.index);
     cv::Mat motion;
     if (options_.recipe != DegradeRecipe::kPaper) {
-      motion = TrueMotion(sequence_, job.frame.index, record.depth_m.value_or(cv::Mat()));
+      motion = TrueMotion(sequence_, camera_, job.frame.index, record.depth_m.value_or(cv::Mat()));
     }
     cv::Mat gray = job.frame.gray;
     if (options_.occluder_px_per_frame > 0.0) {
@@ -438,6 +445,7 @@ class SequenceDegrader {
   }
 
   Sequence& sequence_;
+  const std::optional<Camera>& camera_;
   const DegradeOptions& options_;
   const Progress& progress_;
   TumWriter& writer_;
@@ -461,6 +469,7 @@ SceneFile PartOfScene(SceneFile scene, const std::vector<FrameIndex>& frames) {
 
 void DegradeSequence(Sequence& sequence,
                      const fs::path& source,
+                     const std::optional<Camera>& camera,
                      const DegradeOptions& options,
                      const fs::path& out,
                      const Progress& progress,
@@ -471,8 +480,8 @@ void DegradeSequence(Sequence& sequence,
     ThrowError("{} is the input itself: give another folder to write", out.string());
   }
   TumWriter writer(out);
-  if (const auto camera = sequence.KnownCamera()) writer.WriteCamera(*camera);
-  SequenceDegrader degrader(sequence, options, progress, writer);
+  if (camera) writer.WriteCamera(*camera);
+  SequenceDegrader degrader(sequence, camera, options, progress, writer);
   if (options.recipe == DegradeRecipe::kPhone) {
     degrader.Film(threads);
   } else {

@@ -111,7 +111,10 @@ cv::Mat NoiseFreeSignal(const cv::Mat& gray,
 
 // How the true camera moves the picture, a frame's worth about `frame`: `motion` above. Empty
 // without true poses, camera or depth.
-cv::Mat TrueMotion(const Sequence& sequence, FrameIndex frame, const cv::Mat& depth_m);
+cv::Mat TrueMotion(const Sequence& sequence,
+                   const std::optional<Camera>& camera,
+                   FrameIndex frame,
+                   const cv::Mat& depth_m);
 
 // An opaque, textured bar, 80 px wide, that crosses the picture from the left again and again; it
 // stays away for as long as it takes to cross.
@@ -122,7 +125,8 @@ struct OccludedFrame {
 OccludedFrame DrawOccluder(const cv::Mat& gray, const DegradeOptions& options, std::uint32_t frame);
 
 // Degrades a clip into a folder in TUM layout, with calibration, true poses, depth and scene.json
-// where the source has them; `source` is what `sequence` was opened from. The occluder is drawn
+// where the source has them; `source` is what `sequence` was opened from, `camera` that of its
+// pictures where it does not know it. The occluder is drawn
 // first, as a real foreground would be. Motion blur follows the true cameras where there are poses
 // and depth (bodies that move on their own are blurred as if they stood still). Whole or not at
 // all; the bytes do not depend on `threads` (0: one a core).
@@ -130,6 +134,7 @@ OccludedFrame DrawOccluder(const cv::Mat& gray, const DegradeOptions& options, s
 //            its first two time stamps), decoded as any video
 void DegradeSequence(Sequence& sequence,
                      const std::filesystem::path& source,
+                     const std::optional<Camera>& camera,
                      const DegradeOptions& options,
                      const std::filesystem::path& out,
                      const Progress& progress = {},

@@ -53,6 +53,8 @@ class Sequence {
   // Frames of the range. A video's is what its header promises until its end is reached.
   virtual std::optional<std::size_t> FrameCount() const = 0;
   virtual std::optional<Camera> KnownCamera() const = 0;  // calibration in the layout
+  // Where the pictures have the sensor's later rows.
+  virtual RowOrder SensorRows() const { return RowOrder::kDown; }
   // True poses by frame of the source where the layout has them (nearest time stamp within 20 ms);
   // may be empty.
   virtual const std::map<FrameIndex, Rigid3>& TrueCamFromWorld() const = 0;

@@ -240,6 +240,13 @@ void VideoDecoder::OpenStream() {
   }
 }
 
+RowOrder VideoDecoder::SensorRows() const {
+  if (orientation_.transposed) {
+    return orientation_.mirrored_x ? RowOrder::kLeft : RowOrder::kRight;
+  }
+  return orientation_.mirrored_y ? RowOrder::kUp : RowOrder::kDown;
+}
+
 std::optional<std::size_t> VideoDecoder::PromisedFrames() const {
   const AVStream& stream = *format_->streams[stream_];
   double frames = static_cast<double>(stream.nb_frames);

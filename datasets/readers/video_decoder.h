@@ -9,6 +9,7 @@
 #include <string>
 
 #include "frontend/core/descriptor.h"
+#include "frontend/geometry/camera.h"
 
 struct AVCodecContext;
 struct AVFormatContext;
@@ -51,6 +52,9 @@ class VideoDecoder {
   // When it is shown [s]; the first frame at 0. By the file's times, which need not be even; 1 / fps
   // after the frame before it where the file gives none or one that is not later.
   double Seconds() const { return seconds_; }
+
+  // Where Picture() has the later rows of the pictures that the file stores, which are the sensor's.
+  RowOrder SensorRows() const;
 
   // What the header says, or its duration times its frames a second; none if that is no number of
   // frames.

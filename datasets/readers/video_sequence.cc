@@ -60,6 +60,7 @@ class VideoSequence final : public Sequence {
     return range_.Count(*source_frames_);
   }
   std::optional<Camera> KnownCamera() const override { return std::nullopt; }
+  RowOrder SensorRows() const override { return decoder_->SensorRows(); }
   const std::map<FrameIndex, Rigid3>& TrueCamFromWorld() const override { return no_poses_; }
   std::optional<cv::Mat> TrueDepth(FrameIndex) const override { return std::nullopt; }
   std::optional<cv::Mat> OccluderMask(FrameIndex) const override { return std::nullopt; }

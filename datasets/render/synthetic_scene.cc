@@ -25,9 +25,7 @@ constexpr std::int64_t kFramesPerSecond = 30;
 
 template <typename Enum, std::size_t N>
 Enum ChoiceNamed(const ChoiceNames<Enum, N>& names, const std::string& text) {
-  for (const auto& [name, value] : names) {
-    if (name == text) return value;
-  }
+  if (const auto value = ValueOf(names, text)) return *value;
   ThrowError("'{}' is unknown", text);
 }
 
@@ -104,9 +102,11 @@ std::optional<SceneFile> ReadSceneFile(const std::filesystem::path& folder) {
   try {
     const auto file = nlohmann::json::parse(ReadBytes(path, kMaxBytes));
     if (const int version = Integer(file, "version"); version != kSceneVersion) {
-      ThrowError("it is of version {}, this renderer of {}: render the scene again",
-                 version,
-                 kSceneVersion);
+      ThrowError(
+          "it is of version {}, this renderer of {}: render the scene again, or use the cohort "
+          "that did",
+          version,
+          kSceneVersion);
     }
     SceneFile scene;
     scene.options.scene = ChoiceNamed(kSceneNames, file.at("scene").get<std::string>());

@@ -19,6 +19,7 @@
 // {text, enum value} pairs. Each takes a Tier as a last argument.
 
 #include <array>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -43,6 +44,15 @@ constexpr std::string_view NameOf(const ChoiceNames<Enum, N>& names, Enum value)
     if (candidate == value) return text;
   }
   return "?";
+}
+
+// And back; none of another text.
+template <typename Enum, std::size_t N>
+constexpr std::optional<Enum> ValueOf(const ChoiceNames<Enum, N>& names, std::string_view text) {
+  for (const auto& [candidate, value] : names) {
+    if (candidate == text) return value;
+  }
+  return std::nullopt;
 }
 
 // Throws UsageError naming the first field that is out of range: field, value, bound.

@@ -11,6 +11,13 @@ enum class CameraModel { kPinhole, kFisheye };
 inline constexpr ChoiceNames<CameraModel, 2> kCameraModelNames{
     {{"pinhole", CameraModel::kPinhole}, {"fisheye", CameraModel::kFisheye}}};
 
+// Where in a picture the sensor's later rows are: upright video of a phone is turned by a quarter.
+enum class RowOrder { kDown, kLeft, kUp, kRight };
+inline constexpr ChoiceNames<RowOrder, 4> kRowOrderNames{{{"down", RowOrder::kDown},
+                                                          {"left", RowOrder::kLeft},
+                                                          {"up", RowOrder::kUp},
+                                                          {"right", RowOrder::kRight}}};
+
 // OpenCV's cameras. With n = (X/Z, Y/Z), r = |n|:
 //   xy  = (fx n_dx + cx, fy n_dy + cy)   [px], the centre of the top-left pixel is (0, 0)
 //   pinhole (calib3d; COLMAP's FULL_OPENCV, without k3 to k6 its OPENCV):
@@ -34,7 +41,8 @@ struct Camera {
   double k5 = 0.0;
   double k6 = 0.0;
   CameraModel model = CameraModel::kPinhole;
-  bool known = true;  // calibrated, kept fixed; false: a guess, to be refined
+  bool known = true;                     // calibrated, kept fixed; false: a guess, to be refined
+  RowOrder row_order = RowOrder::kDown;  // for a rolling shutter
 
   // Pinhole without k3 to k6.
   bool HasAtMostFourCoefficients() const {

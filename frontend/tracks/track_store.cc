@@ -163,9 +163,7 @@ int ReadSize(const std::string& text, const fs::path& path) {
 }
 
 CameraModel ReadCameraModel(std::string_view name, const fs::path& path) {
-  for (const auto& [text, model] : kCameraModelNames) {
-    if (text == name) return model;
-  }
+  if (const auto model = ValueOf(kCameraModelNames, name)) return *model;
   ThrowError("{} has a camera of model '{}', which this program does not know: use a newer one",
              path.string(),
              name);
@@ -207,7 +205,9 @@ SqliteDatabase OpenTracks(const fs::path& path) {
   if (!HoldsTracks(db)) ThrowError("{} is no .tracks file of cohort", path.string());
   if (db.UserVersion() < kVersion || db.UserVersion() > kNewestStore) {
     ThrowError(
-        "{} is a .tracks file of version {}, this program reads versions up to {}: make it again",
+        "{} is a .tracks file of version {}, this program reads versions up to {}: make it again, "
+        "or "
+        "read it by the cohort that made it",
         path.string(),
         db.UserVersion(),
         kNewestStore);
@@ -430,6 +430,12 @@ TrackCounts CountTracks(const fs::path& path) {
           .tracks = count("DISTINCT track_id) FROM observations"),
           .observations = count("frame) FROM observations"),
           .predicted = count("frame) FROM observations WHERE observed = 0")};
+}
+
+RowOrder RowOrderOf(const TrackFile& file) {
+  const auto order = file.meta.find(kRowOrderMeta);
+  if (order == file.meta.end()) return RowOrder::kDown;
+  return ValueOf(kRowOrderNames, order->second).value_or(RowOrder::kDown);
 }
 
 TrackFile ReadTrackFile(const fs::path& path) {

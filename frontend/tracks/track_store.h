@@ -36,6 +36,10 @@ struct TrackFile {
   bool KnowsCamera() const { return camera && camera->known; }
 };
 
+// In meta: Camera::row_order of the clip, where it is not down.
+inline constexpr const char* kRowOrderMeta = "row_order";
+RowOrder RowOrderOf(const TrackFile& file);
+
 // Writes a .tracks file (SQLite; schema in docs/files.md) while tracking. Every AppendFrame is
 // a transaction: whatever ends the program, the frames appended before are kept. `header` gives all
 // but frames and tracks.

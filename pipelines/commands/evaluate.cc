@@ -2,6 +2,7 @@
 
 #include <spdlog/spdlog.h>
 
+#include <filesystem>
 #include <nlohmann/json.hpp>
 
 #include "pipelines/console/table.h"
@@ -30,12 +31,15 @@ void AddRows(const Json& json,
                       : key == "hidden"  ? " for frames: "
                                          : ": "),
               rows);
-    } else if (value.is_array()) {
-      continue;  // a histogram
+    } else if (value.is_array() || key == "histogram_sigmas") {
+      continue;  // a histogram, and the width of its bins
     } else if (value.is_number_float()) {
       rows.push_back({name, fmt::format("{:.4g}", value.get<double>())});
     } else {
-      rows.push_back({name, value.is_null() ? "-" : JsonLine(value)});
+      rows.push_back({name,
+                      value.is_null()     ? "-"
+                      : value.is_string() ? value.get<std::string>()
+                                          : JsonLine(value)});
     }
   }
 }
@@ -43,7 +47,10 @@ void AddRows(const Json& json,
 void RunEvaluate(const EvaluateJobOptions& options) {
   const Json figures = RunEvaluateJob(options);
   std::vector<std::vector<std::string>> rows{
-      {"figure (of positions: median / 90 % [px] (count))", options.subject}};
+      {std::filesystem::is_directory(options.subject)
+           ? "figure"
+           : "figure (of positions: median / 90 % [px] (count))",
+       options.subject}};
   AddRows(figures, "", rows);
   fmt::print("{}", AlignedTable(rows));
   if (figures.value("failed", false)) {

@@ -74,6 +74,7 @@ void RunExport(const ExportCommandOptions& options) {
   std::optional<Reconstruction> model;
   if (!options.model.empty()) model = ReadModelFolder(options.model);
   const TrackFile file = TracksToExport(options, model);
+  if (model && options.global_shutter) MoveViewsToTracks(file.tracks, 0.0, *model);
   CheckOutputsGiven({options.colmap_database,
                      options.csv,
                      options.npz,

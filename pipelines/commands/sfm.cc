@@ -26,6 +26,7 @@ void PrintFigures(const SfmFigures& figures, const std::string& out) {
                     fmt::format("{:.2g} % of the distance to the scene",
                                 100.0 * *figures.camera_uncertainty)});
   }
+  rows.push_back({"to look at", (fs::path(out) / "report.html").string()});
   fmt::print("{}", AlignedTable(rows));
   for (const std::string& reason : figures.reasons) PrintLine("Doubt: {}", reason);
   for (const std::string& advice : figures.film_better) PrintLine("To film better: {}", advice);

@@ -83,6 +83,11 @@ int Dispatch(const std::vector<Command>& commands, std::span<const std::string> 
   for (const Command& command : commands) {
     if (command.name == name) return command.run(arguments.subspan(1));
   }
+  std::error_code ignored;
+  if (std::filesystem::exists(name, ignored)) {
+    ThrowUsageError(
+        "{} is no command: 'cohort sfm {} --out scene' makes a scene of it", name, name);
+  }
   ThrowUsageError("unknown command '{}': 'cohort --help' lists the commands", name);
 }
 

@@ -2,16 +2,37 @@
 
 #include <fmt/format.h>
 #include <spdlog/spdlog.h>
+#include <sys/ioctl.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <cstdlib>
 #include <memory>
+#include <string_view>
 
 #include "pipelines/console/messages.h"
 
 namespace cohort {
+
+namespace {
+
+// Of stderr; a usual one where it does not say.
+std::size_t TerminalWidth() {
+  constexpr std::size_t kUsual = 80;
+  winsize size{};
+  if (ioctl(STDERR_FILENO, TIOCGWINSZ, &size) != 0 || size.ws_col == 0) return kUsual;
+  return size.ws_col;
+}
+
+// One that draws over a line.
+bool IsTerminal() {
+  const char* const kind = std::getenv("TERM");
+  return isatty(STDERR_FILENO) == 1 && (kind == nullptr || std::string_view(kind) != "dumb");
+}
+
+}  // namespace
 
 std::string ProgressLine(const std::string& label,
                          std::size_t done,
@@ -38,7 +59,7 @@ std::string ProgressLine(const std::string& label,
 }
 
 ProgressBar::ProgressBar(std::string label, std::optional<std::size_t> total, std::string rate_unit)
-    : shown_(isatty(STDERR_FILENO) == 1 && spdlog::should_log(spdlog::level::info)),
+    : shown_(IsTerminal() && spdlog::should_log(spdlog::level::info)),
       label_(std::move(label)),
       total_(total),
       rate_unit_(std::move(rate_unit)) {}
@@ -57,7 +78,9 @@ void ProgressBar::Advance(std::size_t steps) {
   const double seconds = std::chrono::duration<double>(now - start_).count();
   const std::string line = ProgressLine(label_, done_, total_, seconds, rate_unit_);
   std::FILE* const out = OwnStderr();
-  std::fputs(("\r" + line + "\x1b[K").c_str(), out);  // fmt::print would throw at a full disk
+  // A line that wraps could not be drawn over.
+  std::fputs(("\r" + line.substr(0, TerminalWidth() - 1) + "\x1b[K").c_str(),
+             out);  // fmt::print would throw at a full disk
   std::fflush(out);
 }
 

@@ -10,8 +10,8 @@
 namespace cohort {
 
 // One line on stderr, `track [=====     ] 120/300  87.0 fps  ETA 0:02`, redrawn at most ten times a
-// second and wiped at the end. Nothing where stderr is no terminal or the log is quiet. `rate_unit`
-// empty: no speed is shown.
+// second and wiped at the end; cut at the terminal's width. Nothing where stderr is no terminal, or a
+// dumb one, or the log is quiet. `rate_unit` empty: no speed is shown.
 class ProgressBar {
  public:
   explicit ProgressBar(std::string label,

@@ -32,7 +32,7 @@ TextRows HeadingRows(const std::vector<std::string>& headings) {
     std::string line;
     for (std::size_t r = 0; std::getline(lines, line); ++r) {
       if (r == rows.size()) rows.emplace_back(headings.size());
-      rows[r][c] = line;
+      rows[r][c] = OneLine(line);
     }
   }
   return rows;

@@ -112,7 +112,10 @@ TrackFile MakeCeilingTracks(Sequence& clip,
     if (!source) ThrowError("{} has more frames than {}", dark.Name(), clip.Name());
     cv::Mat motion;
     if (degrade.recipe == DegradeRecipe::kSensor) {
-      motion = TrueMotion(clip, source->index, clip.TrueDepth(source->index).value_or(cv::Mat()));
+      motion = TrueMotion(clip,
+                          clip.KnownCamera(),
+                          source->index,
+                          clip.TrueDepth(source->index).value_or(cv::Mat()));
     }
     mover.Show(frame->index, NoiseFreeSignal(source->gray, degrade, ToInt(source->index), motion));
     const FrameResult result = loop.Track(*frame);

@@ -10,9 +10,13 @@ void RunDegradeJob(const DegradeJobOptions& options) {
   DegradeOptions degrade = options.degrade;
   degrade.level = ParseLevel(options.level);
   const auto sequence = OpenInput(options.input);
+  const std::optional<Frame> first = sequence->Next();  // says the size of the camera's pictures
+  sequence->Rewind();
+  std::optional<Camera> camera;
+  if (first) camera = KnownCamera(options.input, *sequence, first->gray.cols, first->gray.rows);
   ProgressBar progress("degrade", sequence->FrameCount());
   DegradeSequence(
-      *sequence, options.input.input, degrade, options.out, [&](std::size_t, std::size_t) {
+      *sequence, options.input.input, camera, degrade, options.out, [&](std::size_t, std::size_t) {
         progress.Advance();
       });
   if (!sequence->Warning().empty()) spdlog::warn("{}", sequence->Warning());

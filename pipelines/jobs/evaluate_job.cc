@@ -3,6 +3,9 @@
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
+#include <cstdint>
+#include <cstdlib>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
@@ -86,6 +89,34 @@ void CheckHasFrame(Sequence& sequence, FrameIndex last, const std::string& what,
              kind);
 }
 
+// The time between the tracks' first two frames is another one in the clip: then their numbers are of
+// other frames, as those of a clip that was thinned out.
+void WarnIfOtherTimes(const TrackFile& file, const std::string& tracks, Sequence& sequence) {
+  constexpr std::int64_t kSameNs = 20'000'000;  // as of true poses
+  if (file.frames.size() < 2) return;
+  const FrameInfo& a = file.frames[0];
+  const FrameInfo& b = file.frames[1];
+  std::map<FrameIndex, std::int64_t> times;
+  while (const auto frame = sequence.Next()) {
+    times[frame->index] = frame->timestamp_ns;
+    if (frame->index >= b.index) break;
+  }
+  sequence.Rewind();
+  if (!times.contains(a.index) || !times.contains(b.index)) return;
+  const std::int64_t in_tracks = b.timestamp_ns - a.timestamp_ns;
+  const std::int64_t in_clip = times[b.index] - times[a.index];
+  if (in_tracks <= 0 || in_clip <= 0 || std::abs(in_tracks - in_clip) <= kSameNs) return;
+  spdlog::warn(
+      "between frames {} and {} are {:.0f} ms in {}, and {:.0f} ms in {}: are they the same "
+      "frames?",
+      ToInt(a.index),
+      ToInt(b.index),
+      1e-6 * static_cast<double>(in_tracks),
+      tracks,
+      1e-6 * static_cast<double>(in_clip),
+      sequence.Name());
+}
+
 // Throws Error where the tracks cannot be of the clip.
 void CheckIsClipOf(const TrackFile& file, const std::string& tracks, Sequence& sequence) {
   const auto picture = sequence.Next();
@@ -103,6 +134,7 @@ void CheckIsClipOf(const TrackFile& file, const std::string& tracks, Sequence& s
   if (!file.frames.empty()) {
     CheckHasFrame(sequence, file.frames.back().index, tracks, "tracks are");
   }
+  WarnIfOtherTimes(file, tracks, sequence);
 }
 
 Json EvaluateTrackFile(const std::string& path,
@@ -274,19 +306,20 @@ Json EvaluateModelFolder(const Reconstruction& model,
                          const std::vector<FrameIndex>& frames,
                          const ModelTruth& truth) {
   const ModelEvaluation figures = EvaluateModel(model, frames, truth);
-  Json json{{"registered", figures.registered},
-            {"frames", figures.frames},
-            {"failed", TooFewRegistered(figures.registered, figures.frames)},
-            {"ate_m", OrNull(figures.ate_m)},
-            {"ate_share", OrNull(figures.ate_share)},
-            {"rpe_rot_deg", OrNull(figures.rpe_rot_deg)},
-            {"rpe_trans_m", OrNull(figures.rpe_trans_m)},
-            {"point_error_median_m", OrNull(figures.point_error_median_m)},
-            {"points_with_truth", figures.points_with_truth},
-            {"auc_5", OrNull(figures.auc_5)},
-            {"auc_10", OrNull(figures.auc_10)},
-            {"auc_20", OrNull(figures.auc_20)},
-            {"scale", OrNull(figures.scale)}};
+  Json json{
+      {"registered", figures.registered},
+      {"frames", figures.frames},
+      {"failed", model.points.empty() || TooFewRegistered(figures.registered, figures.frames)},
+      {"ate_m", OrNull(figures.ate_m)},
+      {"ate_share", OrNull(figures.ate_share)},
+      {"rpe_rot_deg", OrNull(figures.rpe_rot_deg)},
+      {"rpe_trans_m", OrNull(figures.rpe_trans_m)},
+      {"point_error_median_m", OrNull(figures.point_error_median_m)},
+      {"points_with_truth", figures.points_with_truth},
+      {"auc_5", OrNull(figures.auc_5)},
+      {"auc_10", OrNull(figures.auc_10)},
+      {"auc_20", OrNull(figures.auc_20)},
+      {"scale", OrNull(figures.scale)}};
   if (!figures.ate_m) json["why_no_ate"] = Reason(figures.alignment);
   return json;
 }

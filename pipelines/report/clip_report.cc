@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdlib>
 #include <nlohmann/json.hpp>
 #include <opencv2/imgproc.hpp>
 #include <set>
@@ -17,6 +18,7 @@
 #include "pipelines/report/brightening.h"
 #include "pipelines/report/report_page.h"
 #include "pipelines/report/track_picture.h"
+#include "pipelines/sfm/input.h"
 #include "pipelines/sfm/reconstruct.h"
 
 namespace cohort {
@@ -59,7 +61,10 @@ std::map<Id, Eigen::Matrix3d> ById(const std::map<std::uint32_t, Eigen::Matrix3d
   return by_id;
 }
 
-double Rounded(double value) { return std::stod(fmt::format("{:.5g}", value)); }
+// To five digits, as a page needs them.
+double Rounded(double value) {
+  return std::strtod(fmt::format("{:.5g}", value).c_str(), nullptr);  // not stod: denormals
+}
 
 void Append(const Eigen::Vector3d& xyz, Json& flat) {
   for (const double value : xyz) flat.push_back(Rounded(value));
@@ -179,8 +184,10 @@ Json CamerasOf(const ClipReport& report) {
                                {c.width_px - 1.0, 0.0},
                                {c.width_px - 1.0, c.height_px - 1.0},
                                {0.0, c.height_px - 1.0}}) {
-      const Eigen::Vector3d ray = c.Unproject({x, y}).homogeneous();
-      Append(world_from_cam.rotation * ray, camera["corners"]);  // from the centre, at depth 1
+      Eigen::Vector3d ray = c.Unproject({x, y}).homogeneous();  // from the centre, at depth 1
+      constexpr double kLongest = 2.0;  // those of a fisheye would fill the view
+      if (ray.norm() > kLongest) ray *= kLongest / ray.norm();
+      Append(world_from_cam.rotation * ray, camera["corners"]);
     }
     camera["covariance"] = TriangleOf(report.camera_covariances, frame);
     cameras.push_back(std::move(camera));
@@ -211,7 +218,7 @@ Json MotionBetween(const TrackSet& tracks, FrameIndex from, FrameIndex to) {
       motions.push_back((o->xy - before->xy).norm());
     }
   }
-  return motions.empty() ? Json() : Json(Rounded(Median(std::move(motions))));
+  return motions.empty() ? Json() : Json(Rounded(InterpolatedMedian(std::move(motions))));
 }
 
 // How far the camera went, in per cent of the distance to the scene; null without both poses.
@@ -247,7 +254,8 @@ Json PerFrame(const TrackFile& file, const Reconstruction& model) {
     columns["motion_px"].push_back(first ? Json() : MotionBetween(file.tracks, before, frame));
     columns["way_percent"].push_back(first ? Json() : WayBetween(model, distance, before, frame));
     std::vector<double>& of_frame = errors[frame];
-    columns["residual_px"].push_back(of_frame.empty() ? Json() : Json(Rounded(Median(of_frame))));
+    columns["residual_px"].push_back(
+        of_frame.empty() ? Json() : Json(Rounded(InterpolatedMedian(of_frame))));
   }
   return columns;
 }
@@ -307,10 +315,11 @@ void WriteClipReport(const fs::path& path,
     std::optional<Frame> frame = sequence.Next();
     while (frame && frame->index < shown[i].index) frame = sequence.Next();
     if (!frame || frame->index != shown[i].index) {
-      ThrowError("{} has no frame {} any more, of which there are tracks: track it again",
-                 file.source,
+      ThrowError("{} has no frame {}, of which there are tracks: give the same clip",
+                 sequence.Name(),
                  ToInt(shown[i].index));
     }
+    CheckPictureSize(file, *frame, sequence.Name());
     colours.See(*frame);
     cv::Mat picture;
     frame->gray.convertTo(picture, CV_32F);

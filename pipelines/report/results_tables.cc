@@ -33,6 +33,8 @@ constexpr Column kModelColumns[] = {{"ATE\n[mm]", "ate", 1e3, 2},
                                     {"point error\n[mm]", "point_error_median", 1e3, 1},
                                     {"points", "points", 1.0, 0},
                                     {"reprojection\n[px]", "mean_reprojection", 1.0, 2}};
+constexpr const char* kErrorMetrics[] = {
+    "ate", "ate_to_undegraded", "rpe_rot", "point_error_median", "mean_reprojection"};
 constexpr Column kTrackColumns[] = {{"length", "mean_track_length", 1.0, 1},
                                     {"track error\n[px]", "observed_error_median", 1.0, 2},
                                     {"90 %\n[px]", "observed_error_p90", 1.0, 2}};
@@ -53,9 +55,8 @@ std::string CellText(const ValuesOfMetric& values, const Column& column) {
 std::string Registered(const ValuesOfMetric& model) {
   const auto registered = MedianOf(model, "registered");
   std::string text =
-      registered
-          ? fmt::format("{:.0f}/{:.0f}", *registered, MedianOf(model, "frames").value_or(0.0))
-          : "-";
+      registered ? fmt::format("{:g}/{:g}", *registered, MedianOf(model, "frames").value_or(0.0))
+                 : "-";
   const auto it = model.find("failed");
   if (it == model.end()) return "not available";
   const auto& failed = it->second;
@@ -83,6 +84,17 @@ std::map<Line, ValuesOfMetric> ValuesByLine(const ExperimentResults& results) {
     of_line[row.metric].push_back(row.value);
     if (row.metric == kHalvesFailedMetric && row.value != 0.0) {
       of_line[kHalvesMetric].push_back(std::numeric_limits<double>::infinity());
+    }
+  }
+  // The error of a seed that failed is infinite, as ResultIndex::Median has it.
+  for (auto& [line, of_line] : values) {
+    const auto failed = of_line.find("failed");
+    if (failed == of_line.end()) continue;
+    const auto failures = std::count(failed->second.begin(), failed->second.end(), 1.0);
+    for (const char* metric : kErrorMetrics) {
+      const auto it = of_line.find(metric);
+      if (it == of_line.end()) continue;
+      it->second.insert(it->second.end(), failures, std::numeric_limits<double>::infinity());
     }
   }
   return values;

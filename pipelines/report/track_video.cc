@@ -97,16 +97,7 @@ void ForEachFrame(const std::set<FrameIndex>& wanted,
   sequence.Rewind();
   while (const auto frame = sequence.Next()) {
     if (!wanted.contains(frame->index)) continue;
-    if (frame->gray.cols != file.width_px || frame->gray.rows != file.height_px) {
-      ThrowError(
-          "the pictures of {} are {}x{}, the tracks are of {}x{}: give the clip that they are of "
-          "by --images",
-          sequence.Name(),
-          frame->gray.cols,
-          frame->gray.rows,
-          file.width_px,
-          file.height_px);
-    }
+    CheckPictureSize(file, *frame, sequence.Name());
     use(*frame, done++);
   }
   if (done < wanted.size()) {

@@ -106,7 +106,7 @@ std::optional<double> MovingShare(const TrackFile& file, const Reconstruction& m
   constexpr std::size_t kLong = 10;
   const double moves_px = 0.0025 * std::hypot(model.camera.width_px, model.camera.height_px);
   const double distance = MedianDistance(model);
-  const RowPoses rows(model.cam_from_world, model.readout, model.camera.height_px);
+  const RowPoses rows(model.cam_from_world, model.readout, model.camera);
   std::size_t all = 0;
   std::size_t moving = 0;
   for (const FeatureId feature : file.tracks.features()) {
@@ -114,7 +114,7 @@ std::optional<double> MovingShare(const TrackFile& file, const Reconstruction& m
     for (const Observation& o : file.tracks.Track(feature)) {
       const auto pose = model.cam_from_world.find(o.frame);
       if (!IsObserved(o) || pose == model.cam_from_world.end()) continue;
-      rays.push_back({model.readout == 0.0 ? pose->second : rows.CamFromWorld(o.frame, o.xy.y()),
+      rays.push_back({model.readout == 0.0 ? pose->second : rows.CamFromWorld(o.frame, o.xy),
                       model.camera.Unproject(o.xy)});
     }
     if (rays.size() < kLong) continue;

@@ -50,11 +50,27 @@ void DescribeInput(const InputOptions& options, const Sequence& sequence, TrackF
   const std::string fingerprint = FingerprintOfFrames(sequence);
   if (!fingerprint.empty()) file.meta["fingerprint"] = fingerprint;
   file.camera = KnownCamera(options, sequence, file.width_px, file.height_px);
+  NoteSensorRows(sequence, file);
+}
+
+void NoteSensorRows(const Sequence& sequence, TrackFile& file) {
+  if (sequence.SensorRows() == RowOrder::kDown) return;
+  file.meta[kRowOrderMeta] = NameOf(kRowOrderNames, sequence.SensorRows());
 }
 
 bool IsStillTheClip(const TrackFile& file, const Sequence& sequence) {
   const auto was = file.meta.find("fingerprint");
   return was == file.meta.end() || was->second == FingerprintOfFrames(sequence);
+}
+
+void CheckPictureSize(const TrackFile& file, const Frame& frame, const std::string& clip_name) {
+  if (frame.gray.cols == file.width_px && frame.gray.rows == file.height_px) return;
+  ThrowError("the pictures of {} are {}x{}, the tracks are of {}x{}: give the same clip",
+             clip_name,
+             frame.gray.cols,
+             frame.gray.rows,
+             file.width_px,
+             file.height_px);
 }
 
 std::string WarningOfClip(const Sequence& sequence,

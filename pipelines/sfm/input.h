@@ -59,8 +59,13 @@ std::optional<Camera> KnownCamera(const InputOptions& options,
 // camera and, of files, meta["fingerprint"] (FingerprintOfFrames).
 void DescribeInput(const InputOptions& options, const Sequence& sequence, TrackFile& file);
 
+// Notes how the clip's pictures were turned (RowOrderOf), as DescribeInput does.
+void NoteSensorRows(const Sequence& sequence, TrackFile& file);
+
 // Are the files of the clip those that `file` was made of? Where it does not know it may be.
 bool IsStillTheClip(const TrackFile& file, const Sequence& sequence);
+// Throws Error where a frame of a clip has not the size of those that `file` was made of.
+void CheckPictureSize(const TrackFile& file, const Frame& frame, const std::string& clip_name);
 // In .tracks: what was wrong with the clip, as that it ended before its last frame.
 inline constexpr const char* kWarningMeta = "warning";
 // The same of a clip that was read, whose DescribeInput `file` has; empty: nothing.

@@ -23,7 +23,7 @@ ModelPredictions::ModelPredictions(const TrackFile& file,
                                    int template_frames)
     : file_(file),
       model_(model),
-      rows_(model.cam_from_world, model.readout, model.camera.height_px),
+      rows_(model.cam_from_world, model.readout, model.camera),
       mask_(mask) {
   CheckMask(mask, {model.camera.width_px, model.camera.height_px});
   for (const auto& [feature, point] : model.points) {
@@ -105,7 +105,7 @@ std::optional<Eigen::Matrix2d> ModelPredictions::Warp(FeatureId feature,
   const Eigen::Vector3d& in_world = model_.points.at(feature).in_world;
   const auto xy = Project(in_world, from);
   if (!xy) return std::nullopt;
-  const Rigid3 cam_from_world = rows_.CamFromWorld(from, xy->y());
+  const Rigid3 cam_from_world = rows_.CamFromWorld(from, *xy);
   const Eigen::Vector3d x = cam_from_world * in_world;
   constexpr double kStepPx = 4.0;
   Eigen::Matrix2d warp;

@@ -43,17 +43,6 @@ class TemporaryFolder {
   fs::path path_;
 };
 
-// The views of a model of corrected tracks, as the pictures have them.
-void ShowAsSeen(const TrackSet& tracks, double readout, Reconstruction& model) {
-  model.readout = readout;
-  for (auto& [feature, point] : model.points) {
-    for (PointView& view : point.views) {
-      if (const Observation* o = tracks.Find(feature, view.frame)) view.xy = o->xy;
-    }
-  }
-  UpdateReprojectionErrors(model);
-}
-
 // Mean of min(|error|^2, bound^2) over the observations that have a pose and a point in both models
 // [px^2], of this one.
 double Misfit(const TrackSet& tracks, const Reconstruction& model, const Reconstruction& other) {
@@ -141,7 +130,8 @@ ReconstructResult ReconstructByColmap(TrackFile file,
       MapOrAdjust(AsGlobalShutter(file, by_ceres.reconstruction), by_ceres, options, work_folder);
   // A bent model of Ceres' may correct what was right.
   if (result.summary.Failed()) return MapOrAdjust(file, by_ceres, options, work_folder);
-  ShowAsSeen(file.tracks, by_ceres.reconstruction.readout, result.reconstruction);
+  result.reconstruction.camera.row_order = by_ceres.reconstruction.camera.row_order;
+  MoveViewsToTracks(file.tracks, by_ceres.reconstruction.readout, result.reconstruction);
   return result;
 }
 
@@ -232,6 +222,10 @@ Reconstruction ReadModelFolder(const fs::path& folder) {
   const Json json = ReadJsonFile(summary);
   if (json.contains("readout") && json["readout"].is_number()) {
     model.readout = json["readout"].get<double>();
+  }
+  if (json.contains("row_order") && json["row_order"].is_string()) {
+    model.camera.row_order =
+        ValueOf(kRowOrderNames, json["row_order"].get<std::string>()).value_or(RowOrder::kDown);
   }
   return model;
 }

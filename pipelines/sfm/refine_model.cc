@@ -245,6 +245,7 @@ RefinedModel RefineModel(const ColmapModel& model,
   MapperOptions with_covariances = ceres;
   ceres.covariances = false;
   refined.file = clip.file;
+  NoteSensorRows(sequence, refined.file);
   for (int round = 0; round < kMostRounds; ++round) {
     SecondPass second = MeasureAgain(refined.file, now, sequence, mask, measurement, progress);
     if (round == 0) {

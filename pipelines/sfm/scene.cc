@@ -235,7 +235,7 @@ bool IsImageName(const std::string& name) {
 // The model in the scene's world, seen by the undistorted camera in the chosen frames: points that
 // one of them sees.
 Reconstruction SceneModel(const Reconstruction& model, const SceneFigures& figures) {
-  const RowPoses rows(model.cam_from_world, model.readout, model.camera.height_px);
+  const RowPoses rows(model.cam_from_world, model.readout, model.camera);
   const Rigid3 model_from_scene = figures.scene_from_model.Inverse();
   Reconstruction scene;
   scene.camera = figures.camera;

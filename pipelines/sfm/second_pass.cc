@@ -19,6 +19,7 @@
 #include "frontend/track/tracker.h"
 #include "frontend/tracks/companions.h"
 #include "pipelines/json/option_list.h"
+#include "pipelines/sfm/input.h"
 #include "pipelines/sfm/model_predictions.h"
 #include "pipelines/sfm/read_ahead.h"
 
@@ -45,14 +46,7 @@ void ForEachFrame(const TrackFile& file,
                  ToInt(wanted.index),
                  wanted.name);
     }
-    if (frame->gray.cols != file.width_px || frame->gray.rows != file.height_px) {
-      ThrowError("{}: frames of {} x {} px, but the tracks are of {} x {}: give the same clip",
-                 sequence.Name(),
-                 frame->gray.cols,
-                 frame->gray.rows,
-                 file.width_px,
-                 file.height_px);
-    }
+    CheckPictureSize(file, *frame, sequence.Name());
     if (&wanted != &file.frames.back()) frames.Begin();
     use(*frame);
     if (progress) progress(stage, ++done, file.frames.size());
@@ -158,7 +152,7 @@ std::vector<TrackEnd> EndsAfter(const TrackFile& file,
 }
 
 RowPoses RowsOf(const Reconstruction& model) {
-  return {model.cam_from_world, model.readout, model.camera.height_px};
+  return {model.cam_from_world, model.readout, model.camera};
 }
 
 // How far apart two models have the points that they share, in the frames that they share [px].
@@ -332,7 +326,7 @@ bool MovesOtherwise(std::span<const Observation> track,
   std::vector<Ray> rays;
   for (const Observation& o : track) {
     if (!IsObserved(o) || !model.cam_from_world.contains(o.frame)) continue;
-    rays.push_back({rows.CamFromWorld(o.frame, o.xy.y()), model.camera.Unproject(o.xy)});
+    rays.push_back({rows.CamFromWorld(o.frame, o.xy), model.camera.Unproject(o.xy)});
   }
   if (rays.size() < kLeastRays) return false;
   const double max_error = max_error_px / model.camera.fx;

@@ -86,6 +86,7 @@ Json SummaryToJson(const ReconstructResult& result,
   Json summary{{"backend", NameOf(kBackendNames, options.backend)}};
   summary.update(SummaryToJson(result.summary, frames));
   summary["readout"] = result.reconstruction.readout;
+  summary["row_order"] = NameOf(kRowOrderNames, result.reconstruction.camera.row_order);
   summary["options"] = ToJson(options);
   if (result.ceres) {
     // COLMAP's models are judged by nobody.

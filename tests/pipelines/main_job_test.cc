@@ -103,6 +103,32 @@ TEST(MainJob, FindsTheRollingShutter) {
             0.5 * errors["ignored"].at("point_error_median_m").get<double>());
 }
 
+// A phone stores its upright video as the sensor has it, and says how it is to be turned.
+TEST(MainJob, FindsTheRollingShutterOfUprightVideo) {
+  const test::TempDir dir;
+  const auto at = [&](const std::string& name) { return (dir / name).string(); };
+  ASSERT_EQ(test::RunCohort("synth " + at("clip") +
+                            " --frames 40 --width-px 400 --height-px 300 --focal-px 330 "
+                            "--motion lateral --readout 0.6 --quiet")
+                .exit_code,
+            0);
+  test::RunShell("ffmpeg -loglevel error -framerate 30 -i " + at("clip/rgb/%06d.png") +
+                 " -c:v libx264 -crf 8 -pix_fmt yuv420p " + at("flat.mp4"));
+  test::RunShell("ffmpeg -loglevel error -i " + at("flat.mp4") +
+                 " -c copy -metadata:s:v:0 rotate=90 " + at("upright.mp4"));
+  for (const std::string& command :
+       {"track " + at("upright.mp4") + " --features 300 --camera 330,330,149.5,199.5 --out " +
+            at("t.tracks"),
+        "reconstruct " + at("t.tracks") + " --out " + at("model")}) {
+    const test::ProgramEnd end = test::RunCohort(command + " --quiet");
+    ASSERT_EQ(end.exit_code, 0) << end.err;
+  }
+  std::ifstream file(at("model/summary.json"));
+  const auto summary = nlohmann::json::parse(file);
+  EXPECT_EQ(summary.at("row_order"), "left");
+  EXPECT_NEAR(summary.at("readout"), 0.6, 0.05);
+}
+
 TEST(MainJob, ColmapsOwnFeaturesAreABaselineOfTheGrid) {
   const test::TempDir dir;
   const std::string clip = dir / "clip";

@@ -205,12 +205,14 @@ const modelSection = () => {
   try {
     renderer = new WebGLRenderer({antialias: true, alpha: true, preserveDrawingBuffer: true});
   } catch (error) {
-    holder.append(el('p', {}, 'This browser has no WebGL for the 3-D view.'));
+    section.replaceChildren(el('h2', {}, 'The model'), el('p', {}, 'This browser has no WebGL for the 3-D view.'));
     return;
   }
   const at = middleOf(centers);
   const target = points.length ? middleOf(points) : at;
-  const span = Math.max(target.distanceTo(at), ...centers.map((center) => center.distanceTo(at))) || 1;
+  // Of nearly all cameras: one far away would leave the others a dot.
+  const distances = centers.map((center) => center.distanceTo(at)).sort((a, b) => a - b);
+  const span = Math.max(target.distanceTo(at), distances[Math.ceil(0.95 * (distances.length - 1))]) || 1;
   // Up is the cameras' own: against the direction from their upper to their lower corners.
   const up = new Vector3();
   for (const {corners} of data.cameras) {
@@ -362,6 +364,8 @@ markPlots = () => {
     });
   }
 };
+const wholeSteps = [0, 1, 2, 3, 4, 5, 6].flatMap((power) => [1, 2, 5].map((digit) => digit * 10 ** power));
+const roomForLabels = (plot, labels) => Math.max(46, 18 + 7 * Math.max(0, ...(labels ?? []).map((label) => label.length)));
 page.append(el('section', {}, el('h2', {}, 'Frame by frame'),
   el('p', {class: 'soft'}, 'The upright line is the frame shown above, the figures are its own. Click for another frame.'),
   el('div', {class: 'plots'}, perFrame.map(({id, title, note, lines}) => {
@@ -382,7 +386,7 @@ page.append(el('section', {}, el('h2', {}, 'Frame by frame'),
         legend: {show: false},
         cursor: {drag: {x: false, y: false, click: () => {}}, sync: {key: 'frames'}, y: false},
         scales: {x: {time: false}, y: {range: (u, min, max) => [0, 1.05 * max || 1]}},
-        axes: [{...axis, size: 30}, {...axis, size: 46}],
+        axes: [{...axis, size: 30, incrs: wholeSteps}, {...axis, size: roomForLabels}],
         series: [{}, ...lines.map(([, , color], k) => ({stroke: css(color), width: 2, dash: k ? [6, 4] : undefined}))],
         hooks: {draw: [() => markPlots()]},
       }, [frames, ...lines.map(([values]) => values)], holder);

@@ -56,7 +56,7 @@ TEST(Adjustment, CovariancesScaleWithTheNoise) {
     const WhitenedTracks whitened(scene.file, {});
     WorkingModel model = TrueModel(scene, whitened, AllFrames(whitened));
     AdjustUntilSettled(model, {}, 3, 5);
-    const auto covariances = AdjustWithCovariances(model, {});
+    const auto covariances = CovariancesAtOptimum(model, {});
     ASSERT_TRUE(covariances);
     EXPECT_EQ(covariances->cameras.size(), 24u);
     variances.push_back(covariances->cameras.at(FrameIndex{12}).trace());

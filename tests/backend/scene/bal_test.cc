@@ -2,10 +2,10 @@
 
 #include <gtest/gtest.h>
 
-#include <Eigen/Geometry>
-#include <fstream>
+#include <algorithm>
 #include <vector>
 
+#include "tests/support/bal_errors.h"
 #include "tests/support/cameras.h"
 #include "tests/support/synthetic_tracks.h"
 #include "tests/support/temp_dir.h"
@@ -26,39 +26,6 @@ Reconstruction TrueModel(const test::SyntheticTracks& scene) {
   return model;
 }
 
-// Reads a problem by the published format, and returns its largest reprojection error [px].
-double LargestError(const std::string& path, std::size_t* observation_count) {
-  std::ifstream in(path);
-  std::size_t cameras = 0;
-  std::size_t points = 0;
-  std::size_t observations = 0;
-  in >> cameras >> points >> observations;
-  *observation_count = observations;
-  struct Row {
-    std::size_t camera, point;
-    double x, y;
-  };
-  std::vector<Row> rows(observations);
-  for (Row& row : rows) in >> row.camera >> row.point >> row.x >> row.y;
-  std::vector<double> parameters(9 * cameras + 3 * points);
-  for (double& value : parameters) in >> value;
-  EXPECT_TRUE(in.good() || in.eof());
-  double largest = 0.0;
-  for (const Row& row : rows) {
-    const double* c = parameters.data() + 9 * row.camera;
-    const Eigen::Vector3d r(c[0], c[1], c[2]);
-    const Eigen::Vector3d X(parameters.data() + 9 * cameras + 3 * row.point);
-    const Eigen::Vector3d P =
-        Eigen::AngleAxisd(r.norm(), r.normalized()) * X + Eigen::Vector3d(c[3], c[4], c[5]);
-    EXPECT_LT(P.z(), 0.0);
-    const Eigen::Vector2d p = -P.head<2>() / P.z();
-    const double r2 = p.squaredNorm();
-    const Eigen::Vector2d xy = c[6] * (1 + c[7] * r2 + c[8] * r2 * r2) * p;
-    largest = std::max(largest, (xy - Eigen::Vector2d(row.x, row.y)).norm());
-  }
-  return largest;
-}
-
 TEST(Bal, ObservationsAreWhereTheFormatProjectsThePoints) {
   const test::TempDir dir;
   Camera radial = test::SyntheticTracksOptions::DefaultCamera();
@@ -75,9 +42,9 @@ TEST(Bal, ObservationsAreWhereTheFormatProjectsThePoints) {
     options.camera = camera;
     const Reconstruction model = TrueModel(test::MakeSyntheticTracks(options));
     WriteBal(dir / "problem.txt", model);
-    std::size_t observations = 0;
-    EXPECT_LT(LargestError(dir / "problem.txt", &observations), 1e-9);
-    EXPECT_GT(observations, 1000u);
+    const std::vector<double> errors = test::BalErrors(dir / "problem.txt");
+    EXPECT_LT(*std::max_element(errors.begin(), errors.end()), 1e-9);
+    EXPECT_GT(errors.size(), 1000u);
   }
 }
 

@@ -253,6 +253,23 @@ TEST(IncrementalMapper, RefinesAGuessedFocalLengthAndDistortion) {
   }
 }
 
+// Where it ends does not depend on what else was asked for, and going on from there goes nowhere.
+TEST(IncrementalMapper, EndsAtTheOptimumOfAGuessedCamera) {
+  SyntheticTracksOptions options = Scene(CameraPath::kArc);
+  options.frames = 40;
+  SyntheticTracks scene = MakeSyntheticTracks(options);
+  scene.file.camera->known = false;
+  scene.file.camera->fx *= 1.3;
+  scene.file.camera->fy *= 1.3;
+  const MapperResult result = ReconstructWithCeres(scene.file);
+  const MapperResult with = ReconstructWithCeres(scene.file, {.covariances = true});
+  EXPECT_EQ(with.reconstruction.camera.fx, result.reconstruction.camera.fx);
+  EXPECT_FALSE(with.camera_covariances.empty());
+  const MapperResult on = AdjustAndJudgeWithCeres(scene.file, result.reconstruction);
+  EXPECT_NEAR(on.reconstruction.camera.fx, result.reconstruction.camera.fx, 0.1);
+  EXPECT_NEAR(on.reconstruction.camera.k1, result.reconstruction.camera.k1, 1e-3);
+}
+
 // As good as with a lens that does not distort.
 TEST(IncrementalMapper, KnownLensesOfAllModelsAreTakenForWhatTheyAre) {
   for (const Camera& camera :
@@ -470,6 +487,18 @@ TEST(TriangulateWithCeres, KeepsThePosesAndFindsThePoints) {
     errors.push_back((point.in_world - tracks.points_in_world.at(feature)).norm());
   }
   EXPECT_LT(Median(errors), 0.01);
+}
+
+// From cameras that stand at one place no point has a depth. That they have a pose is no success.
+TEST(TriangulateWithCeres, WithoutAnyPointFails) {
+  const test::SyntheticTracks tracks = test::MakeSyntheticTracks({});
+  std::map<FrameIndex, Rigid3> standing = tracks.cam_from_world;
+  for (auto& [frame, pose] : standing) pose = tracks.cam_from_world.begin()->second;
+  const MapperResult result = TriangulateWithCeres(tracks.file, standing);
+  ASSERT_TRUE(result.reconstruction.points.empty());
+  EXPECT_EQ(result.summary.registered, tracks.file.frames.size());
+  EXPECT_TRUE(result.summary.Failed());
+  EXPECT_EQ(result.termination, MapperTermination::kPartial);
 }
 
 }  // namespace

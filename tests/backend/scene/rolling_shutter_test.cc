@@ -117,6 +117,34 @@ TEST(RollingShutter, ReadoutIsFoundFromTheTracks) {
   }
 }
 
+// A phone's upright video: the picture is the sensor's, turned clockwise by a quarter.
+TEST(RollingShutter, IsFoundInPicturesThatWereTurnedUpright) {
+  SyntheticTracks scene = Rolling(0.7);
+  const Camera sensor = *scene.file.camera;
+  Camera& camera = *scene.file.camera;
+  std::swap(camera.width_px, camera.height_px);
+  camera.fx = sensor.fy;
+  camera.fy = sensor.fx;
+  camera.cx = sensor.height_px - 1.0 - sensor.cy;
+  camera.cy = sensor.cx;
+  ASSERT_FALSE(sensor.HasDistortion());
+  std::swap(scene.file.width_px, scene.file.height_px);
+  std::vector<Observation> observations(scene.file.tracks.observations().begin(),
+                                        scene.file.tracks.observations().end());
+  for (Observation& o : observations) o.xy = {sensor.height_px - 1.0 - o.xy.y(), o.xy.x()};
+  scene.file.tracks = TrackSet::Build(std::move(observations));
+  const Eigen::Quaterniond turn(Eigen::AngleAxisd(0.5 * EIGEN_PI, Eigen::Vector3d::UnitZ()));
+  for (auto& [frame, pose] : scene.cam_from_world) {
+    pose = {turn * pose.rotation, turn * pose.translation};
+  }
+  const double not_said = Ate(ReconstructWithCeres(scene.file), scene);
+  scene.file.meta[kRowOrderMeta] = "left";
+  const MapperResult result = ReconstructWithCeres(scene.file);
+  EXPECT_NEAR(result.reconstruction.readout, 0.7, 0.05);
+  EXPECT_EQ(result.reconstruction.camera.row_order, RowOrder::kLeft);
+  EXPECT_LT(Ate(result, scene), 0.2 * not_said);
+}
+
 TEST(RollingShutter, IsFoundTogetherWithAGuessedFocalLength) {
   SyntheticTracks scene = Rolling(0.7);
   const double true_focal = scene.file.camera->fx;

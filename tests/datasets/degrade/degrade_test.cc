@@ -233,7 +233,8 @@ class DegradeClip : public testing::Test {
                unsigned threads = 0,
                const FrameRange& range = {}) {
     const auto sequence = OpenSequence(dir_ / "clip", Layout::kAuto, range);
-    DegradeSequence(*sequence, dir_ / "clip", options, dir_ / out, {}, threads);
+    DegradeSequence(
+        *sequence, dir_ / "clip", sequence->KnownCamera(), options, dir_ / out, {}, threads);
   }
   TempDir dir_;
 };
@@ -344,7 +345,7 @@ TEST_F(DegradeClip, OfARangeRemembersWhichFramesOfTheSceneItShows) {
   EXPECT_EQ(scene->first_frame, 1);
   EXPECT_EQ(scene->frame_step, 2);
   const auto again = OpenSequence(dir_ / "part", Layout::kAuto, FrameRange::Parse("1:"));
-  DegradeSequence(*again, dir_ / "part", DegradeOptions{}, dir_ / "last");
+  DegradeSequence(*again, dir_ / "part", again->KnownCamera(), DegradeOptions{}, dir_ / "last");
   EXPECT_EQ(ReadSceneFile(dir_ / "last")->first_frame, 3);
 }
 
@@ -358,7 +359,8 @@ TEST(DegradeSequence, TakesAPlainImageFolder) {
   const TempDir dir;
   for (int i = 0; i < 3; ++i) WriteImage(dir / fmt::format("in/{}.png", i), 200);
   const auto sequence = OpenSequence(dir / "in");
-  DegradeSequence(*sequence, dir / "in", Options(DegradeRecipe::kSensor, 2.0), dir / "out");
+  DegradeSequence(
+      *sequence, dir / "in", std::nullopt, Options(DegradeRecipe::kSensor, 2.0), dir / "out");
   const auto dark = OpenSequence(dir / "out");
   EXPECT_EQ(test::ReadAll(*dark).size(), 3u);
   EXPECT_FALSE(dark->KnownCamera());

@@ -245,7 +245,7 @@ TEST_F(Tum, APipeOrADeviceIsNotWaitedFor) {
 TEST_F(Tum, ATableWithoutEndIsAnError) {
   WriteText(dir_ / "groundtruth.txt", std::string(100'000, '1'));
   EXPECT_THAT([&] { OpenSequence(dir_.path()); },
-              ThrowsMessage<Error>(HasSubstr("line 1: longer than 65536")));
+              ThrowsMessage<Error>(HasSubstr("line 1: longer than 65535")));
   std::string lines;
   for (int i = 0; i < 100; ++i) lines += "# " + std::string(1000, 'x') + "\n";
   WriteText(dir_ / "groundtruth.txt", lines);

@@ -174,18 +174,19 @@ TEST_F(Decoder, SpreadsLimitedRange) {
 TEST_F(Decoder, APhonesPortraitVideoStandsUpright) {
   struct Turn {
     int a, b, c, d;
+    RowOrder rows;
   };
   Film("a.mp4", "-c:v mpeg4");
   const std::size_t matrix = Find("a.mp4", "tkhd") + 44;
-  for (const Turn& turn : {Turn{1, 0, 0, 1},
-                           Turn{0, 1, -1, 0},
-                           Turn{-1, 0, 0, -1},
-                           Turn{0, -1, 1, 0},
+  for (const Turn& turn : {Turn{1, 0, 0, 1, RowOrder::kDown},
+                           Turn{0, 1, -1, 0, RowOrder::kLeft},
+                           Turn{-1, 0, 0, -1, RowOrder::kUp},
+                           Turn{0, -1, 1, 0, RowOrder::kRight},
                            // Mirrors, of a camera that looks at its user.
-                           Turn{-1, 0, 0, 1},
-                           Turn{1, 0, 0, -1},
-                           Turn{0, 1, 1, 0},
-                           Turn{0, -1, -1, 0}}) {
+                           Turn{-1, 0, 0, 1, RowOrder::kDown},
+                           Turn{1, 0, 0, -1, RowOrder::kUp},
+                           Turn{0, 1, 1, 0, RowOrder::kRight},
+                           Turn{0, -1, -1, 0, RowOrder::kLeft}}) {
     SCOPED_TRACE(fmt::format("{} {} {} {}", turn.a, turn.b, turn.c, turn.d));
     std::string numbers;  // of 16.16 bits
     for (const int value : {turn.a, turn.b, 0, turn.c, turn.d}) {
@@ -194,7 +195,9 @@ TEST_F(Decoder, APhonesPortraitVideoStandsUpright) {
     ChangeBytes("a.mp4", matrix, numbers);
     const cv::Size size = turn.a == 0 ? cv::Size(120, 160) : cv::Size(160, 120);
     ExpectEqual(Pictures("a.mp4"), PicturesOfFfmpeg("a.mp4", size));
-    EXPECT_EQ(test::ReadAll(*OpenSequence(Path("a.mp4")))[0].gray.size(), size);
+    const auto clip = OpenSequence(Path("a.mp4"));
+    EXPECT_EQ(test::ReadAll(*clip)[0].gray.size(), size);
+    EXPECT_EQ(clip->SensorRows(), turn.rows);
   }
 }
 

@@ -146,7 +146,7 @@ TEST_F(Clip, TheForegroundBarHidesAndShowsNoPoint) {
   Open(SceneName::kCloth);
   DegradeOptions options;
   options.occluder_px_per_frame = 30.0;
-  DegradeSequence(*sequence_, dir_ / "clip", options, dir_ / "dark");
+  DegradeSequence(*sequence_, dir_ / "clip", sequence_->KnownCamera(), options, dir_ / "dark");
   for (const bool scene_file : {true, false}) {
     if (!scene_file) fs::remove(dir_ / "dark/scene.json");
     const auto dark = OpenSequence(dir_ / "dark");
@@ -167,7 +167,8 @@ TEST_F(Clip, TheForegroundBarHidesAndShowsNoPoint) {
 TEST_F(Clip, OfAPartOfAClipIsTheTruthOfThoseFrames) {
   const auto whole = Open(SceneName::kBodies);
   const auto part_of_it = OpenSequence(dir_ / "clip", Layout::kAuto, FrameRange::Parse("3:12:4"));
-  DegradeSequence(*part_of_it, dir_ / "clip", DegradeOptions{}, dir_ / "part");
+  DegradeSequence(
+      *part_of_it, dir_ / "clip", part_of_it->KnownCamera(), DegradeOptions{}, dir_ / "part");
   const auto part = OpenSequence(dir_ / "part");
   const auto truth = OpenTrackTruth(*part, dir_ / "part");
   const auto a = whole->Pick(FrameIndex{3}, {200.0, 150.0});

@@ -74,7 +74,7 @@ TEST(LineReader, RefusesALineWithoutEnd) {
   LineReader reader(dir / "a");
   ASSERT_TRUE(reader.Next());
   EXPECT_EQ(reader.line(), "short");
-  EXPECT_THAT([&] { reader.Next(); }, ThrowsMessage<Error>(HasSubstr("line 2: longer than 65536")));
+  EXPECT_THAT([&] { reader.Next(); }, ThrowsMessage<Error>(HasSubstr("line 2: longer than 65535")));
 }
 
 TEST(PictureName, LeadsOutOfNoFolderAndIsOneLine) {

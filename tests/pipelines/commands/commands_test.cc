@@ -18,7 +18,9 @@
 #include "backend/colmap/model_io.h"
 #include "frontend/core/error.h"
 #include "frontend/core/sqlite.h"
+#include "frontend/core/statistics.h"
 #include "frontend/tracks/track_store.h"
+#include "tests/support/bal_errors.h"
 #include "tests/support/child_process.h"
 #include "tests/support/program.h"
 #include "tests/support/temp_dir.h"
@@ -271,6 +273,9 @@ TEST_F(Commands, NamesOfFramesLeadOutOfNoFolder) {
 TEST_F(Commands, UnknownCommandFlagOrValueIsAUsageError) {
   ExpectFailure(RunCohort(""), 2, HasSubstr("cohort --help"));
   ExpectFailure(RunCohort("trak a.mp4"), 2, HasSubstr("unknown command 'trak'"));
+  const std::string pictures = WriteImages(Path("pictures"), 1);
+  ExpectFailure(
+      RunCohort(pictures), 2, HasSubstr("'cohort sfm " + pictures + " --out scene' makes a scene"));
   ExpectFailure(
       RunCohort("track --out b -- -a.mp4"), 1, HasSubstr("no such file or folder: -a.mp4"));
   ExpectFailure(RunCohort("track --out b -- a.mp4 --features"), 2, HasSubstr("--features"));
@@ -722,6 +727,43 @@ TEST_F(Commands, RendersDegradesAndEvaluates) {
   ExpectFailure(RunCohort("evaluate " + Path("a.tracks") + " --truth " + images),
                 1,
                 HasSubstr("has no truth of tracks"));
+}
+
+TEST_F(Commands, SaysThatTracksAreEvaluatedByOtherFrames) {
+  Run("synth " + Path("clip") + kSmall + " --frames 9");
+  Run("degrade " + Path("clip") + " " + Path("thin") + " --level clean --frames ::3");
+  ASSERT_EQ(RunCohort(Track(Path("thin"))).exit_code, 0);
+  const std::string evaluate = "evaluate " + Path("a.tracks") + " --quiet --truth ";
+  EXPECT_EQ(RunCohort(evaluate + Path("thin")).err, "");
+  EXPECT_THAT(RunCohort(evaluate + Path("clip")).err,
+              HasSubstr("between frames 0 and 1 are 100 ms in " + Path("a.tracks") +
+                        ", and 33 ms in clip: are they the same frames?"));
+}
+
+TEST_F(Commands, DegradesWithTheCameraThatIsGiven) {
+  Run("synth " + Path("clip") + kSmall + " --frames 3");
+  Run("degrade " + Path("clip") + " " + Path("dark") + " --camera 150,151,80,60,0.1");
+  EXPECT_EQ(ReadBytes(Path("dark/calibration.txt")), "150 151 80 60 0.1 0 0 0\n");
+  Run("degrade " + Path("clip/rgb") + " " + Path("unknown"));
+  EXPECT_FALSE(fs::exists(Path("unknown/calibration.txt")));
+  ExpectFailure(RunCohort("degrade " + Path("clip") + " " + Path("never") + " --camera 150"),
+                2,
+                HasSubstr("--camera '150'"));
+  EXPECT_FALSE(fs::exists(Path("never")));
+}
+
+// `export --global-shutter --bal`: a problem whose positions fit its cameras, which have one pose a
+// frame.
+TEST_F(Commands, ExportsAProblemAsAGlobalShutterHasIt) {
+  Run("synth " + Path("clip") + kMedium + " --frames 20 --readout 0.7");
+  Run("track " + Path("clip") + " --tracker klt --features 150 --out " + Path("a.tracks"));
+  Run("reconstruct " + Path("a.tracks") + " --out " + Path("m"));
+  ASSERT_GT(ReadJson(Path("m/summary.json"))["readout"], 0.5);
+  const std::string bal = "export " + Path("a.tracks") + " --model " + Path("m") + " --bal ";
+  Run(bal + Path("seen.txt"));
+  Run(bal + Path("global.txt") + " --global-shutter");
+  EXPECT_LT(Median(test::BalErrors(Path("global.txt"))),
+            0.5 * Median(test::BalErrors(Path("seen.txt"))));
 }
 
 TEST_F(Commands, ReconstructsWithCeresAndJudgesTheModel) {

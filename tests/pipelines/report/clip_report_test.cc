@@ -105,6 +105,18 @@ TEST_F(Show, OfClipsThatAreNotOneSaysSoAndLeavesNothing) {
   EXPECT_FALSE(fs::exists(Path("never.mp4")));
 }
 
+TEST_F(Show, OfPicturesOfAnotherSizeSaysSoAndLeavesNothing) {
+  Run("synth " + Path("small") +
+      " --frames 6 --width-px 160 --height-px 120 --focal-px 130 --quiet");
+  for (const char* name : {"never.html", "never.mp4"}) {
+    const test::ProgramEnd end = test::RunCohort("show " + Path("a.tracks") + " --images " +
+                                                 Path("small") + " --quiet --out " + Path(name));
+    EXPECT_EQ(end.exit_code, 1) << name;
+    EXPECT_THAT(end.err, HasSubstr("the pictures of small are 160x120, the tracks are of 320x240"));
+    EXPECT_FALSE(fs::exists(Path(name)));
+  }
+}
+
 TEST_F(Show, NamesTheKindsOfFilesThatItWrites) {
   const test::ProgramEnd end =
       test::RunCohort("show " + Path("a.tracks") + " --quiet --out " + Path("v.xyz"));
