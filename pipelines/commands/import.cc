@@ -181,6 +181,12 @@ void RunImport(const ImportCommandOptions& options) {
     file.camera = imported.camera;
   }
   PredictOutside(options, file, imported.tracks);
+  const auto observations = imported.tracks.observations();
+  if (std::none_of(observations.begin(), observations.end(), IsObserved)) {
+    spdlog::warn("{}: none of its {} positions is observed: no backend will take one",
+                 options.tracks,
+                 observations.size());
+  }
   file.tracks = std::move(imported.tracks);
   file.meta["program"] = fmt::format("cohort {}", kVersion);
   file.meta["tracker"] = "import";

@@ -729,6 +729,15 @@ TEST_F(Commands, RendersDegradesAndEvaluates) {
                 HasSubstr("has no truth of tracks"));
 }
 
+TEST_F(Commands, SaysThatNothingOfImportedTracksIsObserved) {
+  const std::string images = WriteImages(Path("images"), 2);
+  WriteText(Path("none.csv"), "frame,track_id,x,y,observed\n0,0,50,50,0\n1,0,51,50,0\n");
+  const ProgramEnd end = RunCohort("import " + Path("none.csv") + " --images " + images +
+                                   " --quiet --out " + Path("none.tracks"));
+  EXPECT_EQ(end.exit_code, 0) << end.err;
+  EXPECT_THAT(end.err, HasSubstr("none.csv: none of its 2 positions is observed"));
+}
+
 TEST_F(Commands, SaysThatTracksAreEvaluatedByOtherFrames) {
   Run("synth " + Path("clip") + kSmall + " --frames 9");
   Run("degrade " + Path("clip") + " " + Path("thin") + " --level clean --frames ::3");
