@@ -79,8 +79,9 @@ void ProgressBar::Advance(std::size_t steps) {
   const std::string line = ProgressLine(label_, done_, total_, seconds, rate_unit_);
   std::FILE* const out = OwnStderr();
   // A line that wraps could not be drawn over.
-  std::fputs(("\r" + line.substr(0, TerminalWidth() - 1) + "\x1b[K").c_str(),
-             out);  // fmt::print would throw at a full disk
+  const std::string drawn =
+      fmt::format("\r{}\x1b[K", std::string_view(line).substr(0, TerminalWidth() - 1));
+  std::fputs(drawn.c_str(), out);  // fmt::print would throw at a full disk
   std::fflush(out);
 }
 
