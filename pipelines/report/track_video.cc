@@ -17,6 +17,7 @@
 #include "frontend/core/output.h"
 #include "pipelines/report/brightening.h"
 #include "pipelines/report/track_picture.h"
+#include "pipelines/sfm/input.h"
 
 namespace cohort {
 namespace {
