@@ -39,8 +39,8 @@ void AdjustUntilSettled(WorkingModel& model,
                         int first_iterations);
 
 // Everything, as far as it goes: a guessed camera moves long after the inliers have settled. Not for a
-// known one: of real clips the cameras came out from a sixth worse to a seventh better, most the same,
-// and it took longer.
+// known one: on the real clips that were tried most cameras came out the same, some better and some
+// worse, and it took longer.
 void AdjustToOptimum(WorkingModel& model, const CameraRefinement& refinement);
 
 // The points from all inliers; poses and camera stay.

@@ -401,12 +401,8 @@ void SetPoses(const std::map<FrameIndex, Rigid3>& cam_from_world, WorkingModel& 
 }
 
 // Poses of `start`, points anew, then all together but the camera.
-WorkingModel AdjustedModel(const WhitenedTracks& whitened,
-                           RowOrder row_order,
-                           const Reconstruction& start) {
-  Camera camera = start.camera;
-  camera.row_order = row_order;
-  WorkingModel model(whitened, camera);
+WorkingModel AdjustedModel(const WhitenedTracks& whitened, const Reconstruction& start) {
+  WorkingModel model(whitened, start.camera);
   SetPoses(start.cam_from_world, model);
   model.TriangulateAllTracks();
   AdjustUntilSettled(model, {}, 4, 5);
@@ -425,7 +421,7 @@ MapperResult ReconstructWithCeres(const TrackFile& file, const MapperOptions& op
 Reconstruction AdjustWithCeres(const TrackFile& file, const Reconstruction& start) {
   const TimedPart part("reconstruction");
   const WhitenedTracks whitened(file, WhiteningOptionsFrom({}));
-  return ToReconstruction(AdjustedModel(whitened, RowOrderOf(file), start), whitened, 0.0);
+  return ToReconstruction(AdjustedModel(whitened, start), whitened, 0.0);
 }
 
 MapperResult AdjustAndJudgeWithCeres(const TrackFile& file,
@@ -435,7 +431,7 @@ MapperResult AdjustAndJudgeWithCeres(const TrackFile& file,
   const TimedPart part("reconstruction");
   const Stopwatch stopwatch;
   const WhitenedTracks whitened(file, WhiteningOptionsFrom(options));
-  JudgedParts judged{.parts = {{AdjustedModel(whitened, RowOrderOf(file), start), {}}}};
+  JudgedParts judged{.parts = {{AdjustedModel(whitened, start), {}}}};
   const CameraRefinement refinement = RefinementOf(start.camera, options);
   AdjustParts(options, refinement, judged);
   const WorkingModel& model = judged.parts.front().model;

@@ -126,7 +126,7 @@ OccludedFrame DrawOccluder(const cv::Mat& gray, const DegradeOptions& options, s
 
 // Degrades a clip into a folder in TUM layout, with calibration, true poses, depth and scene.json
 // where the source has them; `source` is what `sequence` was opened from, `camera` that of its
-// pictures where it does not know it. The occluder is drawn
+// pictures, if it is known. The occluder is drawn
 // first, as a real foreground would be. Motion blur follows the true cameras where there are poses
 // and depth (bodies that move on their own are blurred as if they stood still). Whole or not at
 // all; the bytes do not depend on `threads` (0: one a core).

@@ -206,8 +206,7 @@ SqliteDatabase OpenTracks(const fs::path& path) {
   if (db.UserVersion() < kVersion || db.UserVersion() > kNewestStore) {
     ThrowError(
         "{} is a .tracks file of version {}, this program reads versions up to {}: make it again, "
-        "or "
-        "read it by the cohort that made it",
+        "or read it by the cohort that made it",
         path.string(),
         db.UserVersion(),
         kNewestStore);

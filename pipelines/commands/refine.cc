@@ -14,7 +14,6 @@
 #include "pipelines/console/table.h"
 #include "pipelines/jobs/track_doubts.h"
 #include "pipelines/json/json_file.h"
-#include "pipelines/sfm/doubts.h"
 #include "pipelines/sfm/input.h"
 #include "pipelines/sfm/reconstruct.h"
 
@@ -44,8 +43,7 @@ void RefineTracks(const RefineCommandOptions& options) {
   WriteTrackFile(options.out, second.file);
 
   const SecondPassFigures& figures = second.figures;
-  if (const std::string doubt = DoubtOfMeasuring(figures); !doubt.empty())
-    spdlog::warn("{}", doubt);
+  WarnIfSceneDiffers(figures);
   if (!options.json.empty()) {
     WriteJsonFile(options.json,
                   {{"observations_before", figures.before},

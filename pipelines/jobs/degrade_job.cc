@@ -10,10 +10,8 @@ void RunDegradeJob(const DegradeJobOptions& options) {
   DegradeOptions degrade = options.degrade;
   degrade.level = ParseLevel(options.level);
   const auto sequence = OpenInput(options.input);
-  const std::optional<Frame> first = sequence->Next();  // says the size of the camera's pictures
-  sequence->Rewind();
-  std::optional<Camera> camera;
-  if (first) camera = KnownCamera(options.input, *sequence, first->gray.cols, first->gray.rows);
+  // Its size is not needed: nobody reads a picture for it.
+  const std::optional<Camera> camera = KnownCamera(options.input, *sequence, 0, 0);
   ProgressBar progress("degrade", sequence->FrameCount());
   DegradeSequence(
       *sequence, options.input.input, camera, degrade, options.out, [&](std::size_t, std::size_t) {

@@ -306,20 +306,23 @@ Json EvaluateModelFolder(const Reconstruction& model,
                          const std::vector<FrameIndex>& frames,
                          const ModelTruth& truth) {
   const ModelEvaluation figures = EvaluateModel(model, frames, truth);
-  Json json{
-      {"registered", figures.registered},
-      {"frames", figures.frames},
-      {"failed", model.points.empty() || TooFewRegistered(figures.registered, figures.frames)},
-      {"ate_m", OrNull(figures.ate_m)},
-      {"ate_share", OrNull(figures.ate_share)},
-      {"rpe_rot_deg", OrNull(figures.rpe_rot_deg)},
-      {"rpe_trans_m", OrNull(figures.rpe_trans_m)},
-      {"point_error_median_m", OrNull(figures.point_error_median_m)},
-      {"points_with_truth", figures.points_with_truth},
-      {"auc_5", OrNull(figures.auc_5)},
-      {"auc_10", OrNull(figures.auc_10)},
-      {"auc_20", OrNull(figures.auc_20)},
-      {"scale", OrNull(figures.scale)}};
+  ReconstructionSummary summary;
+  summary.registered = figures.registered;
+  summary.frames = figures.frames;
+  summary.points = model.points.size();
+  Json json{{"registered", figures.registered},
+            {"frames", figures.frames},
+            {"failed", summary.Failed()},
+            {"ate_m", OrNull(figures.ate_m)},
+            {"ate_share", OrNull(figures.ate_share)},
+            {"rpe_rot_deg", OrNull(figures.rpe_rot_deg)},
+            {"rpe_trans_m", OrNull(figures.rpe_trans_m)},
+            {"point_error_median_m", OrNull(figures.point_error_median_m)},
+            {"points_with_truth", figures.points_with_truth},
+            {"auc_5", OrNull(figures.auc_5)},
+            {"auc_10", OrNull(figures.auc_10)},
+            {"auc_20", OrNull(figures.auc_20)},
+            {"scale", OrNull(figures.scale)}};
   if (!figures.ate_m) json["why_no_ate"] = Reason(figures.alignment);
   return json;
 }

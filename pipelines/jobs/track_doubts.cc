@@ -37,6 +37,8 @@ void WarnIfModelOfOthers(const Reconstruction& model,
   WarnOf(DoubtOfModel(model, folder, file, tracks));
 }
 
+void WarnIfSceneDiffers(const SecondPassFigures& figures) { WarnOf(DoubtOfMeasuring(figures)); }
+
 void WarnIfCameraDoubtful(const std::optional<Camera>& camera) {
   if (camera) WarnOf(DoubtOfCamera(*camera));
 }

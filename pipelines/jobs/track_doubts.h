@@ -6,6 +6,7 @@
 #include "backend/scene/reconstruction.h"
 #include "datasets/readers/sequence.h"
 #include "frontend/tracks/track_store.h"
+#include "pipelines/sfm/second_pass.h"
 
 namespace cohort {
 
@@ -20,6 +21,7 @@ void WarnIfModelOfOthers(const Reconstruction& model,
                          const std::string& folder,
                          const TrackFile& file,
                          const std::string& tracks);
+void WarnIfSceneDiffers(const SecondPassFigures& figures);
 void WarnIfCameraDoubtful(const std::optional<Camera>& camera);
 
 }  // namespace cohort

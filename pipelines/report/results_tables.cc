@@ -24,17 +24,16 @@ struct Column {
   const char* metric;
   double factor;
   int decimals;
+  bool is_error = false;  // of a seed that failed it is infinite
 };
-constexpr Column kModelColumns[] = {{"ATE\n[mm]", "ate", 1e3, 2},
-                                    {"to undegraded\n[mm]", "ate_to_undegraded", 1e3, 2},
+constexpr Column kModelColumns[] = {{"ATE\n[mm]", "ate", 1e3, 2, true},
+                                    {"to undegraded\n[mm]", "ate_to_undegraded", 1e3, 2, true},
                                     {"halves\n[%]", kHalvesMetric, 1e2, 2},
                                     {"in both\n[%]", "halves_frames", 1e2, 0},
-                                    {"rotation\n[deg]", "rpe_rot", 1.0, 3},
-                                    {"point error\n[mm]", "point_error_median", 1e3, 1},
+                                    {"rotation\n[deg]", "rpe_rot", 1.0, 3, true},
+                                    {"point error\n[mm]", "point_error_median", 1e3, 1, true},
                                     {"points", "points", 1.0, 0},
-                                    {"reprojection\n[px]", "mean_reprojection", 1.0, 2}};
-constexpr const char* kErrorMetrics[] = {
-    "ate", "ate_to_undegraded", "rpe_rot", "point_error_median", "mean_reprojection"};
+                                    {"reprojection\n[px]", "mean_reprojection", 1.0, 2, true}};
 constexpr Column kTrackColumns[] = {{"length", "mean_track_length", 1.0, 1},
                                     {"track error\n[px]", "observed_error_median", 1.0, 2},
                                     {"90 %\n[px]", "observed_error_p90", 1.0, 2}};
@@ -91,9 +90,9 @@ std::map<Line, ValuesOfMetric> ValuesByLine(const ExperimentResults& results) {
     const auto failed = of_line.find("failed");
     if (failed == of_line.end()) continue;
     const auto failures = std::count(failed->second.begin(), failed->second.end(), 1.0);
-    for (const char* metric : kErrorMetrics) {
-      const auto it = of_line.find(metric);
-      if (it == of_line.end()) continue;
+    for (const Column& column : kModelColumns) {
+      const auto it = of_line.find(column.metric);
+      if (!column.is_error || it == of_line.end()) continue;
       it->second.insert(it->second.end(), failures, std::numeric_limits<double>::infinity());
     }
   }

@@ -237,6 +237,7 @@ RefinedModel RefineModel(const ColmapModel& model,
   }
   refined.before = Summarize(clip.reconstruction, clip.file.frames.size());
   Reconstruction now = clip.reconstruction;
+  now.camera.row_order = sequence.SensorRows();
   now.camera.known =
       options.intrinsics == IntrinsicsMode::kKeep ||
       (options.intrinsics == IntrinsicsMode::kAuto && !IsFoundByColmap(CameraOf(model).model));

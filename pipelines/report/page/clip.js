@@ -194,18 +194,19 @@ const modelSection = () => {
   const section = el('section', {}, el('h2', {}, 'The model'), holder,
     el('div', {class: 'bar'}, reset, pointsLabel, camerasLabel, sigmaLabel), note);
   pair.append(section);
+  const sayInstead = (text) => section.replaceChildren(el('h2', {}, 'The model'), el('p', {}, text));
 
   const centers = data.cameras.map((camera) => new Vector3(...camera.center));
   const points = vectors(data.points.xyz);
   if (!centers.length) {
-    section.replaceChildren(el('h2', {}, 'The model'), el('p', {}, 'There is no model of this clip.'));
+    sayInstead('There is no model of this clip.');
     return;
   }
   let renderer;
   try {
     renderer = new WebGLRenderer({antialias: true, alpha: true, preserveDrawingBuffer: true});
   } catch (error) {
-    section.replaceChildren(el('h2', {}, 'The model'), el('p', {}, 'This browser has no WebGL for the 3-D view.'));
+    sayInstead('This browser has no WebGL for the 3-D view.');
     return;
   }
   const at = middleOf(centers);
