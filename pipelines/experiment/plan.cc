@@ -30,6 +30,17 @@ Shard ParseShard(const std::string& text) {
   ThrowUsageError("--shard '{}' is none: give i/n with i from 0 to n - 1", text);
 }
 
+void CheckLevel(const std::string& level) {
+  if (level == kAsIs || FindRecipeLevel(level) != nullptr) return;
+  try {
+    ParseLevel(level);
+  } catch (const UsageError& error) {
+    std::string others;
+    for (const RecipeLevel& recipe : kRecipeLevels) others += fmt::format("{}, ", recipe.name);
+    ThrowUsageError("--levels: {}; or {}{}", error.what(), others, kAsIs);
+  }
+}
+
 unsigned ParseSeed(const std::string& text) {
   const auto seed = ParseUnsigned(text);
   constexpr unsigned kMost = std::numeric_limits<int>::max();  // COLMAP's
@@ -91,7 +102,7 @@ ExperimentPlan PlanWithoutClips(const ExperimentOptions& options) {
   for (const std::string& text : options.backends) plan.backends.push_back(ParseBackend(text));
   for (const std::string& seed : options.seeds) plan.seeds.push_back(ParseSeed(seed));
   for (const std::string& level : options.levels) {
-    if (level != kAsIs && FindRecipeLevel(level) == nullptr) ParseLevel(level);
+    CheckLevel(level);
   }
   for (const std::string& name : options.trackers) {
     plan.trackers.push_back(NamedGridTracker(name, options.tracking, options.second_pass.mode));

@@ -84,8 +84,11 @@ void SetObject(const std::vector<OptionEntry>& entries,
     const bool is_group = std::any_of(entries.begin(), entries.end(), [&](const OptionEntry& e) {
       return e.path.starts_with(path + ".");
     });
-    if (!is_group || !value.is_object()) {
+    if (!is_group) {
       ThrowUsageError("{}: unknown key {}: --dump-config prints all keys", origin, path);
+    }
+    if (!value.is_object()) {
+      ThrowUsageError("{}: key {} must be an object: --dump-config prints its keys", origin, path);
     }
     SetObject(entries, value, path + ".", origin);
   }

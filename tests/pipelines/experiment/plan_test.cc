@@ -35,8 +35,10 @@ TEST(PlanWithoutClips, TakesTheLevelsOfOtherRecipesAndNoUnknownOnes) {
   options.levels = {"as-is", "medium", "sensor", "phone", "phone-medium"};
   EXPECT_NO_THROW(PlanWithoutClips(options));
   options.levels = {"phone-dark"};
-  EXPECT_THAT([&] { PlanWithoutClips(options); },
-              ThrowsMessage<UsageError>(HasSubstr("'phone-dark'")));
+  EXPECT_THAT(
+      [&] { PlanWithoutClips(options); },
+      ThrowsMessage<UsageError>(
+          AllOf(HasSubstr("'phone-dark'"), HasSubstr("clean"), HasSubstr("phone-medium, as-is"))));
 }
 
 }  // namespace

@@ -166,6 +166,15 @@ TEST(ReadJsonFile, NestedWithoutEndIsAnError) {
   EXPECT_THAT([&] { ReadJsonFile(dir / "a.json"); }, ThrowsMessage<Error>(HasSubstr("bytes")));
 }
 
+TEST(ReadJsonFile, AKeyThatStandsTwiceIsAnError) {
+  const test::TempDir dir;
+  WriteBytes(dir / "a.json", R"({"left": {"a": 1}, "b": [{"a": 2}, {"a": 3}], "left": {"c": 4}})");
+  EXPECT_THAT([&] { ReadJsonFile(dir / "a.json"); },
+              ThrowsMessage<Error>(AllOf(HasSubstr("a.json"), HasSubstr("\"left\" stands twice"))));
+  WriteBytes(dir / "a.json", R"({"left": {"a": 1}, "b": [{"a": 2}, {"a": 3}], "a": {"left": 4}})");
+  EXPECT_EQ(ReadJsonFile(dir / "a.json").size(), 3);
+}
+
 TEST(UseJsonFile, NamesTheFileThatIsOfAnotherKind) {
   const test::TempDir dir;
   for (const char* text : {"7", "[]", "{}", "{\"frames\": \"many\"}", "{\"frames\": null}"}) {
@@ -191,7 +200,8 @@ TEST(OptionsJson, NamesTheKeyThatIsWrong) {
   const auto throws = [](const char* text) { return ThrowsMessage<UsageError>(HasSubstr(text)); };
   EXPECT_THAT([&] { set(R"({"left": {"wait": 1}})"); }, throws("c.json: unknown key left.wait"));
   EXPECT_THAT([&] { set(R"({"lift": {}})"); }, throws("unknown key lift"));
-  EXPECT_THAT([&] { set(R"({"left": 3})"); }, throws("unknown key left"));
+  EXPECT_THAT([&] { set(R"({"left": 3})"); }, throws("key left must be an object"));
+  EXPECT_THAT([&] { set(R"({"left": null})"); }, throws("key left must be an object"));
   EXPECT_THAT([&] { set(R"({"seed": 1.5})"); }, throws("key seed must be a whole number"));
   EXPECT_THAT([&] { set(R"({"check": "yes"})"); }, throws("key check must be true or false"));
   EXPECT_THAT([&] { set(R"({"inputs": "a"})"); }, throws("key inputs must be a list of texts"));
