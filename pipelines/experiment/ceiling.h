@@ -19,10 +19,12 @@ namespace cohort {
 //
 // `clip` gives the frames that `degrade` was applied to, `dark` its result, `truth` is of `dark`;
 // both run over the same frames. Fills frames and tracks of the result.
-TrackFile MakeCeilingTracks(Sequence& clip,
-                            Sequence& dark,
-                            TrackTruth& truth,
-                            const DegradeOptions& degrade,
-                            const TrackerOptions& tracking);
+TrackFile MakeCeilingTracks(
+    Sequence& clip,
+    Sequence& dark,
+    TrackTruth& truth,
+    const DegradeOptions& degrade,
+    const TrackerOptions& tracking,
+    const cv::Mat& mask);  // CV_8UC1, no feature where it is 0; may be empty
 
 }  // namespace cohort

@@ -64,8 +64,12 @@ Json TrackCeiling(const ExperimentOptions& options, const TrackCell& cell) {
   const InputOptions frames = cell.frames;
   const auto dark = OpenInput(frames);
   const auto truth = OpenTrackTruth(*dark, frames.input);
-  TrackFile file =
-      MakeCeilingTracks(*clip, *dark, *truth, DegradationOf(cell.condition), cell.tracker.options);
+  TrackFile file = MakeCeilingTracks(*clip,
+                                     *dark,
+                                     *truth,
+                                     DegradationOf(cell.condition),
+                                     cell.tracker.options,
+                                     ReadMask(options.mask));
   DescribeInput(frames, *dark, file);
   file.meta = {{"tracker", cell.tracker.name}};
   WriteTrackFile(cell.Tracks(), file);
@@ -79,10 +83,11 @@ Json TrackCeiling(const ExperimentOptions& options, const TrackCell& cell) {
 Json RunPaperProtocol(const InputOptions& clip_input,
                       const InputOptions& frames_input,
                       const TrackerOptions& tracker,
-                      const PaperProtocolOptions& options) {
+                      const PaperProtocolOptions& options,
+                      const cv::Mat& mask) {
   const auto clip = OpenInput(clip_input);
   const auto truth = OpenTrackTruth(*clip, clip_input.input);
-  const auto points = ChoosePoints(*clip, *truth, tracker.detector, options);
+  const auto points = ChoosePoints(*clip, *truth, tracker.detector, options, mask);
   const auto frames = OpenInput(frames_input);
   const auto next = [&frames] { return frames->Next(); };
   const Stopwatch stopwatch;
@@ -98,6 +103,7 @@ Json RunPaperProtocol(const InputOptions& clip_input,
   const ReinitializationRun life =
       RunReinitializations(*MakeMover(tracker), next, points, options.limit_px);
   return {{"features", trajectories.features},
+          {"window_frames", options.window_frames},
           {"l1_error_px", trajectories.mean_l1_px},
           {"lost_of_features", trajectories.lost},
           {"ms_per_frame", ms / options.window_frames},
@@ -229,7 +235,8 @@ Json FollowCell(const ExperimentOptions& options, const TrackCell& cell) {
   return RunPaperProtocol(ClipInput(options, cell.condition),
                           cell.frames,
                           WithoutGivingUp(cell.tracker.options),
-                          options.paper);
+                          options.paper,
+                          ReadMask(options.mask));
 }
 
 Json ReconstructCell(const ExperimentOptions& options, const TrackCell& cell, GridBackend backend) {
@@ -260,7 +267,7 @@ Json CompareHalvesOfCell(const ExperimentOptions& options,
     half.tracks = halves[i];
     if (HasSecondPass(cell.tracker)) {
       const auto frames = OpenInput(cell.frames);
-      half = RunSecondPass(std::move(half), *frames, {}, options.second_pass);
+      half = RunSecondPass(std::move(half), *frames, ReadMask(options.mask), options.second_pass);
     }
     WriteTrackFile(tracks, half);
     const ReconstructionSummary summary = MakeModel(options, cell, backend, tracks, out);

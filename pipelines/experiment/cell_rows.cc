@@ -76,7 +76,7 @@ std::string WhyFailed(const Json& model) {
 // Protocol paper.
 void AddFollowRows(const Json& figures, RowAdder& rows) {
   rows.Add("features", figures.at("features"), "");
-  rows.Add(kL1ErrorMetric, figures.at("l1_error_px"), "px");
+  rows.Add(L1ErrorMetric(figures.at("window_frames")), figures.at("l1_error_px"), "px");
   rows.Add("feature_frames", figures.at("feature_frames"), "frames");
   rows.Add("reinitializations", figures.at("reinitializations"), "");
   rows.Add("lost", figures.at("lost"), "");

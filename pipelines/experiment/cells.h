@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "datasets/degrade/degrade.h"
 #include "frontend/core/options.h"
@@ -93,7 +94,13 @@ struct TrackCell {
   GridTracker tracker;
   InputOptions frames;  // what the tracker reads
   std::filesystem::path folder;
+  // What is there of this grid, and not of an earlier one: CollectResults says so.
+  bool is_tracked = false;
+  std::vector<GridBackend> modelled = {};
 
+  bool IsModelled(GridBackend backend) const {
+    return std::ranges::find(modelled, backend) != modelled.end();
+  }
   std::filesystem::path Tracks() const { return folder / "clip.tracks"; }
   std::filesystem::path TrackErrors() const { return folder / "track_errors.json"; }
   std::filesystem::path Result() const { return folder / "tracks.json"; }

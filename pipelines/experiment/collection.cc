@@ -29,7 +29,8 @@ const TrackCell* FindUndegradedReference(const ExperimentPlan& plan, const GridC
 
 // Real clips: also against the reconstruction of the undegraded frames, where the grid has them.
 // One for all trackers, and the opponent's: that of the last plain KLT.
-void AddUndegradedRow(const ExperimentPlan& plan,
+void AddUndegradedRow(const ExperimentOptions& options,
+                      const ExperimentPlan& plan,
                       const TrackCell& cell,
                       GridBackend backend,
                       ExperimentResults& results) {
@@ -39,7 +40,7 @@ void AddUndegradedRow(const ExperimentPlan& plan,
     return;
   }
   const TrackCell* reference = FindUndegradedReference(plan, clip);
-  if (reference == nullptr) return;
+  if (reference == nullptr || !HasResult(ModelTask(options, *reference, backend))) return;
   const auto frames = OpenInput(reference->frames);
   const auto error =
       ErrorToUndegraded(cell.Model(backend), reference->Model(backend), frames->TrueCamFromWorld());
@@ -63,13 +64,15 @@ bool HasOwnResult(const ExperimentOptions& options, const TrackCell& cell) {
 
 ExperimentResults CollectResults(const ExperimentOptions& options, const ExperimentPlan& plan) {
   ExperimentResults results;
-  results.cells = plan.cells;
   for (const TrackCell& cell : plan.cells) {
+    TrackCell& collected = results.cells.emplace_back(cell);
     if (HasOwnResult(options, cell)) {
+      collected.is_tracked = true;
       UseJsonFile(cell.Result(), [&](const Json& json) { AddTrackRows(cell, json, results); });
     }
     for (const GridBackend backend : plan.backends) {  // what is not there is another shard's
       if (!HasResult(ModelTask(options, cell, backend))) continue;
+      collected.modelled.push_back(backend);
       UseJsonFile(cell.Result(backend), [&](const Json& result) {
         AddModelRows(cell, backend, result, results);
         if (!plan.halves || !cell.HasHalves(backend)) return;
@@ -81,7 +84,7 @@ ExperimentResults CollectResults(const ExperimentOptions& options, const Experim
         UseJsonFile(halves,
                     [&](const Json& json) { AddHalvesRows(cell, backend, result, json, results); });
       });
-      AddUndegradedRow(plan, cell, backend, results);
+      AddUndegradedRow(options, plan, cell, backend, results);
     }
   }
   return results;

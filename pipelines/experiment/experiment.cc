@@ -43,7 +43,13 @@ bool IsFinished(const ExperimentOptions& options,
     if (IsNotAvailable(cell.Result())) return true;
   }
   for (const GridBackend backend : plan.backends) {
-    if (cell.Has(backend) && !HasResult(ModelTask(options, cell, backend))) return false;
+    if (!cell.Has(backend)) continue;
+    if (!HasResult(ModelTask(options, cell, backend))) return false;
+    if (!plan.halves || !cell.HasHalves(backend)) continue;
+    bool has_model = false;
+    UseJsonFile(cell.Result(backend),
+                [&](const nlohmann::ordered_json& result) { has_model = HasModel(result); });
+    if (has_model && !HasResult(HalvesTask(options, cell, backend))) return false;
   }
   return true;
 }

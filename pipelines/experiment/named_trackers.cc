@@ -90,16 +90,19 @@ GridTracker NamedGridTracker(const std::string& name,
                              SecondPassMode second_pass) {
   if (name == "ceiling") return {name, TrackSource::kCeiling, base};
   if (name == "sift") return {name, TrackSource::kSift, base};
-  GridTracker tracker{
-      std::filesystem::path(name).stem().string(), TrackSource::kTracker, base, second_pass};
+  GridTracker tracker{"", TrackSource::kTracker, base, second_pass};
   std::string first_pass = name;
+  std::string with_pass;
   for (const auto& [suffix, mode] :
        {std::pair("-refined", SecondPassMode::kOn), std::pair("-online", SecondPassMode::kOff)}) {
     if (!name.ends_with(suffix)) continue;
     first_pass = name.substr(0, name.size() - std::string_view(suffix).size());
+    with_pass = suffix;
     tracker.second_pass = mode;
   }
   tracker.options = NamedTracker(first_pass, base);
+  // Of a file its name alone.
+  tracker.name = std::filesystem::path(first_pass).stem().string() + with_pass;
   return tracker;
 }
 

@@ -34,7 +34,8 @@ FollowedPoint Follow(TrackTruth& truth,
 std::vector<FollowedPoint> ChoosePoints(Sequence& clip,
                                         TrackTruth& truth,
                                         DetectorOptions detector,
-                                        const PaperProtocolOptions& options) {
+                                        const PaperProtocolOptions& options,
+                                        const cv::Mat& mask) {
   detector.max_features = options.features;  // the share of each cell of its grid follows from it
   std::vector<FrameIndex> frames;
   std::vector<Frame> starts;
@@ -55,7 +56,7 @@ std::vector<FollowedPoint> ChoosePoints(Sequence& clip,
     if (missing <= 0 || birth + window >= frames.size()) continue;
     const cv::Mat gray = BuildPyramid(starts[s].gray, 1).levels.front();
     for (const Eigen::Vector2d& xy : DetectCorners(
-             gray, occupied, {}, static_cast<int>(options.border_px), missing, detector)) {
+             gray, occupied, mask, static_cast<int>(options.border_px), missing, detector)) {
       if (truth.IsOnDepthEdge(frames[birth], xy, options.edge_px)) continue;
       FollowedPoint point = Follow(truth, frames, birth, xy, gray.size(), options.border_px);
       if (point.xy.size() > window) points.push_back(std::move(point));

@@ -53,11 +53,12 @@ struct FollowedPoint {
 // The points of a clip before it is degraded, as the paper's are: corners of the common detector in
 // its frames 0, w, 2w, ... (w: window_frames), in the later ones as many as are missing to
 // `features`. Used are those that show a surface, with no jump of depth nearby, and stay visible
-// and off the border for w more frames.
+// and off the border for w more frames. No corner is where the mask (CV_8UC1; may be empty) is 0.
 std::vector<FollowedPoint> ChoosePoints(Sequence& clip,
                                         TrackTruth& truth,
                                         DetectorOptions detector,
-                                        const PaperProtocolOptions& options);
+                                        const PaperProtocolOptions& options,
+                                        const cv::Mat& mask = {});
 
 // The next frame of a clip; none at the end.
 using FrameSource = std::function<std::optional<Frame>()>;

@@ -5,10 +5,12 @@
 #include <algorithm>
 #include <map>
 #include <optional>
+#include <set>
 #include <tuple>
 
 #include "frontend/core/statistics.h"
 #include "pipelines/console/table.h"
+#include "pipelines/experiment/paper_protocol.h"
 
 namespace cohort {
 namespace {
@@ -30,15 +32,28 @@ struct Grid {
   }
 };
 
+// A cell of which a seed failed has failed: it is left out.
 Grid GridOf(const ExperimentResults& results, const std::string& level, const std::string& metric) {
   Grid grid;
+  std::set<std::pair<std::string, std::string>> failed;
   for (const ResultRow& row : results.rows) {
     if (row.level != level) continue;
     AppendNew(grid.trackers, row.tracker);
     AppendNew(grid.sequences, row.sequence);
     if (row.metric == metric) grid.cells[{row.tracker, row.sequence}][row.seed] = row.value;
+    if (row.metric == "failed" && row.value != 0.0) failed.emplace(row.tracker, row.sequence);
   }
+  for (const auto& cell : failed) grid.cells.erase(cell);
   return grid;
+}
+
+// The window that the rows of the trajectory error are of [frames].
+int WindowOf(const ExperimentResults& results) {
+  constexpr std::string_view kPrefix = "l1_error_";
+  for (const ResultRow& row : results.rows) {
+    if (row.metric.starts_with(kPrefix)) return std::stoi(row.metric.substr(kPrefix.size()));
+  }
+  return PaperProtocolOptions().window_frames;
 }
 
 std::optional<double> MedianOf(const std::map<unsigned, double>* cell) {
@@ -183,13 +198,15 @@ int SequencesWon(const ExperimentResults& results,
 std::string PaperTables(const ExperimentResults& results) {
   std::vector<std::string> levels;
   for (const ResultRow& row : results.rows) AppendNew(levels, row.level);
+  const int window = WindowOf(results);
   std::string text;
   for (const std::string& level : levels) {
-    const Grid l1 = GridOf(results, level, kL1ErrorMetric);
+    const Grid l1 = GridOf(results, level, L1ErrorMetric(window));
     const Grid life = GridOf(results, level, kFramesBetweenMetric);
     const Grid reinitializations = GridOf(results, level, "reinitializations");
-    text += fmt::format("{}: mean L1 trajectory error after 30 frames [px], lower is better\n{}\n",
+    text += fmt::format("{}: mean L1 trajectory error after {} frames [px], lower is better\n{}\n",
                         level,
+                        window,
                         FigureTable(l1, {}));
     text += fmt::format("{}: mean frames between re-initialisations, higher is better\n{}\n",
                         level,

@@ -123,11 +123,11 @@ std::vector<GridClip> ProbeClips(const ExperimentOptions& options, const Experim
     tasks.push_back({"open " + input.input,
                      plan.cells_folder / fmt::format("clip{}{}.json", i, shard_suffix),
                      JsonLine(ToJson(input)),
-                     [input] {
+                     [input, out = options.out] {
                        const auto sequence = OpenInput(input);
                        const auto truth = OpenTrackTruth(*sequence, input.input);
                        return Json{{"name", sequence->Name()},
-                                   {"fingerprint", FingerprintOfClip(input.input)},
+                                   {"fingerprint", FingerprintOfClip(*sequence, input.input, out)},
                                    {"has_poses", !sequence->TrueCamFromWorld().empty()},
                                    {"has_track_truth", truth != nullptr}};
                      }});

@@ -28,6 +28,10 @@ nlohmann::ordered_json ToJson(const CellNote& note) {
 
 }  // namespace
 
+std::string L1ErrorMetric(int window_frames) {
+  return fmt::format("l1_error_{}_frames", window_frames);
+}
+
 void WriteResultsCsv(const std::filesystem::path& path, const ExperimentResults& results) {
   std::string text = "sequence,level,tracker,backend,seed,metric,value,unit\n";
   for (const ResultRow& row : results.rows) {

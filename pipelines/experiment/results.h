@@ -10,7 +10,8 @@
 namespace cohort {
 
 // Metrics that the paper's tables are made of.
-inline constexpr const char* kL1ErrorMetric = "l1_error_30_frames";
+inline constexpr const char* kL1ErrorMetric = "l1_error_30_frames";  // of the usual window
+std::string L1ErrorMetric(int window_frames);
 inline constexpr const char* kFramesBetweenMetric = "frames_between_reinitializations";
 // How far the two halves of the tracks disagree (evaluation/halves.h), and whether they failed to.
 inline constexpr const char* kHalvesMetric = "halves_disagreement";

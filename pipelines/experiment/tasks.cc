@@ -9,6 +9,7 @@
 
 #include <cerrno>
 #include <cstdio>
+#include <cstdlib>
 #include <cstring>
 #include <map>
 #include <nlohmann/json.hpp>
@@ -62,8 +63,9 @@ bool IsDone(const Task& task) {
   return done;
 }
 
-[[noreturn]] void RunInChild(const Task& task) {
+[[noreturn]] void RunInChild(const Task& task, pid_t parent) {
   prctl(PR_SET_PDEATHSIG, SIGKILL);
+  if (getppid() != parent) _exit(EXIT_FAILURE);  // it died before the line above
   const std::string log = task.result.string() + ".log";
   int descriptor = open(log.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_NOFOLLOW, 0644);
   if (descriptor < 0) descriptor = open("/dev/null", O_WRONLY);  // the parent says why
@@ -100,9 +102,10 @@ pid_t Start(const Task& task) {
   if (!task.shared) fs::remove(task.result, ignored);
   std::fflush(stdout);
   std::fflush(OwnStderr());
+  const pid_t parent = getpid();
   const pid_t child = fork();
   if (child < 0) ThrowError("cannot start a process: {}", std::strerror(errno));
-  if (child == 0) RunInChild(task);
+  if (child == 0) RunInChild(task, parent);
   return child;
 }
 

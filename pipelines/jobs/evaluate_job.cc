@@ -217,6 +217,17 @@ bool IsNumberedByFrame(const fs::path& folder) {
   return fs::exists(summary) && !ReadJsonFile(summary).contains("refined_from");
 }
 
+// The frames that a refined model was to have, under the clip's: those that it has, and as many others
+// as it says that there were besides, which count as missing.
+std::vector<FrameIndex> FramesOfRefined(const Reconstruction& model, std::size_t count) {
+  std::vector<FrameIndex> frames;
+  for (const auto& [frame, pose] : model.cam_from_world) frames.push_back(frame);
+  for (std::uint32_t i = 0; frames.size() < count; ++i) {
+    if (!model.cam_from_world.contains(FrameIndex(i))) frames.push_back(FrameIndex(i));
+  }
+  return frames;
+}
+
 // The poses of another model, under the frames of the first: by their names where the two share
 // some, as other programs number images their own way, else by number.
 std::map<FrameIndex, Rigid3> PosesOfSameFrames(const Reconstruction& model,
@@ -357,7 +368,12 @@ Json RunEvaluateJob(const EvaluateJobOptions& options) {
     if (is_model) {
       const ModelTruth poses = TruthOfPoses(*sequence, truth.get());
       const Reconstruction model = ReadModelOf(options.subject, *sequence);
-      figures = EvaluateModelFolder(model, FramesOfModel(options.subject, poses), poses);
+      std::vector<FrameIndex> frames = FramesOfModel(options.subject, poses);
+      if (fs::exists(fs::path(options.subject) / "summary.json") &&
+          !IsNumberedByFrame(options.subject)) {
+        frames = FramesOfRefined(model, frames.size());
+      }
+      figures = EvaluateModelFolder(model, frames, poses);
       const auto without = std::ranges::count_if(
           model.cam_from_world,
           [&poses](const auto& camera) { return !poses.cam_from_world.contains(camera.first); });

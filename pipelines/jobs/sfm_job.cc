@@ -48,7 +48,7 @@ Json SceneMadeOf(SfmJobOptions options, const Sequence& sequence) {
                {"input", CanonicalPath(input)},
                {"fingerprint", FingerprintOfFrames(sequence)},
                {"options", ToJson(options)}};
-  if (!options.mask.empty()) made_of["mask_fingerprint"] = FingerprintOfClip(options.mask);
+  if (!options.mask.empty()) made_of["mask_fingerprint"] = FingerprintOfBytes(options.mask);
   if (const auto camera = sequence.KnownCamera()) made_of["calibration"] = WordsOfCamera(*camera);
   return Json::parse(JsonLine(made_of));  // as it is read again, also with names that are no UTF-8
 }

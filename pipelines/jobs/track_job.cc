@@ -46,7 +46,7 @@ TrackFile DescribeJob(const TrackJobOptions& options,
   header.meta["program"] = fmt::format("cohort {}", kVersion);
   header.meta["frames"] = options.input.frames;
   header.meta["mask"] = AbsolutePath(options.mask);
-  if (!options.mask.empty()) header.meta["mask_fingerprint"] = FingerprintOfClip(options.mask);
+  if (!options.mask.empty()) header.meta["mask_fingerprint"] = FingerprintOfBytes(options.mask);
   return header;
 }
 

@@ -215,7 +215,7 @@ TrackFile Track(const ClipArgument& clip,
   file.meta["frames"] = arguments.input.frames;
   file.meta["mask"] = AbsolutePath(arguments.mask);
   if (!arguments.mask.empty()) {
-    file.meta["mask_fingerprint"] = FingerprintOfClip(arguments.mask);
+    file.meta["mask_fingerprint"] = FingerprintOfBytes(arguments.mask);
   }
   if (camera) file.camera = CameraOfPictures(*camera, file.width_px, file.height_px);
   if (second_pass) {

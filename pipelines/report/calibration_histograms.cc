@@ -23,7 +23,7 @@ Json CalibrationHistogramsToJson(const ExperimentResults& results) {
   std::map<std::pair<std::string, std::string>, Sum> sums;
   for (const TrackCell& cell : results.cells) {
     const fs::path file = cell.TrackErrors();
-    if (!fs::exists(file)) continue;
+    if (!cell.is_tracked || !fs::exists(file)) continue;
     UseJsonFile(file, [&](const Json& errors) {
       if (!errors.contains("calibration") || errors.at("calibration").is_null()) return;
       const Json& calibration = errors.at("calibration");

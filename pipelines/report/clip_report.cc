@@ -269,7 +269,13 @@ ClipReport ReadClipReport(const fs::path& model_folder) {
     ThrowError("{}: give a model folder of `cohort reconstruct`: it has no summary.json",
                model_folder.string());
   }
-  UseJsonFile(model_folder / "summary.json", [&report](const Json& summary) {
+  UseJsonFile(model_folder / "summary.json", [&](const Json& summary) {
+    if (summary.at("registered") != 0 && !fs::exists(model_folder / "images.bin")) {
+      ThrowError(
+          "{}: it has no images.bin: give a model folder, of a scene of `cohort sfm` that is {}",
+          model_folder.string(),
+          (model_folder / "model").string());
+    }
     report.facts = {
         {"frames with a pose",
          fmt::format(

@@ -91,6 +91,10 @@ std::optional<Sim3> AlignmentWith(const std::map<FrameIndex, Rigid3>& truth,
   return AlignPoints(estimated, real, AlignmentScale::kEstimated);
 }
 
+bool HasShownModel(const TrackCell& cell, GridBackend backend) {
+  return cell.IsModelled(backend) && fs::exists(cell.Model(backend) / "images.bin");
+}
+
 // A tracker's reconstruction in the frame of the truth or, without, in that of `reference`.
 Json ModelOf(const TrackCell& cell,
              GridBackend backend,
@@ -99,7 +103,7 @@ Json ModelOf(const TrackCell& cell,
              std::optional<Reconstruction>& reference) {
   Json json{{"tracker", cell.tracker.name}};
   const fs::path folder = cell.Model(backend);
-  if (!fs::exists(folder / "images.bin")) {
+  if (!HasShownModel(cell, backend)) {
     json["failed"] = true;
     return json;
   }
@@ -133,7 +137,7 @@ std::vector<const TrackCell*> WithModels(const ExperimentResults& results,
       const Condition& a = cell.condition;
       const Condition& b = shown->condition;
       if (cell.tracker.name == shown->tracker.name && a.clip.name == b.clip.name &&
-          a.level == b.level && fs::exists(cell.Model(backend) / "images.bin")) {
+          a.level == b.level && HasShownModel(cell, backend)) {
         by_seed[a.seed].push_back(&cell);
       }
     }

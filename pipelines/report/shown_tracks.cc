@@ -43,6 +43,8 @@ std::vector<const TrackCell*> ShowcaseCells(const ExperimentResults& results) {
   };
   const Condition* shown = nullptr;
   for (const TrackCell& cell : results.cells) {
+    const bool is_there = cell.is_tracked || !cell.modelled.empty();
+    if (!is_there) continue;
     const Condition& c = cell.condition;
     const auto rank = [&](const Condition& condition) {
       return std::pair(condition.clip.has_track_truth, darkness(condition));
@@ -66,12 +68,13 @@ Json TrackPicturesToJson(const std::vector<const TrackCell*>& cells) {
   if (!frame) return nullptr;
   const cv::Mat brightened = Brightened(frame->gray, IntensityRangeOf(frame->gray));
   for (const TrackCell* cell : cells) {
-    if (!fs::exists(cell->Tracks())) continue;
+    if (!cell->is_tracked || !fs::exists(cell->Tracks())) continue;
     const TrackFile file = ReadTrackFile(cell->Tracks());
     const TrackPicture picture = DrawTracks(brightened, frame->index, file.tracks, truth.get());
     trackers.push_back({{"tracker", cell->tracker.name},
                         {"observed", picture.observed},
                         {"predicted", picture.predicted},
+                        {"known", picture.known},
                         {"near", picture.near_truth},
                         {"far", picture.far},
                         {"width", picture.picture.cols},

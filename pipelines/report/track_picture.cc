@@ -57,6 +57,7 @@ TrackPicture DrawTracks(const cv::Mat& picture,
     if (true_xy) {
       const double error_px = (o->xy - *true_xy).norm();
       color = error_px <= kNearPx ? kNearColor : error_px <= kFarPx ? kMiddleColor : kFarColor;
+      if (is_observed) ++result.known;
       if (is_observed && error_px <= kNearPx) ++result.near_truth;
       if (is_observed && error_px > kFarPx) ++result.far;
     }

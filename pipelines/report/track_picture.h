@@ -13,8 +13,9 @@ struct TrackPicture {
   cv::Mat picture;  // CV_8UC3
   std::size_t observed = 0;
   std::size_t predicted = 0;
-  std::size_t near_truth = 0;  // observed, at most 1 px from the truth
-  std::size_t far = 0;         // observed, more than 3 px from it
+  std::size_t known = 0;       // observed, and the truth is known
+  std::size_t near_truth = 0;  // of these, at most 1 px from it
+  std::size_t far = 0;         // of these, more than 3 px from it
 };
 
 // The picture of a frame (CV_8UC3), and of every track its last positions as a line and the present

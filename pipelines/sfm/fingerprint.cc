@@ -74,13 +74,24 @@ std::string FingerprintOfFrames(const Sequence& sequence) {
   return hash.Digits();
 }
 
-std::string FingerprintOfClip(const std::string& input) {
-  if (fs::is_regular_file(input)) return FingerprintOfFile(input);
+std::string FingerprintOfClip(const Sequence& sequence,
+                              const std::string& input,
+                              const fs::path& outputs) {
+  if (!fs::is_directory(input)) return FingerprintOfFrames(sequence);  // a glob has no truth
   Fnv1a hash;
-  fs::path folder = fs::absolute(input);  // of a glob that which holds it
-  while (!fs::is_directory(folder)) folder = folder.parent_path();
+  const fs::path folder = fs::absolute(input);
   std::set<fs::path> files;
-  for (const auto& entry : fs::recursive_directory_iterator(folder)) files.insert(entry.path());
+  for (auto entry =
+           fs::recursive_directory_iterator(folder, fs::directory_options::skip_permission_denied);
+       entry != fs::recursive_directory_iterator();
+       ++entry) {
+    std::error_code none_there;
+    if (fs::equivalent(entry->path(), outputs, none_there)) {
+      entry.disable_recursion_pending();
+    } else {
+      files.insert(entry->path());
+    }
+  }
   for (const fs::path& file : files) {
     hash << file.lexically_relative(folder).string();
     AddFile(file, hash);
@@ -104,6 +115,10 @@ std::map<std::string, std::string> FingerprintsOfOutputs(const fs::path& folder,
     }
   }
   return fingerprints;
+}
+
+std::string FingerprintOfBytes(const fs::path& file) {
+  return (Fnv1a() << ReadBytes(file)).Digits();
 }
 
 bool AreStillThere(const fs::path& folder, const std::map<std::string, std::string>& fingerprints) {

@@ -17,9 +17,15 @@ namespace cohort {
 // Changes when the files do that the clip's frames are read from; empty where there are none.
 std::string FingerprintOfFrames(const Sequence& sequence);
 
-// Changes when a file of the input does, be it of the frames or of the truth: a file, or all that
-// the folder holds.
-std::string FingerprintOfClip(const std::string& input);
+// Changes when a file of `input` does, of which `sequence` is, be it of the frames or of the truth: a
+// file, the pictures of a glob, or all that the folder holds but the folder `outputs`, should it lie
+// there.
+std::string FingerprintOfClip(const Sequence& sequence,
+                              const std::string& input,
+                              const std::filesystem::path& outputs);
+
+// Of all bytes, for what is small.
+std::string FingerprintOfBytes(const std::filesystem::path& file);
 
 // The fingerprints of what a run wrote, by their names in `folder`: `names` are files, or folders of
 // which all files count.

@@ -1,6 +1,7 @@
 // The main job on rendered and, where it is there, on real input, as a user runs it: a clip goes
 // in, tracks of the joint tracker and of plain KLT come out, COLMAP reconstructs both.
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <fstream>
@@ -12,6 +13,7 @@
 
 #include "backend/colmap/model_io.h"
 #include "frontend/core/input_file.h"
+#include "frontend/tracks/track_store.h"
 #include "tests/support/program.h"
 #include "tests/support/shared_data.h"
 #include "tests/support/temp_dir.h"
@@ -159,6 +161,24 @@ TEST(MainJob, WithAMaskNoTrackerOfTheGridHasAFeatureWhereItIsBlack) {
       EXPECT_GT(point.views.front().xy.x(), kLeft - 1) << tracker;
     }
   }
+  // Nor the ceiling, nor the points of the paper's protocol.
+  const std::string more = " --levels medium --features 100 --mask " + picture + " --quiet --out ";
+  const auto compare = [&](const std::string& arguments) {
+    const test::ProgramEnd end = test::RunCohort("compare " + clip + arguments);
+    ASSERT_EQ(end.exit_code, 0) << end.err;
+  };
+  compare(" --trackers ceiling --backends ceres" + more + (dir / "ceiling").string());
+  const TrackSet ceiling =
+      ReadTrackFile(dir / "ceiling/cells/clip/medium/1/ceiling/clip.tracks").tracks;
+  EXPECT_GT(ceiling.features().size(), 20u);
+  for (const FeatureId feature : ceiling.features()) {
+    EXPECT_GT(ceiling.Track(feature).front().xy.x(), kLeft - 1);
+  }
+  cv::imwrite(picture, cv::Mat(300, 400, CV_8UC1, cv::Scalar(0)));
+  const test::ProgramEnd black = test::RunCohort(
+      "compare " + clip + " --protocol paper --paper.window-frames 4 --trackers klt" + more +
+      (dir / "paper").string());
+  EXPECT_THAT(black.out + black.err, testing::HasSubstr("no corner of its first frame"));
 }
 
 TEST(MainJobOnRealFrames, RegistersAtLeast95PercentAsTheyAreAndDarkened) {

@@ -254,26 +254,28 @@ const roundNumbers = (min, max) => {
 
 const darknessPlot = (holder, backend, metric) => {
   const xs = byDarkness.map((_, i) => i);
-  const trackers = data.trackers.filter((tracker) => data.sequences.some((sequence) =>
-    byDarkness.some((level) => figure(sequence.name, level.name, tracker, backend, metric).length)));
-  if (!trackers.length) return false;
+  // What is measured of the tracks does not fail with the reconstruction; halves that failed are
+  // among the values already, and a clip without the truth has no figure to fail.
+  const isOfTracks = metric === 'observed_error_median' || metric === 'mean_track_length';
+  const canHave = (sequence) => (metric === 'ate' ? sequence.has_poses
+    : metric === 'point_error_median' || metric === 'observed_error_median' ? sequence.has_track_truth
+      : metric === 'mean_track_length');
+  const failuresAt = (level, tracker) => data.sequences.filter(canHave).reduce((sum, sequence) =>
+    sum + failures(sequence.name, level.name, tracker, isOfTracks ? '' : backend), 0);
+  const has = (tracker) => data.sequences.some((sequence) =>
+    byDarkness.some((level) => figure(sequence.name, level.name, tracker, backend, metric).length));
+  if (!data.trackers.some(has)) return false;
+  const trackers = data.trackers.filter((tracker) =>
+    has(tracker) || byDarkness.some((level) => failuresAt(level, tracker)));
   const columns = [xs];
   const series = [{}];
-  // What is measured of the tracks does not fail with the reconstruction; halves that failed are
-  // among the values already.
-  const isOfTracks = metric === 'observed_error_median' || metric === 'mean_track_length';
   const bands = [];
   const failedAt = [];
   for (const tracker of trackers) {
     const low = [], middle = [], high = [];
     byDarkness.forEach((level, i) => {
-      const all = [];
-      let failed = 0;
-      for (const sequence of data.sequences) {
-        all.push(...figure(sequence.name, level.name, tracker, backend, metric));
-        if (metric !== 'halves_disagreement') failed += failures(sequence.name, level.name, tracker, isOfTracks ? '' : backend);
-      }
-      for (let n = 0; n < failed; ++n) all.push(metric === 'mean_track_length' ? 0 : Infinity);
+      const all = data.sequences.flatMap((sequence) => figure(sequence.name, level.name, tracker, backend, metric));
+      for (let n = failuresAt(level, tracker); n > 0; --n) all.push(metric === 'mean_track_length' ? 0 : Infinity);
       const finite = all.filter(Number.isFinite);
       const clip = (value) => (Number.isFinite(value) ? value : null);
       const median = quantile(all, 0.5);
@@ -375,14 +377,14 @@ if (data.pictures && data.pictures.trackers.length) {
   const dot = (color, text, kind = 'dot') =>
     el('span', {}, el('i', {class: kind, style: kind === 'dot' ? `background:${color}` : `border-color:${color}`}), text);
   section('The tracks over the darkest frame',
-    el('p', {}, `Clip ${sequence}, ${level}, seed ${seed}, frame ${frame}, contrast stretched so that you can see it. The first clip and the darkest level of the run, not chosen by result. A line is where the feature was in the last eight frames.`),
+    el('p', {}, `Clip ${sequence}, ${level}, seed ${seed}, frame ${frame}, contrast stretched so that you can see it. ${hasTruth ? 'The first clip with true tracks' : 'The first clip'} and the darkest level of the run, not chosen by result. A line is where the feature was in the last eight frames.`),
     hasTruth
       ? el('div', {class: 'key'}, dot('#14c896', 'within 1 px of the truth'), dot('#f0be28', 'within 3 px'), dot('#eb3c3c', 'further off'), dot('#14c896', 'predicted, not confirmed by this frame', 'ring'), el('span', {}, '+ true position'))
-      : el('div', {class: 'key'}, dot('#50c8e6', 'confirmed by this frame'), dot('#50c8e6', 'predicted, not confirmed', 'ring')),
+      : el('div', {class: 'key'}, dot('#50c8e6', 'confirmed by this frame'), dot('#ffa03c', 'predicted, not confirmed', 'ring')),
     el('div', {class: 'gallery'}, trackers.map((tracker) => el('figure', {},
       el('img', {src: tracker.src, width: tracker.width, height: tracker.height, alt: `tracks of ${tracker.tracker}`, loading: 'lazy'}),
       el('figcaption', {}, el('b', {}, tracker.tracker), `: ${plural(tracker.observed, 'observed position')}`,
-        hasTruth && tracker.observed ? `, ${Math.round(100 * tracker.near / tracker.observed)} % within 1 px, ${Math.round(100 * tracker.far / tracker.observed)} % beyond 3 px` : '',
+        tracker.known ? `, of ${tracker.known} with known truth ${Math.round(100 * tracker.near / tracker.known)} % within 1 px, ${Math.round(100 * tracker.far / tracker.known)} % beyond 3 px` : '',
         tracker.predicted ? `; ${tracker.predicted} predicted` : '')))));
 }
 
@@ -556,6 +558,7 @@ if (data.calibration?.length) {
     ['points', 'points', 1], ['mean_reprojection', 'reprojection [px]', 1], ['mean_track_length', 'length [frames]', 1],
     ['observed_error_median', 'track error [px]', 1], ['nees_ratio', 'NEES', 1],
   ].filter(([metric]) => [...values.keys()].some((name) => name.endsWith(key('', metric))));
+  const ERRORS = new Set(['ate', 'ate_to_undegraded', 'rpe_rot', 'point_error_median', 'mean_reprojection']);
   const lines = [];
   const notAvailable = new Set(data.not_available.map(([sequence, level, tracker, backend]) => key(sequence, level, tracker, backend)));
   for (const sequence of data.sequences) {
@@ -577,7 +580,8 @@ if (data.calibration?.length) {
             el('td', {class: failed ? 'lose' : ''}, registered),
             columns.map(([metric, , factor]) => {
               const found = number(metric);
-              const median = quantile(found, 0.5);
+              const isError = ERRORS.has(metric) && found.length;
+              const median = quantile(isError ? [...found, ...Array(failed).fill(Infinity)] : found, 0.5);
               const td = el('td', {}, digits(median === null ? null : median * factor));
               if (median !== null) { td.dataset.metric = metric; td.dataset.value = String(median); }
               if (found.length > 1) td.append(el('small', {}, `${digits(Math.min(...found) * factor)} to ${digits(Math.max(...found) * factor)}`));
@@ -588,7 +592,7 @@ if (data.calibration?.length) {
     }
   }
   section('Every figure',
-    el('p', {}, data.seeds.length > 1 ? 'Medians over the seeds that did not fail, and their range.' : 'One seed.', ' The same, unrounded and for each seed, is in results.csv.'),
+    el('p', {}, data.seeds.length > 1 ? 'Medians over the seeds, in which the errors of one that failed are infinite, and the range of the others.' : 'One seed.', ' The same, unrounded and for each seed, is in results.csv.'),
     el('div', {class: 'scroll'}, el('table', {id: 'cells'},
       el('thead', {}, el('tr', {}, ['clip', 'darkness', 'tracker', 'reconstruction'].map((name) => el('th', {class: 'name'}, name)), el('th', {}, 'registered'),
         columns.map(([, title]) => el('th', {}, title)))),

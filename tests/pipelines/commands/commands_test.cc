@@ -938,6 +938,19 @@ TEST_F(Commands, RefinesAColmapModelIntoTheSameModelMeasuredAgain) {
   EXPECT_LT(ate("refined"), 0.7 * before);
   EXPECT_GT(ReadJson(Path("r.json"))["tracks_measured_again"], 100);
 
+  // Of every third frame: no more were to be had, and they are the clip's 0, 3, 6 ...
+  fs::create_directory(dir_ / "thin");
+  for (std::uint32_t i = 0; i < 24; i += 3) {
+    fs::copy(dir_ / "dark" / first.images.at(i + 1).name, dir_ / "thin");
+  }
+  Run(refine + " --images " + Path("thin"));
+  Run("evaluate " + Path("refined") + " --truth " + Path("clip") + " --json " + Path("e.json"));
+  const auto thin = ReadJson(Path("e.json"));
+  EXPECT_EQ(thin["registered"], 8);
+  EXPECT_EQ(thin["frames"], 8);
+  EXPECT_EQ(thin["failed"], false);
+  EXPECT_LT(thin["ate_m"], 2.0 * before);
+
   ExpectFailure(RunCohort(refine), 2, HasSubstr("give --images INPUT, or the .tracks file"));
   ExpectFailure(RunCohort(refine + " --images " + WriteImages(Path("images"), 3).string()),
                 1,
@@ -1421,6 +1434,10 @@ TEST_F(Commands, CompareJudgesAClipWithoutTrueCamerasByTheHalvesOfItsTracks) {
   EXPECT_EQ(again.out, end.out);
   EXPECT_THAT(again.err, HasSubstr("halves: 2 of 2 are done already"));
   EXPECT_THAT(RunCohort(compare + " --resume --no-halves").out, Not(HasSubstr("halves")));
+  // A shard that was killed on its way.
+  EXPECT_THAT(RunCohort(compare + " --collect").err, Not(HasSubstr("not finished")));
+  ASSERT_TRUE(fs::remove(Path("out/cells/rgb/as-is/1/klt/ceres_halves.json")));
+  EXPECT_THAT(RunCohort(compare + " --collect").err, HasSubstr("1 of 2 cells are not finished"));
 }
 
 TEST_F(Commands, CompareDoesAgainWhatAChangedClipMakesStale) {
@@ -1472,6 +1489,16 @@ TEST_F(Commands, CompareTakesNoCellOfAnotherClipOrOfOtherOptions) {
   EXPECT_EQ(frames_of_cells(), std::vector<double>(1, 10.0));
   ASSERT_EQ(compare(" --features 30 --shard 1/2 --resume").exit_code, 0);
   EXPECT_EQ(frames_of_cells(), std::vector<double>(2, 10.0));
+  // What lies beside a shard of other options is not drawn as if it were of these.
+  ASSERT_EQ(compare(" --features 25 --shard 0/2 --resume").exit_code, 0);
+  EXPECT_EQ(frames_of_cells(), std::vector<double>(1, 10.0));
+  const std::string page = ReadBytes(Path("grid/report.html"));
+  const std::size_t begin = page.find('>', page.find("id=\"data\"")) + 1;
+  const auto data =
+      nlohmann::json::parse(page.substr(begin, page.find("</script>", begin) - begin));
+  EXPECT_EQ(data.at("calibration").size(), 0u);  // KLT has no covariances
+  ASSERT_EQ(data.at("pictures").at("trackers").size(), 1u);
+  EXPECT_EQ(data.at("pictures").at("trackers")[0].at("tracker"), "klt");
 }
 
 TEST_F(Commands, CompareMakesAnewWhatWasDeleted) {
@@ -1520,6 +1547,26 @@ TEST_F(Commands, CompareTakesAGlobOfTheFolderItRunsIn) {
   EXPECT_EQ(end.exit_code, 0) << end.err;
 }
 
+// What it writes there is not of the clip.
+TEST_F(Commands, CompareGoesOnInTheFolderOfItsClip) {
+  const std::string clip = WriteImages(Path("clip"), 3);
+  for (const std::string input : {"'*.png'", "."}) {
+    const auto compare = [&](const std::string& more) {
+      return RunShell(
+          fmt::format("cd {} && {} compare {} --trackers klt --backends ceres --out grid{}",
+                      clip,
+                      ProgramPath(),
+                      input,
+                      more));
+    };
+    ASSERT_EQ(compare("").exit_code, 0);
+    EXPECT_THAT(compare(" --resume").err, HasSubstr("track: 1 of 1 are done already")) << input;
+    const ProgramEnd collected = compare(" --collect");
+    EXPECT_EQ(collected.exit_code, 0) << collected.err;
+    fs::remove_all(Path("clip/grid"));
+  }
+}
+
 TEST_F(Commands, AKilledCompareResumesAndGivesTheSame) {
   Run("synth " + Path("clip") + kSmall + " --frames 8");
   const auto compare = [this](const std::string& out) {
@@ -1551,9 +1598,10 @@ TEST_F(Commands, ComparesAsThePaperDid) {
   const ProgramEnd first = RunCohort(compare);
   ASSERT_EQ(first.exit_code, 0) << first.err;
   EXPECT_THAT(first.out,
-              AllOf(HasSubstr("mean L1 trajectory error"),
+              AllOf(HasSubstr("mean L1 trajectory error after 4 frames"),
                     HasSubstr("frames between re-initialisations, subspace / tracker"),
                     Not(HasSubstr("FAILED"))));
+  EXPECT_THAT(ReadBytes(Path("out/results.csv")), HasSubstr("l1_error_4_frames"));
   const ProgramEnd second = RunCohort(compare + " --resume");
   EXPECT_EQ(second.out, first.out);
   EXPECT_THAT(second.err, HasSubstr("follow: 5 of 5 are done already"));

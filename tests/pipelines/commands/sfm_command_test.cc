@@ -1,4 +1,5 @@
 // `cohort sfm`, as users run it, and what they open afterwards.
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -185,6 +186,11 @@ TEST_F(Sfm, KeepsWhatIsBeforeTheOptionsThatChanged) {
 TEST_F(Sfm, MakesAnewWhatIsGoneOrDamaged) {
   const fs::path whole = *dir_ / "undamaged";
   ASSERT_EQ(RunSfm(whole, "--max-images 5").exit_code, 0);
+  // Its summary is no model's: the page would have had figures and no model.
+  const test::ProgramEnd shown = test::RunCohort(
+      fmt::format("show {0}/clip.tracks --model {0} --out {0}.html", whole.string()));
+  EXPECT_EQ(shown.exit_code, 1);
+  EXPECT_THAT(shown.err, HasSubstr((whole / "model").string()));
   const fs::path scene = *dir_ / "mended";
   fs::copy(whole, scene, fs::copy_options::recursive);
   for (const char* damage : {"rm -r images sparse transforms.json",

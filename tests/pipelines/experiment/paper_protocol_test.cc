@@ -266,6 +266,9 @@ TEST(PaperTables, ACellWithoutAFigureIsAFailureAndNoAverage) {
   results.rows.push_back({"room", "hard", "klt", "", 1, "l1_error_30_frames", 9.0, "px"});
   results.rows.push_back({"room", "hard", "rlof", "", 1, "failed", 1.0, ""});
   EXPECT_THAT(PaperTables(results), HasSubstr("rlof     FAILED   FAILED\n"));
+  // One seed of two is as bad.
+  results.rows.push_back({"room", "hard", "klt", "", 2, "failed", 1.0, ""});
+  EXPECT_THAT(PaperTables(results), HasSubstr("klt      FAILED   FAILED\n"));
 }
 
 }  // namespace

@@ -5,6 +5,9 @@
 #include <gtest/gtest.h>
 
 #include "frontend/core/error.h"
+#include "frontend/core/output.h"
+#include "pipelines/experiment/named_trackers.h"
+#include "tests/support/temp_dir.h"
 
 namespace cohort {
 namespace {
@@ -39,6 +42,18 @@ TEST(PlanWithoutClips, TakesTheLevelsOfOtherRecipesAndNoUnknownOnes) {
       [&] { PlanWithoutClips(options); },
       ThrowsMessage<UsageError>(
           AllOf(HasSubstr("'phone-dark'"), HasSubstr("clean"), HasSubstr("phone-medium, as-is"))));
+}
+
+TEST(NamedGridTracker, OfAFileHasItsName) {
+  const test::TempDir dir;
+  WriteBytes(dir / "mine.json", R"({"tracker": "klt"})");
+  const std::string file = dir / "mine.json";
+  const GridTracker first = NamedGridTracker(file, {}, SecondPassMode::kOff);
+  EXPECT_EQ(first.name, "mine");
+  const GridTracker refined = NamedGridTracker(file + "-refined", {}, SecondPassMode::kOff);
+  EXPECT_EQ(refined.name, "mine-refined");
+  EXPECT_EQ(refined.second_pass, SecondPassMode::kOn);
+  EXPECT_EQ(refined.options.tracker, TrackerKind::kKlt);
 }
 
 }  // namespace

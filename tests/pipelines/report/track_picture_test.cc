@@ -49,6 +49,7 @@ TEST(TrackPicture, CountsAndColoursBySizeOfTheError) {
   const TrackPicture picture = DrawTracks(kPicture, kSecond, FourTracks(), &truth);
   EXPECT_EQ(picture.observed, 3u);
   EXPECT_EQ(picture.predicted, 1u);
+  EXPECT_EQ(picture.known, 3u);
   EXPECT_EQ(picture.near_truth, 1u);
   EXPECT_EQ(picture.far, 1u);
   const auto at = [&](int x, int y) { return picture.picture.at<cv::Vec3b>(y, x); };
@@ -62,6 +63,7 @@ TEST(TrackPicture, CountsAndColoursBySizeOfTheError) {
 TEST(TrackPicture, WithoutTruthNothingIsJudged) {
   const TrackPicture picture = DrawTracks(kPicture, kSecond, FourTracks(), nullptr);
   EXPECT_EQ(picture.observed, 3u);
+  EXPECT_EQ(picture.known, 0u);
   EXPECT_EQ(picture.near_truth, 0u);
   EXPECT_EQ(picture.far, 0u);
 }

@@ -15,33 +15,69 @@ namespace {
 
 namespace fs = std::filesystem;
 
-TEST(FingerprintOfClip, IsOfTheBytesAndNotOfTheTime) {
+// Pictures of their numbers.
+void WritePictures(const fs::path& folder, int count) {
+  fs::create_directories(folder);
+  for (int i = 0; i < count; ++i) {
+    cv::imwrite(folder / (std::to_string(i) + ".bmp"), cv::Mat(20, 30, CV_8UC1, cv::Scalar(i)));
+  }
+}
+
+TEST(FingerprintOfClip, IsOfAllInTheFolderButTheOutputs) {
+  const test::TempDir dir;
+  WritePictures(dir / "clip", 3);
+  const auto fingerprint = [&](const std::string& input) {
+    return FingerprintOfClip(*OpenSequence(input), input, dir / "clip/grid");
+  };
+  const std::string folder = fingerprint(dir / "clip");
+  const std::string glob = fingerprint(dir / "clip/*.bmp");
+  WritePictures(dir / "clip/grid/cells", 2);
+  EXPECT_EQ(fingerprint(dir / "clip"), folder);
+  WriteBytes(dir / "clip/groundtruth.txt", "0 0 0 0 0 0 0 1");
+  EXPECT_NE(fingerprint(dir / "clip"), folder);
+  EXPECT_EQ(fingerprint(dir / "clip/*.bmp"), glob);
+  cv::imwrite(dir / "clip/1.bmp", cv::Mat(20, 30, CV_8UC1, cv::Scalar(7)));
+  EXPECT_NE(fingerprint(dir / "clip/*.bmp"), glob);
+}
+
+TEST(FingerprintOfBytes, IsOfEveryOne) {
   const test::TempDir dir;
   std::string bytes(1'000'000, 'a');
+  WriteBytes(dir / "mask.bmp", bytes);
+  const std::string fingerprint = FingerprintOfBytes(dir / "mask.bmp");
+  bytes[600'001] = 'b';
+  WriteBytes(dir / "mask.bmp", bytes);
+  EXPECT_NE(FingerprintOfBytes(dir / "mask.bmp"), fingerprint);
+}
+
+TEST(FingerprintsOfOutputs, AreOfTheBytesAndNotOfTheTime) {
+  const test::TempDir dir;
+  const auto of_clip_in = [](const fs::path& folder) {
+    return FingerprintsOfOutputs(folder, {"clip.mp4"}).at("clip.mp4");
+  };
+  std::string bytes(1'000'000, 'a');
   WriteBytes(dir / "clip.mp4", bytes);
-  const std::string fingerprint = FingerprintOfClip(dir / "clip.mp4");
+  const std::string fingerprint = of_clip_in(dir.path());
   EXPECT_EQ(fingerprint.size(), 16u);
   fs::last_write_time(dir / "clip.mp4", fs::file_time_type() + std::chrono::hours(5));
-  EXPECT_EQ(FingerprintOfClip(dir / "clip.mp4"), fingerprint);
+  EXPECT_EQ(of_clip_in(dir.path()), fingerprint);
   fs::create_directory(dir / "elsewhere");
   fs::copy(dir / "clip.mp4", dir / "elsewhere");
-  EXPECT_EQ(FingerprintOfClip(dir / "elsewhere/clip.mp4"), fingerprint);
+  EXPECT_EQ(of_clip_in(dir / "elsewhere"), fingerprint);
 
   bytes.back() = 'b';
   WriteBytes(dir / "clip.mp4", bytes);
-  EXPECT_NE(FingerprintOfClip(dir / "clip.mp4"), fingerprint) << "the end";
+  EXPECT_NE(of_clip_in(dir.path()), fingerprint) << "the end";
   // Another clip of the same size: other bytes everywhere, here but in an eighth.
   bytes.assign(1'000'000, 'a');
   for (std::size_t i = 125'000; i < bytes.size(); ++i) bytes[i] = static_cast<char>(i % 251);
   WriteBytes(dir / "clip.mp4", bytes);
-  EXPECT_NE(FingerprintOfClip(dir / "clip.mp4"), fingerprint);
+  EXPECT_NE(of_clip_in(dir.path()), fingerprint);
 }
 
 TEST(FingerprintOfFrames, IsOfThePicturesAndOfNothingElseInTheFolder) {
   const test::TempDir dir;
-  for (int i = 0; i < 3; ++i) {
-    cv::imwrite(dir / (std::to_string(i) + ".bmp"), cv::Mat(20, 30, CV_8UC1, cv::Scalar(i)));
-  }
+  WritePictures(dir.path(), 3);
   const auto fingerprint = [&](const FrameRange& range = {}) {
     return FingerprintOfFrames(*OpenSequence(dir.path(), Layout::kAuto, range));
   };
