@@ -25,19 +25,22 @@ namespace fs = std::filesystem;
 
 void ExportColmapDatabase(const TrackFile& file, const ExportCommandOptions& options) {
   fs::path images = file.image_root;
-  if (file.image_root.empty() && options.write_frames) {
+  const bool from_files = !file.image_root.empty() || !file.source.empty();
+  if (file.image_root.empty() && from_files && options.write_frames) {
     WarnIfVideoChanged(file, options.tracks);
     images = fs::path(options.colmap_database).replace_extension("");
     images += "_images";
     WriteVideoFrames(file, images, ProgressBars());
   }
   WriteColmapDatabase(options.colmap_database, file, options.database);
-  PrintLine("{}: for COLMAP with --image_path {}", options.colmap_database, images.string());
+  const std::string with =
+      images.empty() ? "" : fmt::format(" with --image_path {}", images.string());
+  PrintLine("{}: for COLMAP{}", options.colmap_database, with);
 }
 
-TrackFile TracksToExport(const ExportCommandOptions& options,
+TrackFile TracksToExport(TrackFile file,
+                         const ExportCommandOptions& options,
                          const std::optional<Reconstruction>& given) {
-  TrackFile file = ReadTrackFile(options.tracks);
   WarnIfUnfinished(file, options.tracks);
   if (file.tracks.observations().empty()) {
     spdlog::warn("{} has no observation of any track: there is nothing in it to export",
@@ -73,14 +76,15 @@ void RunExport(const ExportCommandOptions& options) {
                         {"--bal", options.bal}});
   std::optional<Reconstruction> model;
   if (!options.model.empty()) model = ReadModelFolder(options.model);
-  const TrackFile file = TracksToExport(options, model);
-  if (model && options.global_shutter) MoveViewsToTracks(file.tracks, 0.0, *model);
+  TrackFile read = ReadTrackFile(options.tracks);
   CheckOutputsGiven({options.colmap_database,
                      options.csv,
                      options.npz,
                      options.covariances,
                      options.opensfm,
                      options.bal});
+  const TrackFile file = TracksToExport(std::move(read), options, model);
+  if (model && options.global_shutter) MoveViewsToTracks(file.tracks, 0.0, *model);
   if (!options.colmap_database.empty()) ExportColmapDatabase(file, options);
   if (!options.csv.empty()) {
     WriteTracksCsv(options.csv, file.tracks);

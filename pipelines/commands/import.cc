@@ -8,6 +8,7 @@
 
 #include "backend/colmap/colmap_tracks.h"
 #include "frontend/core/input_file.h"
+#include "frontend/core/output.h"
 #include "frontend/tracks/opensfm_tracks.h"
 #include "frontend/tracks/track_csv.h"
 #include "frontend/tracks/track_store.h"
@@ -132,40 +133,11 @@ ImportedTracks ReadTracks(TracksForm form,
   return {};
 }
 
-// What nobody saw is not observed. Where it is most, the tracks are not of these pictures.
-void PredictOutside(const ImportCommandOptions& options, const TrackFile& file, TrackSet& tracks) {
-  const auto is_outside = [&file](const Observation& o) {
-    return IsObserved(o) && !IsInPicture(o.xy, file.width_px, file.height_px);
-  };
-  const auto all = tracks.observations();
-  const auto outside = std::count_if(all.begin(), all.end(), is_outside);
-  if (outside == 0) return;
-  const auto observed = std::count_if(all.begin(), all.end(), IsObserved);
-  if (2 * outside > observed) {
-    ThrowError(
-        "{}: {} of {} observed positions lie outside the pictures of {}, which are {} x {}: "
-        "give the clip that the tracks are of",
-        options.tracks,
-        outside,
-        observed,
-        options.input.input,
-        file.width_px,
-        file.height_px);
-  }
-  spdlog::warn("{}: {} observed positions lie outside the picture, and count as predicted",
-               options.tracks,
-               outside);
-  std::vector<Observation> observations(all.begin(), all.end());
-  for (Observation& o : observations) {
-    if (is_outside(o)) o.state = ObservationState::kPredicted;
-  }
-  tracks = TrackSet::Build(std::move(observations));
-}
-
 }  // namespace
 
 void RunImport(const ImportCommandOptions& options) {
   const TracksForm form = options.from == TracksForm::kAuto ? FormOf(options.tracks) : options.from;
+  CheckOutputsGiven({options.out});
   TrackFile file = ReadFrames(options.input);
   ImportedTracks imported = ReadTracks(form, options, file);
   if (imported.unknown_images > 0) {
@@ -180,7 +152,13 @@ void RunImport(const ImportCommandOptions& options) {
   if (imported.camera && !given && (!file.camera || imported.camera->known)) {
     file.camera = imported.camera;
   }
-  PredictOutside(options, file, imported.tracks);
+  const std::size_t outside =
+      PredictOutside(file, options.tracks, options.input.input, imported.tracks);
+  if (outside > 0) {
+    spdlog::warn("{}: {} observed positions lie outside the picture, and count as predicted",
+                 options.tracks,
+                 outside);
+  }
   const auto observations = imported.tracks.observations();
   if (std::none_of(observations.begin(), observations.end(), IsObserved)) {
     spdlog::warn("{}: none of its {} positions is observed: no backend will take one",
@@ -191,7 +169,6 @@ void RunImport(const ImportCommandOptions& options) {
   file.meta["program"] = fmt::format("cohort {}", kVersion);
   file.meta["tracker"] = "import";
   file.meta["imported_from"] = AbsolutePath(options.tracks);
-  file.meta["frames"] = options.input.frames;
   WriteTrackFile(options.out, file);
   PrintLine("{}: {} tracks, {} observations in {} frames",
             options.out,

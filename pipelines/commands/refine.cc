@@ -25,12 +25,15 @@ void RefineTracks(const RefineCommandOptions& options) {
   const TrackFile file = ReadTrackFile(options.tracks);
   WarnIfUnfinished(file, options.tracks);
   const Reconstruction model = ReadModelFolder(options.model);
-  CheckOutputsGiven({options.json});
+  // In the place of the old ones, where the same name is given.
+  if (CanonicalPath(options.out) == CanonicalPath(options.tracks)) InputRecord::Forget(options.out);
+  CheckOutputsGiven({options.out, options.json});
   if (model.points.empty()) {
     ThrowError("{}: the model has no points to look for: reconstruct first", options.model);
   }
   WarnIfModelOfOthers(model, options.model, file, options.tracks);
-  const auto sequence = OpenSequence(options.images.empty() ? file.source : options.images);
+  const auto sequence =
+      options.images.empty() ? OpenSource(file, options.tracks) : OpenSequence(options.images);
   if (options.images.empty()) WarnIfClipChanged(file, options.tracks, *sequence);
   const auto of_tracks = file.meta.find("mask");  // that they were made with
   const std::string mask =
@@ -38,8 +41,6 @@ void RefineTracks(const RefineCommandOptions& options) {
   SecondPass second = MeasureAgain(
       file, model, *sequence, ReadMask(mask), options.of_model.second_pass, ProgressBars());
   second.file.meta["refined_from"] = AbsolutePath(options.tracks);
-  // In the place of the old ones, where the same name is given.
-  if (CanonicalPath(options.out) == CanonicalPath(options.tracks)) InputRecord::Forget(options.out);
   WriteTrackFile(options.out, second.file);
 
   const SecondPassFigures& figures = second.figures;

@@ -38,10 +38,10 @@ void WriteSceneReport(const SfmJobOptions& options, const SfmFigures& figures) {
   const fs::path page = folder / "report.html";
   if (fs::exists(page)) return;  // RunSfmJob has removed that of another
   ClipReport report = ReadClipReport(folder / "model");
-  report.title = fs::path(options.input.input).filename().string();
   report.sentences.insert(
       report.sentences.end(), figures.film_better.begin(), figures.film_better.end());
   const auto sequence = OpenInput(options.input);
+  report.title = sequence->Name();
   WriteClipReport(page, report, ReadTrackFile(folder / "clip.tracks"), *sequence, ProgressBars());
 }
 

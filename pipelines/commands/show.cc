@@ -3,6 +3,7 @@
 #include <filesystem>
 
 #include "datasets/open_sequence.h"
+#include "frontend/core/output.h"
 #include "frontend/tracks/track_store.h"
 #include "pipelines/console/progress_bar.h"
 #include "pipelines/jobs/track_doubts.h"
@@ -51,7 +52,7 @@ void CheckOneClip(const ShowOptions& options, const std::vector<TrackFile>& file
 
 std::unique_ptr<Sequence> OpenClipOf(const ShowOptions& options, const TrackFile& file) {
   if (!options.images.empty()) return OpenSequence(options.images);
-  auto sequence = OpenSequence(file.source);
+  auto sequence = OpenSource(file, options.tracks.front());
   WarnIfClipChanged(file, options.tracks.front(), *sequence);
   return sequence;
 }
@@ -62,7 +63,7 @@ void WritePageOf(const ShowOptions& options, const TrackFile& file, Sequence& se
     report = ReadClipReport(options.model);
     WarnIfModelOfOthers(report.model, options.model, file, options.tracks.front());
   }
-  report.title = fs::path(file.source).filename().string();
+  report.title = sequence.Name();
   WriteClipReport(options.out, report, file, sequence, ProgressBars());
 }
 
@@ -81,6 +82,7 @@ void RunShow(const ShowOptions& options) {
     ThrowUsageError("--model is for a page: give an --out that ends in .html");
   }
   CheckOneClip(options, files);
+  CheckOutputsGiven({options.out});
   const auto sequence = OpenClipOf(options, files.front());
   if (is_page) {
     WritePageOf(options, files.front(), *sequence);

@@ -301,8 +301,13 @@ ParseOutcome ParseCommandLine(const CommandLine& line,
       ThrowUsageError("{} has no value: give one, or leave it out", word);
     }
   }
+  std::vector<std::string> words(arguments.rbegin(), arguments.rend());
+  // CLI11 takes a word in brackets for a list; behind "./" it is the same file.
+  for (std::string& word : words) {
+    if (word.starts_with('[') && word.ends_with(']')) word.insert(0, "./");
+  }
   try {
-    app.parse(std::vector<std::string>(arguments.rbegin(), arguments.rend()));
+    app.parse(std::move(words));
   } catch (const CLI::ParseError& e) {
     ThrowUsageError("{}: 'cohort {} --help-all' lists all options", e.what(), line.name);
   }

@@ -14,6 +14,7 @@
 #include "backend/colmap/model_tracks.h"
 #include "datasets/open_sequence.h"
 #include "datasets/truth/track_truth.h"
+#include "frontend/core/output.h"
 #include "frontend/tracks/imported_tracks.h"
 #include "frontend/tracks/track_store.h"
 #include "pipelines/evaluation/model_evaluation.h"
@@ -344,6 +345,7 @@ Json RunEvaluateJob(const EvaluateJobOptions& options) {
   if (!fs::exists(options.subject)) {
     ThrowError("there is no .tracks file or model folder {}", options.subject);
   }
+  CheckOutputsGiven({options.json});
   const bool is_model = fs::is_directory(options.subject);
   if (!is_model && IsModelFolder(options.truth)) {
     ThrowUsageError("{} is a model, of which tracks cannot be judged: give a clip with truth",

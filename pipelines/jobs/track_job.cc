@@ -44,7 +44,6 @@ TrackFile DescribeJob(const TrackJobOptions& options,
   TrackFile header = tracker.Header();
   DescribeInput(options.input, sequence, header);
   header.meta["program"] = fmt::format("cohort {}", kVersion);
-  header.meta["frames"] = options.input.frames;
   header.meta["mask"] = AbsolutePath(options.mask);
   if (!options.mask.empty()) header.meta["mask_fingerprint"] = FingerprintOfBytes(options.mask);
   return header;
@@ -134,8 +133,14 @@ void WriteFigures(const TrackFigures& figures, const TrackJobOptions& options) {
                  {"options", ToJson(options)}});
 }
 
-// Frame by frame into `writer`, which may have the first ones.
-void TrackFrames(SequenceTracker& tracker,
+[[noreturn]] void ThrowInterrupted(std::size_t frames) {
+  ThrowError("interrupted after {} frames, which are kept: the same command with --resume goes on",
+             frames);
+}
+
+// Frame by frame into `writer`, which may have the first ones. False: an interruption came with the
+// last one.
+bool TrackFrames(SequenceTracker& tracker,
                  const Sequence& sequence,
                  TrackWriter& writer,
                  TrackFigures& figures) {
@@ -147,6 +152,7 @@ void TrackFrames(SequenceTracker& tracker,
   std::future<void> written;
   Worker worker;
   FrameIndex first{};
+  FrameIndex last{};
   const auto finish = [&] {
     const Stopwatch stopwatch;
     if (written.valid()) written.get();
@@ -156,6 +162,7 @@ void TrackFrames(SequenceTracker& tracker,
     TrackedFrame frame = tracker.TrackNext();
     finish();
     if (figures.frames == 0) first = frame.info.index;
+    last = frame.info.index;
     if (frame.result.cut) figures.cuts.push_back(frame.info.index);
     ++figures.frames;
     progress.Advance();
@@ -174,12 +181,14 @@ void TrackFrames(SequenceTracker& tracker,
     }
   }
   finish();
-  if (tracker.HasNext()) {
+  if (tracker.HasNext() && last_written && last <= *last_written) {
     ThrowError(
-        "interrupted after {} frames, which are kept: the same command with --resume goes on",
-        figures.frames);
+        "interrupted; the frames of the run before are kept: the same command with --resume "
+        "goes on");
   }
+  if (tracker.HasNext()) ThrowInterrupted(figures.frames);
   TellCuts(figures.cuts, first, writer);
+  return !interrupt.Requested();
 }
 
 // Also in the log; empty: nothing.
@@ -245,10 +254,13 @@ std::optional<TrackFigures> RunTrackJob(const TrackJobOptions& options) {
                                             ? TrackWriter::Resume(options.out)
                                             : TrackWriter::Create(options.out, header);
     if (!writer) return RunTrackJob(options);  // another run has ended it in the meantime
-    TrackFrames(tracker, *sequence, *writer, figures);
+    const bool goes_on = TrackFrames(tracker, *sequence, *writer, figures);
     const std::string warning = WhatWasWrong(*sequence, header, options.input.input);
     if (!warning.empty()) writer->SetMeta(kWarningMeta, warning);
     writer->Finish();
+    if (!goes_on && header.meta.at("second_pass") == kSecondPassAsked) {
+      ThrowInterrupted(figures.frames);
+    }
   }
   figures.decode_ms = tracker.decode_ms();
   figures.detect_ms = tracker.detect_ms();

@@ -35,6 +35,17 @@ T ParseNumber(const std::string& text, std::string_view given_as, const std::str
   return value;
 }
 
+// `--check` gives true, `--check=off` what stands behind it.
+bool ParseFlag(const std::string& text, std::string_view given_as) {
+  for (const char* word : {"true", "on", "yes", "1"}) {
+    if (text == word) return true;
+  }
+  for (const char* word : {"false", "off", "no", "0"}) {
+    if (text == word) return false;
+  }
+  ThrowUsageError("{} '{}': give on or off", given_as, text);
+}
+
 // The value in the JSON if it has the type of `like`.
 std::optional<OptionValue> FromJson(const Json& json, const OptionValue& like) {
   return std::visit(
@@ -101,7 +112,7 @@ void SetFromText(const OptionEntry& entry, const std::string& text, std::string_
       [&](const auto& kind) -> OptionValue {
         using T = std::decay_t<decltype(kind)>;
         if constexpr (std::is_same_v<T, bool>) {
-          return text == "true";
+          return ParseFlag(text, given_as);
         } else if constexpr (std::is_arithmetic_v<T>) {
           return ParseNumber<T>(text, given_as, entry.allowed);
         } else if constexpr (std::is_same_v<T, std::string>) {

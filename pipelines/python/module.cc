@@ -212,7 +212,6 @@ TrackFile Track(const ClipArgument& clip,
                                   progress);
   DescribeInput(arguments.input, *opened, file);
   file.meta["program"] = fmt::format("cohort {}", kVersion);
-  file.meta["frames"] = arguments.input.frames;
   file.meta["mask"] = AbsolutePath(arguments.mask);
   if (!arguments.mask.empty()) {
     file.meta["mask_fingerprint"] = FingerprintOfBytes(arguments.mask);
@@ -246,9 +245,9 @@ std::pair<TrackFile, std::vector<std::string>> Refine(const TrackFile& file,
   const CallWithoutGil no_gil;
   const InterruptionCheck interruption(RaiseOfSignals);
   std::vector<std::string> doubts = {DoubtOfModel(model, "this Reconstruction", file, kTracks)};
-  const std::unique_ptr<Sequence> opened =
-      sequence ? std::move(sequence)
-               : OpenSequence(clip ? std::get<fs::path>(*clip) : fs::path(file.source));
+  const std::unique_ptr<Sequence> opened = sequence ? std::move(sequence)
+                                           : clip   ? OpenSequence(std::get<fs::path>(*clip))
+                                                    : OpenSource(file, kTracks);
   if (!clip) doubts.push_back(DoubtOfClip(file, kTracks, *opened));
   SecondPass second = MeasureAgain(file, model, *opened, mask, arguments.second_pass, progress);
   doubts.push_back(DoubtOfMeasuring(second.figures));
@@ -526,14 +525,38 @@ void BindTrackFile(py::module_& module) {
   module.def("write_tracks", &WriteTrackFile, py::arg("path"), py::arg("tracks"), NoGil());
   module.def(
       "read_csv",
-      [](const fs::path& path) {
-        const TrackSet tracks = [&path] {
+      [](const fs::path& path, int width_px, int height_px) {
+        std::vector<std::string> doubts;
+        const TrackSet tracks = [&] {
           const CallWithoutGil no_gil;
-          return ReadTracksCsv(path).tracks;
+          TracksCsv csv = ReadTracksCsv(path);
+          if (!csv.track_ids.empty()) {
+            doubts.push_back(
+                fmt::format("{}: track ids need more than 32 bits and are counted anew, from 0",
+                            path.string()));
+          }
+          TrackFile of_pictures;
+          of_pictures.width_px = width_px;
+          of_pictures.height_px = height_px;
+          const std::size_t outside =
+              PredictOutside(of_pictures, path.string(), "that size", csv.tracks);
+          if (outside > 0) {
+            doubts.push_back(fmt::format(
+                "{}: {} observed positions lie outside the picture, and count as predicted",
+                path.string(),
+                outside));
+          }
+          return std::move(csv.tracks);
         }();
-        return ToArray(tracks);
+        return std::pair(ToArray(tracks), doubts);
       },
-      py::arg("path"));
+      py::arg("path"),
+      py::arg("width_px"),
+      py::arg("height_px"));
+  module.def(
+      "doubt_of_camera",
+      [](const TrackFile& file) { return file.camera ? DoubtOfCamera(*file.camera) : ""; },
+      py::arg("tracks"));
   module.def(
       "write_csv",
       [](const fs::path& path, const TrackFile& tracks) { WriteTracksCsv(path, tracks.tracks); },

@@ -6,6 +6,7 @@
 #include "datasets/readers/gray_image.h"
 #include "frontend/geometry/camera_text.h"
 #include "frontend/image/read_image.h"
+#include "frontend/tracks/imported_tracks.h"
 #include "pipelines/sfm/fingerprint.h"
 
 namespace cohort {
@@ -36,6 +37,21 @@ std::unique_ptr<Sequence> OpenInput(const InputOptions& options) {
                       options.frames.empty() ? FrameRange{} : FrameRange::Parse(options.frames));
 }
 
+std::unique_ptr<Sequence> OpenSource(const TrackFile& file, const std::string& tracks) {
+  if (file.source.empty()) {
+    ThrowError("{}: the tracks' pictures came from no file: give them by --images", tracks);
+  }
+  const auto meta = [&file](const char* key) {
+    const auto found = file.meta.find(key);
+    return found != file.meta.end() ? found->second : "";
+  };
+  InputOptions input;
+  input.input = file.source;
+  input.frames = meta("frames");
+  input.layout = ValueOf(kLayoutNames, meta("layout")).value_or(Layout::kAuto);
+  return OpenInput(input);
+}
+
 std::optional<Camera> KnownCamera(const InputOptions& options,
                                   const Sequence& sequence,
                                   int width_px,
@@ -49,6 +65,8 @@ void DescribeInput(const InputOptions& options, const Sequence& sequence, TrackF
   file.image_root = AbsolutePath(sequence.ImageRoot());
   const std::string fingerprint = FingerprintOfFrames(sequence);
   if (!fingerprint.empty()) file.meta["fingerprint"] = fingerprint;
+  file.meta["frames"] = options.frames;
+  file.meta["layout"] = NameOf(kLayoutNames, options.layout);
   file.camera = KnownCamera(options, sequence, file.width_px, file.height_px);
   NoteSensorRows(sequence, file);
 }
@@ -71,6 +89,36 @@ void CheckPictureSize(const TrackFile& file, const Frame& frame, const std::stri
              frame.gray.rows,
              file.width_px,
              file.height_px);
+}
+
+std::size_t PredictOutside(const TrackFile& file,
+                           const std::string& name,
+                           const std::string& clip,
+                           TrackSet& tracks) {
+  const auto is_outside = [&file](const Observation& o) {
+    return IsObserved(o) && !IsInPicture(o.xy, file.width_px, file.height_px);
+  };
+  const auto all = tracks.observations();
+  const auto outside = std::count_if(all.begin(), all.end(), is_outside);
+  if (outside == 0) return 0;
+  const auto observed = std::count_if(all.begin(), all.end(), IsObserved);
+  if (2 * outside > observed) {
+    ThrowError(
+        "{}: {} of {} observed positions lie outside the pictures of {}, which are {} x {}: "
+        "give the clip that the tracks are of",
+        name,
+        outside,
+        observed,
+        clip,
+        file.width_px,
+        file.height_px);
+  }
+  std::vector<Observation> observations(all.begin(), all.end());
+  for (Observation& o : observations) {
+    if (is_outside(o)) o.state = ObservationState::kPredicted;
+  }
+  tracks = TrackSet::Build(std::move(observations));
+  return static_cast<std::size_t>(outside);
 }
 
 std::string WarningOfClip(const Sequence& sequence,

@@ -48,6 +48,9 @@ struct InputOptions {
 };
 
 std::unique_ptr<Sequence> OpenInput(const InputOptions& options);
+// The clip that the tracks were made of, opened as it was then; `tracks` names them. Throws Error where
+// their pictures came from no file.
+std::unique_ptr<Sequence> OpenSource(const TrackFile& file, const std::string& tracks);
 
 // The camera given, else the sequence's own, else none. Throws UsageError on another text.
 std::optional<Camera> KnownCamera(const InputOptions& options,
@@ -56,7 +59,7 @@ std::optional<Camera> KnownCamera(const InputOptions& options,
                                   int height_px);
 
 // Fills in where the frames of `file`, whose picture size is set, come from: source, image_root,
-// camera and, of files, meta["fingerprint"] (FingerprintOfFrames).
+// camera, meta["frames"], meta["layout"] and, of files, meta["fingerprint"] (FingerprintOfFrames).
 void DescribeInput(const InputOptions& options, const Sequence& sequence, TrackFile& file);
 
 // Notes how the clip's pictures were turned (RowOrderOf), as DescribeInput does.
@@ -66,6 +69,13 @@ void NoteSensorRows(const Sequence& sequence, TrackFile& file);
 bool IsStillTheClip(const TrackFile& file, const Sequence& sequence);
 // Throws Error where a frame of a clip has not the size of those that `file` was made of.
 void CheckPictureSize(const TrackFile& file, const Frame& frame, const std::string& clip_name);
+// What lies outside the pictures of `file` no image confirms: of tracks of others it becomes predicted.
+// How many positions. Throws Error where they are most of the observed ones: then `tracks`, so named,
+// are of another clip than `clip`.
+std::size_t PredictOutside(const TrackFile& file,
+                           const std::string& name,
+                           const std::string& clip,
+                           TrackSet& tracks);
 // In .tracks: what was wrong with the clip, as that it ended before its last frame.
 inline constexpr const char* kWarningMeta = "warning";
 // The same of a clip that was read, whose DescribeInput `file` has; empty: nothing.

@@ -165,6 +165,7 @@ nlohmann::ordered_json SummaryToJson(const RefinedModel& refined,
 // cameras on a line have a turn, where `to` has them. None where all are in one place.
 std::optional<Sim3> FindSimilarity(const Reconstruction& from, const Reconstruction& to) {
   const auto count = static_cast<Eigen::Index>(from.cam_from_world.size());
+  if (count < 2) return std::nullopt;
   Eigen::Matrix3Xd centres(3, count);
   const auto cloud = [&](const Reconstruction& of) -> Eigen::Matrix3Xd {
     Eigen::Index next = 0;
@@ -187,7 +188,7 @@ std::optional<Sim3> FindSimilarity(const Reconstruction& from, const Reconstruct
   };
   const Eigen::Matrix3Xd source = cloud(from);
   const Eigen::Matrix3Xd target = cloud(to);
-  if (count < 2 || source.size() == 0 || target.size() == 0) return std::nullopt;
+  if (source.size() == 0 || target.size() == 0) return std::nullopt;
   const Eigen::Matrix4d transform = Eigen::umeyama(source, target);
   const double scale = transform.topLeftCorner<3, 1>().norm();
   const Eigen::Matrix3d rotation = transform.topLeftCorner<3, 3>() / scale;

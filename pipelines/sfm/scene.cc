@@ -382,14 +382,14 @@ std::vector<FrameIndex> ChooseImages(const std::vector<SceneCandidate>& candidat
           : most;
   // As many as there are frames: all. Of a camera that stands still: pieces of time.
   const bool by_time = path == 0.0 || pieces >= static_cast<double>(candidates.size());
-  const auto step = [&](std::size_t i) {
-    return by_time ? 1.0 / static_cast<double>(candidates.size()) : candidates[i].motion / path;
-  };
   std::map<int, const SceneCandidate*> sharpest;
   double along = 0.0;
   for (std::size_t i = 0; i < candidates.size(); ++i) {
-    if (i > 0) along += step(i);
-    const int piece = static_cast<int>(std::min(std::floor(along * pieces + 1e-9), pieces - 1.0));
+    if (i > 0 && !by_time) along += candidates[i].motion / path;
+    // In whole numbers: a sum of small steps would miss the edge of a piece after some thousand.
+    const int piece =
+        by_time ? static_cast<int>(i * static_cast<std::size_t>(pieces) / candidates.size())
+                : static_cast<int>(std::min(std::floor(along * pieces + 1e-9), pieces - 1.0));
     const auto [best, first] = sharpest.try_emplace(piece, &candidates[i]);
     if (!first && candidates[i].sharpness > best->second->sharpness) best->second = &candidates[i];
   }

@@ -85,7 +85,8 @@ std::set<FeatureId> FoundAgain(const TrackFile& file,
   }
   for (const Observation& o : measured) {
     const Observation* before = file.tracks.Find(o.feature, o.frame);
-    const bool was_observed = before != nullptr && IsObserved(*before);
+    const bool was_observed =
+        before != nullptr && IsObserved(*before) && !predictions.IsMasked(before->xy);
     ++(was_observed ? counts[o.feature].kept : counts[o.feature].regained);
   }
   std::set<FeatureId> found;
@@ -219,6 +220,8 @@ TrackerOptions CompanionOptions(const TrackFile& file) {
   TrackerOptions klt;
   klt.tracker = TrackerKind::kKlt;
   klt.detector = of_first.detector;
+  klt.cuts = of_first.cuts;
+  klt.max_unconfirmed_frames = of_first.max_unconfirmed_frames;
   klt.klt.window_px = kWindowPx;
   return klt;
 }
@@ -471,6 +474,7 @@ SecondPass WithSecondPass(TrackFile file,
   constexpr int kMostRounds = 3;
   constexpr std::size_t kLeastFrames = 10;  // of a part beside the largest: each costs as much time
   LightsOfClip lights;
+  TrackSet first_pass = file.tracks;
   const std::optional<FeatureId> first_companion =
       JoinTracks({sequence, mask, lights}, progress, file);
   SecondPass second{std::move(file), {}, {}};
@@ -483,6 +487,7 @@ SecondPass WithSecondPass(TrackFile file,
     MapperResult result = ReconstructWithCeres(second.file, {});
     if (result.summary.registered == 0) {
       if (round > 0) break;
+      second.file.tracks = std::move(first_pass);
       second.none_because = "the tracks do not reconstruct: " + result.summary.termination;
       second.file.meta["second_pass"] = "none: " + second.none_because;
       break;
@@ -493,7 +498,9 @@ SecondPass WithSecondPass(TrackFile file,
       return part.cam_from_world.size() < kLeastFrames;
     });
     models.insert(models.begin(), std::move(result.reconstruction));
+    const std::size_t movers = second.figures.movers;
     second = MeasureInLight(second.file, models, {sequence, mask, lights}, options, progress);
+    second.figures.movers += movers;
     if (first_companion) {
       // What has been measured at the same place has become one.
       second.file.tracks =

@@ -62,10 +62,11 @@ struct SecondPassOptions {
   }
 };
 
+// Of several rounds (WithSecondPass) those of the last one, but the movers of all.
 struct SecondPassFigures {
   std::size_t before = 0;    // observations of the tracks that are replaced
   std::size_t kept = 0;      // of them, measured again
-  std::size_t regained = 0;  // observations where the first pass had none
+  std::size_t regained = 0;  // observations where there were none
   std::size_t replaced = 0;  // tracks
   std::size_t left = 0;      // tracks that have a point, but were not found again
   std::size_t movers = 0;    // tracks dropped

@@ -14,7 +14,8 @@ namespace cohort {
 void WriteVideoFrames(const TrackFile& file,
                       const std::filesystem::path& folder,
                       const StageProgress& progress) {
-  constexpr const char* kWithout = "`cohort reconstruct --no-write-frames` needs no pictures";
+  constexpr const char* kWithout =
+      "--no-write-frames (of sfm --no-model.write-frames) needs no pictures";
   if (!std::filesystem::exists(file.source)) {
     ThrowError(
         "{}: the video that the tracks are of is not there any more: {}", file.source, kWithout);

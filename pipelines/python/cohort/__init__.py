@@ -90,9 +90,15 @@ class Tracks:
         camera: Optional[Camera] = None,
         frames: Optional[int] = None,
     ) -> Tracks:
-        """Reads track_id,frame,x,y[,observed][,residual] of pictures of that size."""
+        """Reads track_id,frame,x,y[,observed][,residual] of pictures of that size.
+
+        What lies outside of them counts as predicted.
+        """
+        rows, doubts = _cohort.read_csv(path, width_px, height_px)
+        for doubt in doubts:
+            _log.warning("%s", doubt)
         return Tracks.from_observations(
-            _cohort.read_csv(path),
+            rows,
             width_px=width_px,
             height_px=height_px,
             camera=camera,
@@ -179,7 +185,7 @@ class Tracks:
                 raise UsageError(f"observed has the shape {seen.shape}, xy has {positions.shape}")
             columns["observed"] = seen[frame, track_id]
         if covariances is not None:
-            matrices = np.asarray(covariances, np.float32)
+            matrices = _ma.filled(_ma.asarray(covariances, np.float32), np.nan)
             if matrices.shape != (*shape, 2, 2):
                 raise UsageError(
                     f"covariances have the shape {matrices.shape}, xy has {positions.shape}"
@@ -425,12 +431,14 @@ def track(
     file = _cohort.track(
         clip, _to_json(options), _is_rgb(channels), mask_array, of_pictures, progress
     )
+    if doubt := _cohort.doubt_of_camera(file):
+        _log.warning("%s", doubt)
     if "warning" in file.meta:
         _log.warning("%s", file.meta["warning"])
     if "cuts" in file.meta:
         _log.warning("the clip is cut at %s: all tracks end there", file.meta["cuts"])
     if file.meta.get("second_pass", "").startswith("none"):
-        _log.warning("no second pass: %s", file.meta["second_pass"])
+        _log.warning("no second pass: %s", file.meta["second_pass"].removeprefix("none: "))
     return Tracks(file)
 
 

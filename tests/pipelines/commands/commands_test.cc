@@ -971,6 +971,53 @@ TEST_F(Commands, WhatTheModelDoesNotFindAgainStaysWhereTheSceneIsNotRigid) {
   EXPECT_GT(kept.tracks.CountObserved(), first.tracks.CountObserved() * 9 / 10);
 }
 
+TEST_F(Commands, FlagsAreOnOrOff) {
+  const auto resume = [&](const std::string& flag) {
+    const ProgramEnd end = RunCohort("track x --out y --dump-config " + flag);
+    EXPECT_EQ(end.exit_code, 0) << end.err;
+    return nlohmann::json::parse(end.out).at("resume").get<bool>();
+  };
+  for (const char* flag : {"--resume", "--resume=on", "--resume=1", "--no-resume=off"}) {
+    EXPECT_TRUE(resume(flag)) << flag;
+  }
+  for (const char* flag : {"--no-resume", "--resume=off", "--resume=no", "--no-resume=yes"}) {
+    EXPECT_FALSE(resume(flag)) << flag;
+  }
+  ExpectFailure(RunCohort("track x --out y --resume=banana"),
+                2,
+                AllOf(HasSubstr("--resume 'banana'"), HasSubstr("on or off")));
+}
+
+TEST_F(Commands, AWordInBracketsIsAName) {
+  ExpectFailure(RunCohort("compare '[a,b]' --out " + Path("out")), 1, HasSubstr("[a,b]"));
+}
+
+// Tracks that were made of arrays.
+TEST_F(Commands, ExportsTracksWhosePicturesCameFromNoFile) {
+  const std::string clip = WriteImages(Path("clip"), 3);
+  Run("track " + clip + " --tracker klt --out " + Path("of_files.tracks"));
+  TrackFile file = ReadTrackFile(Path("of_files.tracks"));
+  file.source.clear();
+  file.image_root.clear();
+  WriteTrackFile(Path("f.tracks"), file);
+  const ProgramEnd end =
+      RunCohort("export " + Path("f.tracks") + " --colmap-database " + Path("f.db"));
+  EXPECT_EQ(end.exit_code, 0) << end.err;
+  EXPECT_THAT(end.out, Not(HasSubstr("image_path")));
+  ExpectFailure(RunCohort("show " + Path("f.tracks") + " --out " + Path("f.html")),
+                1,
+                HasSubstr("give them by --images"));
+  Run("show " + Path("f.tracks") + " --images " + clip + " --out " + Path("f.html"));
+}
+
+TEST_F(Commands, OpensTheClipAgainAsItsTracksWereMade) {
+  const std::string clip = WriteImages(Path("clip"), 5);
+  WriteBytes(ImagePath(clip, 0), "no picture");
+  Run("track " + clip + "/ --frames 1: --tracker klt --out " + Path("f.tracks"));
+  Run("show " + Path("f.tracks") + " --out " + Path("f.html"));
+  EXPECT_THAT(ReadBytes(Path("f.html")), HasSubstr("\"title\":\"clip\""));
+}
+
 // The tracks of a run that was killed or interrupted and then resumed are those of a run in peace.
 class Interruption : public Commands {
  protected:
@@ -1028,6 +1075,11 @@ TEST_F(Interruption, CtrlCEndsCleanlyAndResumes) {
   ExpectFailure(
       RunAndSignal("TERM"), 1, AllOf(HasSubstr("interrupted after"), HasSubstr("--resume")));
   ExpectResumeGivesTheSame();
+}
+
+TEST_F(Interruption, ASignalThatWhoStartedItIgnoresEndsNothing) {
+  EXPECT_EQ(RunAndSignal("INT").exit_code, 0);  // the shell's background jobs ignore it
+  EXPECT_TRUE(ReadTrackFile(Path("hurt.tracks")).complete);
 }
 
 TEST_F(Interruption, AKillDuringTheSecondPassKeepsTheFirstAndResumes) {

@@ -209,6 +209,11 @@ class Track(Clip):
         with self.assertRaisesRegex(cohort.Error, "640x480, these are 320x240"):
             cohort.track(self.frames[:3], camera=cohort.Camera(640, 480, numbers), tracker="klt")
 
+    def test_a_camera_to_doubt_is_said(self):
+        with self.assertLogs("cohort", "WARNING") as log:
+            cohort.track(self.frames[:3], tracker="klt", camera=cohort.Camera(320, 240, [100, 900, 159, 119]))
+        self.assertIn("fx", log.output[0])
+
     def test_frames_that_no_memory_holds_are_refused(self):
         huge = np.broadcast_to(np.uint8(0), (1 << 20, 1 << 20))
         with self.assertRaisesRegex(cohort.Error, "frame 0 .* 2.30 pixels"):
@@ -546,6 +551,24 @@ class Files(Clip):
                 read.observations[name], self.program_tracks.observations[name]
             )
         self.assertIsNone(read.camera)
+
+    def test_what_a_csv_has_outside_of_the_pictures_is_predicted(self):
+        path = self.dir / "outside.csv"
+        path.write_text("track_id,frame,x,y\n" + "".join(f"1,{t},5,5\n" for t in range(3))
+                        + f"{2 ** 40},0,-500,5\n")
+        with self.assertLogs("cohort", "WARNING") as log:
+            read = cohort.Tracks.read_csv(path, width_px=320, height_px=240)
+        self.assertIn("counted anew", log.output[0])
+        self.assertIn("1 observed positions lie outside", log.output[1])
+        self.assertEqual(read.observations["observed"].sum(), 3)
+
+    def test_masked_covariances_are_none(self):
+        covariances = np.ma.masked_array(np.full((2, 1, 2, 2), 777.0), True)
+        covariances[0] = np.eye(2)
+        tracks = cohort.Tracks.from_dense(
+            np.full((2, 1, 2), 5.0), covariances=covariances, width_px=320, height_px=240
+        )
+        np.testing.assert_array_equal(tracks.observations["cov_xx"], [1, np.nan])
 
     def test_a_colmap_database_is_the_programs(self):
         self.program_tracks.write_colmap_database(self.dir / "ours.db", max_relative_sigma=2.0)

@@ -47,6 +47,11 @@ TEST(ChooseImages, OfACameraThatStandsStillTakesFramesByTime) {
   EXPECT_GE(ToInt(chosen.back()), 90u);
 }
 
+TEST(ChooseImages, OfALongClipTakesAllFramesThatAreAskedFor) {
+  EXPECT_THAT(ChooseImages(Path(9000, 0.0), {.max_images = 10000, .min_motion = 0.0}),
+              SizeIs(9000));
+}
+
 TEST(ChooseImages, TakesMoreWhereTheCameraMovesFaster) {
   std::vector<SceneCandidate> path = Path(200, 0.001);
   for (int i = 100; i < 200; ++i) path[i].motion = 0.01;
