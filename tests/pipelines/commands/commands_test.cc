@@ -989,7 +989,7 @@ TEST_F(Commands, FlagsAreOnOrOff) {
 }
 
 TEST_F(Commands, AWordInBracketsIsAName) {
-  ExpectFailure(RunCohort("compare '[a,b]' --out " + Path("out")), 1, HasSubstr("[a,b]"));
+  ExpectFailure(RunCohort("show '[a,b]' --out " + Path("f.html")), 1, HasSubstr("[a,b]"));
 }
 
 // Tracks that were made of arrays.

@@ -212,7 +212,7 @@ class Track(Clip):
     def test_a_camera_to_doubt_is_said(self):
         with self.assertLogs("cohort", "WARNING") as log:
             cohort.track(self.frames[:3], tracker="klt", camera=cohort.Camera(320, 240, [100, 900, 159, 119]))
-        self.assertIn("fx", log.output[0])
+        self.assertIn("focal lengths 100 and 900 px", log.output[0])
 
     def test_frames_that_no_memory_holds_are_refused(self):
         huge = np.broadcast_to(np.uint8(0), (1 << 20, 1 << 20))
