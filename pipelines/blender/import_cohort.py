@@ -111,13 +111,9 @@ def parse_colmap(folder, trajectory, images):
         words = line.split()
         cameras[words[0]] = camera_of(words[1], words[2:], folder)
 
-    # Two lines an image: the pose, and the positions of its points, which may be empty.
     frames = []
     used = set()
-    lines = data_lines(os.path.join(folder, "images.txt"))
-    while lines and not lines[0]:
-        del lines[0]
-    for line in filter(None, lines[::2]):
+    for line in image_lines(folder):
         words = line.split(maxsplit=9)
         cam_from_world = rigid(*(float(word) for word in words[1:8]))
         frames.append(Frame(int(words[0]), words[9], world_from_blender(cam_from_world)))
@@ -134,8 +130,16 @@ def parse_colmap(folder, trajectory, images):
     ]
     table = np.array(points, float).reshape(-1, 6)
     return Model(
-        used.pop(), frames, table[:, :3], table[:, 3:], fps_of(trajectory, frames), images
+        used.pop(), frames, table[:, :3], table[:, 3:], fps_of(trajectory), images
     )
+
+
+def image_lines(folder):
+    """Of images.txt, two lines an image, the ones with the poses; the others may be empty."""
+    lines = data_lines(os.path.join(folder, "images.txt"))
+    while lines and not lines[0]:
+        del lines[0]
+    return list(filter(None, lines[::2]))
 
 
 def camera_of(name, words, folder):
@@ -195,7 +199,7 @@ def read_transforms(path):
     points = colours = np.zeros((0, 3))
     if "ply_file_path" in scene:
         points, colours = read_ply(os.path.join(folder, scene["ply_file_path"]))
-    fps = fps_of(os.path.join(folder, "model", "trajectory.tum"), frames)
+    fps = fps_of(os.path.join(folder, "model", "trajectory.tum"))
     return Model(camera, frames, points, colours, fps, os.path.join(folder, "images"))
 
 
@@ -216,15 +220,19 @@ def read_ply(path):
     return table["xyz"].astype(float), table["rgb"].astype(float)
 
 
-def fps_of(trajectory, frames):
-    """Frames a second, of the times in a trajectory.tum of the clip; None without."""
-    if not os.path.isfile(trajectory) or len(frames) < 2:
+def fps_of(trajectory):
+    """Frames a second of the clip, of the times in a model's trajectory.tum; None without."""
+    folder = os.path.dirname(trajectory)
+    if not all(os.path.isfile(path) for path in (trajectory, os.path.join(folder, "images.txt"))):
         return None
     times = [float(line.split()[0]) for line in data_lines(trajectory) if line]
-    # A scene has some of the frames, its trajectory all of them.
-    steps = np.diff(times)
-    steps = steps[steps > 0]
-    return float(1.0 / np.median(steps)) if steps.size else None
+    # Of the clip, of which the tracks may have every n-th frame, and the model fewer.
+    numbers = sorted(int(line.split()[0]) for line in image_lines(folder))
+    if len(times) != len(numbers):
+        return None
+    steps = np.stack([np.diff(times), np.diff(numbers)])
+    seconds, frames = steps[:, (steps > 0).all(axis=0)]
+    return float(np.median(frames / seconds)) if seconds.size else None
 
 
 def upright(model):

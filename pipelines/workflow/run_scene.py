@@ -2,12 +2,16 @@
 
 usage: run_scene.py RECORD LOG COMMAND...
 
-RECORD is JSON: exit_code (negative: the signal that killed it), error (its line, or null), seconds.
+RECORD is JSON: exit_code (negative: the signal that killed it), error (its line, or null), seconds,
+began (by the clock of the file system, as the times of its files are).
 Ends with 0 however the command ended: a clip that fails stops no other. What kills the job as a
 whole leaves no record, so the scene is made again: with --resume, from where it was, if the command
-is the same.
+is the same. What outlives a killed job is waited for. Where somebody else writes the scene it ends
+with 1 and leaves no record: nothing is known of the clip.
 """
 
+import contextlib
+import fcntl
 import json
 import os
 import subprocess
@@ -30,6 +34,19 @@ def write(path, value):
     os.replace(path + ".partial", path)
 
 
+def lock(path):
+    """A descriptor: held until this process and all that inherit it have ended."""
+    descriptor = os.open(path, os.O_WRONLY | os.O_CREAT, 0o666)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        print(f"run_scene: waits for an earlier job that has {path}", file=sys.stderr, flush=True)
+        fcntl.flock(descriptor, fcntl.LOCK_EX)
+    except OSError:
+        pass  # a file system without locks
+    return descriptor
+
+
 def error_of(log, exit_code):
     """The program's own line, or what the system says."""
     if exit_code == 0:
@@ -48,22 +65,32 @@ def main():
         sys.exit("usage: run_scene.py RECORD LOG COMMAND...")
     record, log, command = sys.argv[1], sys.argv[2], sys.argv[3:]
     begun = record + ".begun"
-    if read(begun) == command:
-        command = command + ["--resume"]
-    else:
+    # Before it waits: a job that ends in the meantime has made what is resumed.
+    resume = ["--resume"] if read(begun) == command else []
+    # The command holds it, too: it may outlive this process.
+    held = lock(record + ".lock")
+    if not resume or not os.path.exists(begun):
         write(begun, command)
+    began = os.path.getmtime(begun)
     start = time.monotonic()
     with open(log, "wb") as output:
-        exit_code = subprocess.call(command, stdout=output, stderr=subprocess.STDOUT)
+        exit_code = subprocess.call(
+            command + resume, stdout=output, stderr=subprocess.STDOUT, pass_fds=[held]
+        )
+    error = error_of(log, exit_code)
+    if error and "another run is writing it" in error:
+        sys.exit(f"run_scene: error: {error}")
     write(
         record,
         {
             "exit_code": exit_code,
-            "error": error_of(log, exit_code),
+            "error": error,
             "seconds": round(time.monotonic() - start, 1),
+            "began": began,
         },
     )
-    os.remove(begun)
+    with contextlib.suppress(FileNotFoundError):
+        os.remove(begun)
 
 
 if __name__ == "__main__":

@@ -37,8 +37,12 @@ def row(folder, name):
     record = read(os.path.join(folder, name + ".json"))
     if not record:
         return {"scene": name, "quality": "failed", "note": "not finished: run the workflow again"}
-    figures = read(os.path.join(folder, name, "summary.json"))
+    summary = os.path.join(folder, name, "summary.json")
+    figures = read(summary)
     failed = record["exit_code"] != 0
+    # A run that fails early leaves the earlier scene as it was.
+    if failed and figures and os.path.getmtime(summary) < record.get("began", 0):
+        figures = {}
     error = figures.get("camera_uncertainty")
     return {
         "scene": name,

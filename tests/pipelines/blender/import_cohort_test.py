@@ -78,6 +78,25 @@ class WrittenByHand(unittest.TestCase):
         self.assertIsNone(model.fps)
         self.assertFalse(model.camera.distorted)
 
+    def test_frames_a_second_are_the_clips(self):
+        times = {number: number / 25 for number in (1, 2, 5, 9)}
+        trajectory = "".join(f"{time} 0 0 0 0 0 0 1\n" for time in times.values())
+        (self.dir / "trajectory.tum").write_text(trajectory)
+        self.assertAlmostEqual(import_cohort.read(self.dir).fps, 25)
+        # A scene has fewer frames than its model.
+        sparse, model = self.dir / "scene/sparse/0", self.dir / "scene/model"
+        for folder in (sparse, model):
+            folder.mkdir(parents=True)
+            write_by_hand(folder)
+        (model / "trajectory.tum").write_text(trajectory)
+        lines = (sparse / "images.txt").read_text().splitlines()
+        (sparse / "images.txt").write_text("\n".join(lines[:3] + lines[-2:]) + "\n")
+        scene = import_cohort.read(self.dir / "scene")
+        self.assertEqual([frame.number for frame in scene.frames], [5, 9])
+        self.assertAlmostEqual(scene.fps, 25)
+        (model / "trajectory.tum").write_text(trajectory[:20])
+        self.assertIsNone(import_cohort.read(self.dir / "scene").fps)
+
     def test_the_world_is_turned_upright(self):
         model = import_cohort.read(self.dir)
         up = sum(frame.world_from_blender[:3, 1] for frame in model.frames)
