@@ -9,6 +9,7 @@
 #include "backend/colmap/model_io.h"
 #include "backend/colmap/program.h"
 #include "backend/scene/initial_pair.h"
+#include "frontend/core/error.h"
 #include "frontend/core/output.h"
 #include "frontend/core/statistics.h"
 #include "frontend/core/stopwatch.h"

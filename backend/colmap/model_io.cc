@@ -13,6 +13,7 @@
 #include <sstream>
 
 #include "backend/colmap/tracks_to_database.h"
+#include "frontend/core/error.h"
 #include "frontend/core/input_file.h"
 #include "frontend/core/input_record.h"
 #include "frontend/core/output.h"
