@@ -57,8 +57,9 @@ const ModelRow& Row(ColmapCameraModel model) {
   ThrowUnsupported(fmt::format("{}", static_cast<int>(model)));
 }
 
-// COLMAP refines every parameter of a guessed camera's model: it must have no more than Ceres' does,
-// one focal length and two radial coefficients.
+// COLMAP refines every parameter of a guessed camera's model: where it can, it has no more than
+// Ceres' refines, one focal length and two radial coefficients. A guess of our own always can; one
+// that comes from a file may have two focal lengths, p1 and p2, or be a fisheye.
 ColmapCameraModel SmallestModel(const Camera& camera) {
   if (camera.model == CameraModel::kFisheye) return ColmapCameraModel::kOpencvFisheye;
   if (!camera.HasAtMostFourCoefficients()) return ColmapCameraModel::kFullOpencv;

@@ -35,7 +35,8 @@ struct ColmapCamera {
 };
 
 // PINHOLE, with distortion OPENCV, with k3 to k6 FULL_OPENCV, a fisheye OPENCV_FISHEYE. A guessed
-// camera has no prior focal length and is SIMPLE_RADIAL instead of PINHOLE and OPENCV.
+// camera has no prior focal length and, where it has one focal length and neither p1 nor p2, is
+// SIMPLE_RADIAL or with k2 RADIAL instead of PINHOLE and OPENCV.
 ColmapCamera ToColmapCamera(const Camera& camera);
 // `camera` as the same model as `before` or, where that has too few parameters for it, as the first of
 // the above that has not.

@@ -1,6 +1,7 @@
 #include "backend/colmap/colmap_mapper.h"
 
 #include <fmt/format.h>
+#include <spdlog/spdlog.h>
 
 #include <algorithm>
 #include <optional>
@@ -8,6 +9,7 @@
 #include "backend/colmap/model_io.h"
 #include "backend/colmap/program.h"
 #include "backend/scene/initial_pair.h"
+#include "frontend/core/error.h"
 #include "frontend/core/output.h"
 #include "frontend/core/statistics.h"
 #include "frontend/core/stopwatch.h"
@@ -225,8 +227,10 @@ bool WriteDatabase(const TrackFile& file,
 // Runs of the mapper and what came of them.
 struct MapperRuns {
   std::optional<ColmapModel> best;  // of most images; none: none registered any
+  std::size_t best_start = 0;       // that it grew from; as many as there are: where COLMAP chose
   std::string failure;              // of the last run that registered too few
   std::string died;                 // how the best one's run ended, if not well
+  std::string damaged;              // what a run that died left half written
   double seconds = 0.0;
 };
 
@@ -246,15 +250,33 @@ MapperRuns RunMapper(ColmapProgram& program,
     const Stopwatch mapper;
     const ProgramEnd end = program.Run("mapper", arguments, workspace.log);
     runs.seconds += mapper.Seconds();
-    auto model = ReadLargestColmapModel(sparse);
+    std::vector<std::string> damaged;
+    auto model = ReadLargestColmapModel(sparse, end.Failed() ? &damaged : nullptr);
+    if (!damaged.empty()) {
+      runs.damaged = fmt::format(
+          ", a mapper that ended with {} left what is no model: {}", end.Brief(), damaged.front());
+    }
     if (model && (!runs.best || model->model.images.size() > runs.best->images.size())) {
       runs.best = std::move(model->model);
+      runs.best_start = i;
       runs.died = end.Failed() ? fmt::format(", though its mapper ended with {}", end.Brief()) : "";
     }
     if (runs.best && !TooFewRegistered(runs.best->images.size(), file.frames.size())) break;
     runs.failure = FailureIn(workspace.log, log_bytes, end);
   }
   return runs;
+}
+
+// The model that a run wrote; none where it failed, whatever it had written by then, or what it left
+// is no model.
+std::optional<ColmapModel> ReadWritten(const fs::path& folder, const ProgramEnd& end) {
+  if (end.Failed() || !fs::exists(folder / "points3D.bin")) return std::nullopt;
+  try {
+    return ReadColmapModel(folder);
+  } catch (const Error& error) {
+    spdlog::debug("{}", error.what());
+    return std::nullopt;
+  }
 }
 
 // COLMAP's bundle_adjuster from this reconstruction to the optimum; none where it fails, or loses
@@ -270,9 +292,10 @@ std::optional<Reconstruction> RunAdjuster(ColmapProgram& program,
   Arguments arguments = AdjusterArguments(file, options);
   arguments.push_back(Required("input_path", input));
   arguments.push_back(Required("output_path", adjusted));
-  program.Run("bundle_adjuster", arguments, workspace.log);
-  if (!fs::exists(adjusted / "points3D.bin")) return std::nullopt;
-  const Reconstruction moved = FromColmapModel(ReadColmapModel(adjusted));
+  const ProgramEnd end = program.Run("bundle_adjuster", arguments, workspace.log);
+  const std::optional<ColmapModel> written = ReadWritten(adjusted, end);
+  if (!written) return std::nullopt;
+  const Reconstruction moved = FromColmapModel(*written);
   const bool has_all = std::ranges::all_of(reconstruction.points, [&moved](const auto& point) {
     return moved.points.contains(point.first);
   });
@@ -288,6 +311,15 @@ std::optional<Reconstruction> RunAdjuster(ColmapProgram& program,
   return reconstruction;
 }
 
+// Where the best run began.
+std::string DescribeStart(const MapperRuns& runs,
+                          const std::vector<InitialPair>& starts,
+                          const InitialPairSearch& search) {
+  if (runs.best_start < starts.size()) return DescribeInitialPair(starts[runs.best_start]);
+  return starts.empty() ? search.reason
+                        : "initial pair: COLMAP's own, after none of ours led further";
+}
+
 std::string DescribeEnd(const ColmapProgram& program,
                         std::size_t registered,
                         std::size_t frames,
@@ -296,16 +328,18 @@ std::string DescribeEnd(const ColmapProgram& program,
                         const std::string& died,
                         const fs::path& log) {
   if (registered == 0) {
-    return fmt::format("COLMAP {} registered no frame: {}; see {} of the run",
+    return fmt::format("COLMAP {} registered no frame: {}{}; see {} of the run",
                        program.version(),
                        failure,
+                       died,
                        log.filename().string());
   }
   if (TooFewRegistered(registered, frames)) {
-    return fmt::format("COLMAP {} registered only {} of {} frames (fewer than 80 %); {}",
+    return fmt::format("COLMAP {} registered only {} of {} frames (fewer than 80 %){}; {}",
                        program.version(),
                        registered,
                        frames,
+                       died,
                        start);
   }
   return fmt::format("COLMAP {} done{}; {}", program.version(), died, start);
@@ -317,7 +351,7 @@ ColmapResult ReconstructWithColmap(const TrackFile& tracked,
                                    const ColmapOptions& options,
                                    const fs::path& work_folder) {
   ValidateOptions(options);
-  const TrackFile file = WithoutWeakObservations(tracked, options.database.max_relative_sigma);
+  const TrackFile file = WithoutWeakObservations(tracked, options.database);
   const Stopwatch total;
   ColmapProgram program(options.program, options.max_minutes);
   const Workspace workspace(work_folder, file);
@@ -344,12 +378,17 @@ ColmapResult ReconstructWithColmap(const TrackFile& tracked,
   }
   const MapperRuns runs = RunMapper(program, file, options, workspace, starts);
   result.colmap_seconds = runs.seconds;
+  std::string died = runs.died + runs.damaged;
   if (runs.best) {
     result.reconstruction = ToReconstruction(*runs.best, file, options);
     if (options.final_adjustment) {
       const Stopwatch adjuster;
       auto adjusted = RunAdjuster(program, file, options, workspace, result.reconstruction);
-      if (adjusted) result.reconstruction = std::move(*adjusted);
+      if (adjusted) {
+        result.reconstruction = std::move(*adjusted);
+      } else {
+        died += ", though its bundle_adjuster failed";
+      }
       result.colmap_seconds += adjuster.Seconds();
     }
   }
@@ -363,8 +402,8 @@ ColmapResult ReconstructWithColmap(const TrackFile& tracked,
                          result.reconstruction.cam_from_world.size(),
                          file.frames.size(),
                          failure,
-                         search.reason,
-                         runs.died,
+                         DescribeStart(runs, starts, search),
+                         died,
                          workspace.log));
 }
 
@@ -373,7 +412,7 @@ ColmapResult AdjustWithColmap(const TrackFile& tracked,
                               const ColmapOptions& options,
                               const fs::path& work_folder) {
   ValidateOptions(options);
-  const TrackFile file = WithoutWeakObservations(tracked, options.database.max_relative_sigma);
+  const TrackFile file = WithoutWeakObservations(tracked, options.database);
   const Stopwatch total;
   ColmapProgram program(options.program, options.max_minutes);
   const Workspace workspace(work_folder, file);
@@ -384,7 +423,8 @@ ColmapResult AdjustWithColmap(const TrackFile& tracked,
     std::vector<PointView> views;
     for (const PointView& view : point.views) {
       const Observation* o = file.tracks.Find(feature, view.frame);
-      if (o != nullptr) views.push_back({view.frame, o->xy});
+      if (o == nullptr || (!IsObserved(*o) && !options.database.include_predicted)) continue;
+      views.push_back({view.frame, o->xy});
     }
     point.views = std::move(views);
   }
@@ -404,7 +444,7 @@ ColmapResult TriangulateWithColmap(const TrackFile& tracked,
                                    const ColmapOptions& options,
                                    const fs::path& work_folder) {
   ValidateOptions(options);
-  const TrackFile file = WithoutWeakObservations(tracked, options.database.max_relative_sigma);
+  const TrackFile file = WithoutWeakObservations(tracked, options.database);
   if (!file.KnowsCamera()) {
     ThrowError("triangulation with given poses needs a known camera: give --camera");
   }
@@ -434,9 +474,8 @@ ColmapResult TriangulateWithColmap(const TrackFile& tracked,
   const Stopwatch triangulator;
   const ProgramEnd end = program.Run("point_triangulator", arguments, workspace.log);
   result.colmap_seconds = triangulator.Seconds();
-  const bool written = fs::exists(output / "points3D.bin");
-  result.reconstruction =
-      ToReconstruction(written ? ReadColmapModel(output) : poses, file, options);
+  const std::optional<ColmapModel> written = ReadWritten(output, end);
+  result.reconstruction = ToReconstruction(written.value_or(poses), file, options);
   result.summary = Summarize(result.reconstruction, file.frames.size());
   result.summary.seconds = total.Seconds();
   result.summary.termination =

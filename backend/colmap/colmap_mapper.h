@@ -24,7 +24,12 @@ struct ColmapOptions {
 
   template <typename Self, typename Visitor>
   static void Visit(Self& o, Visitor& v) {
-    v.Text("program", o.program, "The colmap program: a path, or a name in PATH.", Tier::kCommon);
+    v.Text(
+        "program",
+        o.program,
+        "The colmap program: a path, or a name in PATH. A script that runs it must do so by exec: "
+        "only the program itself is killed at its time limit, or with us.",
+        Tier::kCommon);
     v.Number("seed",
              o.seed,
              0,
@@ -78,8 +83,9 @@ ColmapResult ReconstructWithColmap(const TrackFile& tracked,
                                    const std::filesystem::path& work_folder);
 
 // COLMAP's bundle_adjuster alone, from a model of the same tracks by another program (ids of its
-// points are the tracks'), to the optimum of COLMAP's cost: all observations that its mapper would
-// get, weighed alike. Empty where COLMAP fails.
+// points are the tracks'), to the optimum of COLMAP's cost: of the model's views those that its
+// mapper would get, too (WithoutWeakObservations; predicted ones only if asked for), and not off by
+// more than its bound, weighed alike. Empty where COLMAP fails.
 ColmapResult AdjustWithColmap(const TrackFile& tracked,
                               const Reconstruction& start,
                               const ColmapOptions& options,

@@ -92,7 +92,7 @@ CovarianceCounts WriteKeypointCovariances(const fs::path& path,
                                           const TrackFile& file,
                                           const ColmapDatabaseOptions& options) {
   ValidateOptions(options);
-  const TrackFile strong = WithoutWeakObservations(file, options.max_relative_sigma);
+  const TrackFile strong = WithoutWeakObservations(file, options);
   std::vector<Keypoint> keypoints;
   CovarianceCounts counts;
   for (const FrameInfo& frame : strong.frames) {

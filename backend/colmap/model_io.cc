@@ -13,6 +13,7 @@
 #include <sstream>
 
 #include "backend/colmap/tracks_to_database.h"
+#include "frontend/core/error.h"
 #include "frontend/core/input_file.h"
 #include "frontend/core/input_record.h"
 #include "frontend/core/output.h"
@@ -538,16 +539,22 @@ ColmapModel ReadColmapModel(const fs::path& folder) {
   return model;
 }
 
-std::optional<ColmapModelFolder> ReadLargestColmapModel(const fs::path& folder) {
+std::optional<ColmapModelFolder> ReadLargestColmapModel(const fs::path& folder,
+                                                        std::vector<std::string>* damaged) {
   std::set<fs::path> folders;  // in order
   for (const auto& entry : fs::directory_iterator(folder)) {
     if (entry.is_directory()) folders.insert(entry.path());
   }
   std::optional<ColmapModelFolder> largest;
   for (const fs::path& path : folders) {
-    ColmapModel model = ReadColmapModel(path);
-    if (!largest || model.images.size() > largest->model.images.size()) {
-      largest = {path, std::move(model)};
+    try {
+      ColmapModel model = ReadColmapModel(path);
+      if (!largest || model.images.size() > largest->model.images.size()) {
+        largest = {path, std::move(model)};
+      }
+    } catch (const Error& error) {
+      if (damaged == nullptr) throw;
+      damaged->emplace_back(error.what());
     }
   }
   return largest;

@@ -55,12 +55,14 @@ ColmapModel ReadColmapModel(const std::filesystem::path& folder);
 void AddModelToInputs(const std::filesystem::path& folder);
 
 // Of the models that a mapper left in a folder (0, 1, ...) the one with most images, the first of
-// equals; none if it failed.
+// equals; none if it failed. One that cannot be read is an Error or, where `damaged` is given,
+// left out and named there: of a mapper that died while it wrote.
 struct ColmapModelFolder {
   std::filesystem::path folder;
   ColmapModel model;
 };
-std::optional<ColmapModelFolder> ReadLargestColmapModel(const std::filesystem::path& folder);
+std::optional<ColmapModelFolder> ReadLargestColmapModel(
+    const std::filesystem::path& folder, std::vector<std::string>* damaged = nullptr);
 
 // Image id = frame + 1, point id = feature + 1, an image's points are the views of it.
 ColmapModel ToColmapModel(const Reconstruction& reconstruction);

@@ -22,6 +22,15 @@ namespace {
 namespace fs = std::filesystem;
 using Arguments = std::vector<ColmapArgument>;
 
+// Of an earlier run, which this one replaces: all that it writes, SQLite's own files included.
+constexpr const char* kOwnEntries[] = {"images",
+                                       "database.db",
+                                       "database.db-wal",
+                                       "database.db-shm",
+                                       "sparse",
+                                       "sparse_lenient",
+                                       "colmap.log"};
+
 template <typename T>
 ColmapArgument Argument(std::vector<std::string> names, const T& value) {
   return {std::move(names), fmt::format("{}", value), false};
@@ -180,7 +189,7 @@ ColmapResult ReconstructWithSift(const TrackFile& clip,
   const fs::path work_dir = fs::absolute(work_folder);  // a dash would begin an option
   const Stopwatch stopwatch;
   ColmapProgram program(options.program, options.max_minutes);
-  fs::remove_all(work_dir);
+  for (const char* own : kOwnEntries) fs::remove_all(work_dir / own);
   const fs::path images = work_dir / "images";
   const fs::path database = work_dir / "database.db";
   WriteFrames(clip, sift, images);
@@ -207,7 +216,8 @@ ColmapResult ReconstructWithSift(const TrackFile& clip,
       Arguments arguments = MapperArguments(clip, options, lenient);
       arguments.push_back(Required("output_path", sparse));
       failure = run("mapper", arguments, true);
-      auto model = ReadLargestColmapModel(sparse);
+      std::vector<std::string> damaged;  // by a mapper that died while it wrote
+      auto model = ReadLargestColmapModel(sparse, failure.empty() ? nullptr : &damaged);
       if (model && (!best || model->model.images.size() > best->model.images.size())) {
         best = std::move(model);
       }

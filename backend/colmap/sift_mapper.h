@@ -44,7 +44,9 @@ struct SiftOptions {
 // feature_extractor, sequential_matcher (with quadratic overlap) and mapper of COLMAP on the frames
 // that `clip` names below its image_root; its tracks are not used. Intrinsics are kept where they
 // are known. Where fewer than 80 % of the frames register at COLMAP's own bounds, once more at
-// lower ones. Point ids are COLMAP's. Throws Error without a usable colmap program or frames.
+// lower ones. Point ids are COLMAP's. `work_folder` is made if missing; images, database.db*, sparse,
+// sparse_lenient and colmap.log in it are this run's: what an earlier one left there is removed.
+// Throws Error without a usable colmap program or frames.
 ColmapResult ReconstructWithSift(const TrackFile& clip,
                                  const SiftOptions& sift,
                                  const ColmapOptions& options,

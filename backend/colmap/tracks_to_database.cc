@@ -117,7 +117,7 @@ ColmapPair ToColmapPair(const FramePairMatches& shared,
 
 }  // namespace
 
-TrackFile WithoutWeakObservations(const TrackFile& file, double max_relative_sigma) {
+TrackFile WithoutWeakObservations(const TrackFile& file, const ColmapDatabaseOptions& options) {
   const auto variance = [](const Observation& o) {
     return 0.5 * (double{o.covariance->xx} + double{o.covariance->yy});
   };
@@ -128,20 +128,27 @@ TrackFile WithoutWeakObservations(const TrackFile& file, double max_relative_sig
     of_clip.push_back(variance(o));
     of_frame[o.frame].push_back(variance(o));
   }
-  if (of_clip.empty() || max_relative_sigma == 0.0) return file;
+  if (of_clip.empty() || options.max_relative_sigma == 0.0) return file;
   const double clip_median = Median(std::move(of_clip));
   std::map<FrameIndex, double> most;
   for (auto& [frame, variances] : of_frame) {
     const double reference = std::max(clip_median, Median(std::move(variances)));
-    most[frame] = max_relative_sigma * max_relative_sigma * reference;
+    most[frame] = options.max_relative_sigma * options.max_relative_sigma * reference;
   }
   std::vector<Observation> observations(file.tracks.observations().begin(),
                                         file.tracks.observations().end());
-  for (Observation& o : observations) {
-    if (o.state != ObservationState::kObserved || !o.covariance) continue;
-    if (variance(o) > most.at(o.frame)) o.state = ObservationState::kPredicted;
-  }
+  const auto is_weak = [&](const Observation& o) {
+    return o.state == ObservationState::kObserved && o.covariance && variance(o) > most.at(o.frame);
+  };
   TrackFile strong = file;
+  if (options.include_predicted) {
+    std::erase_if(observations, is_weak);
+    strong.tracks = TrackSet::Build(std::move(observations));  // ends may have gone with them
+    return strong;
+  }
+  for (Observation& o : observations) {
+    if (is_weak(o)) o.state = ObservationState::kPredicted;
+  }
   strong.tracks = TrackSet::Build(std::move(observations),
                                   {file.tracks.ends().begin(), file.tracks.ends().end()});
   return strong;
@@ -190,9 +197,7 @@ void WriteColmapDatabase(const std::filesystem::path& path,
                          const TrackFile& file,
                          const ColmapDatabaseOptions& options) {
   ValidateOptions(options);
-  WriteColmapDatabase(
-      path,
-      BuildColmapDatabase(WithoutWeakObservations(file, options.max_relative_sigma), options));
+  WriteColmapDatabase(path, BuildColmapDatabase(WithoutWeakObservations(file, options), options));
 }
 
 }  // namespace cohort

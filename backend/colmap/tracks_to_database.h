@@ -42,8 +42,9 @@ struct ColmapDatabaseOptions {
 // COLMAP weighs all observations alike, so it is better off without those that are known to be
 // weak: with a deviation sqrt(trace(covariance) / 2) of more than `max_relative_sigma` times the
 // median of the clip's, or of their frame's where that is larger (a blurred frame must keep what
-// ties it to the others). They are marked predicted. What has no covariance stays.
-TrackFile WithoutWeakObservations(const TrackFile& file, double max_relative_sigma);
+// ties it to the others). They are marked predicted or, where predicted ones are included too,
+// dropped. What has no covariance stays.
+TrackFile WithoutWeakObservations(const TrackFile& file, const ColmapDatabaseOptions& options);
 
 // The keypoints of a frame in the order that the database has them: ascending features, observed
 // ones only unless predicted ones are asked for. Keypoint index -> feature of a mapper's model.

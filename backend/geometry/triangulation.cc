@@ -2,6 +2,7 @@
 
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <utility>
@@ -42,6 +43,24 @@ std::optional<Eigen::Vector3d> Refine(std::span<const Ray> rays, Eigen::Vector3d
   return x_in_world;
 }
 
+// A camera's centre, where the origin is so far from all of them that squares of coordinates have no
+// digits left for what lies between the cameras; else the origin.
+Eigen::Vector3d OriginNear(std::span<const Ray> rays) {
+  constexpr double kFarOff = 1e4;  // in baselines: nearer, Gauss-Newton finds the digits again
+  const Eigen::Vector3d first = rays.front().cam_from_world.Inverse().translation;
+  double baseline = 0.0;
+  for (const Ray& ray : rays) {
+    baseline = std::max(baseline, (ray.cam_from_world.Inverse().translation - first).norm());
+  }
+  return first.norm() > kFarOff * baseline ? first : Eigen::Vector3d::Zero();
+}
+
+std::optional<Eigen::Vector3d> TriangulateNear(std::span<const Ray> rays) {
+  const Eigen::Vector4d x = TriangulateDlt(rays);
+  if (std::abs(x.w()) < 1e-12) return std::nullopt;
+  return Refine(rays, x.head<3>() / x.w());
+}
+
 }  // namespace
 
 Eigen::Vector4d TriangulateDlt(std::span<const Ray> rays) {
@@ -60,9 +79,13 @@ Eigen::Vector4d TriangulateDlt(std::span<const Ray> rays) {
 
 std::optional<Eigen::Vector3d> Triangulate(std::span<const Ray> rays) {
   if (rays.size() < 2) return std::nullopt;
-  const Eigen::Vector4d x = TriangulateDlt(rays);
-  if (std::abs(x.w()) < 1e-12) return std::nullopt;
-  return Refine(rays, x.head<3>() / x.w());
+  const Eigen::Vector3d origin = OriginNear(rays);
+  if (origin.isZero(0.0)) return TriangulateNear(rays);
+  std::vector<Ray> moved(rays.begin(), rays.end());
+  for (Ray& ray : moved) ray.cam_from_world.translation += ray.cam_from_world.rotation * origin;
+  const std::optional<Eigen::Vector3d> x = TriangulateNear(moved);
+  if (!x) return std::nullopt;
+  return *x + origin;
 }
 
 std::optional<RobustTriangulation> TriangulateRobustly(std::span<const Ray> rays,

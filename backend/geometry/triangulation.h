@@ -17,11 +17,12 @@ struct Ray {
 
 // The point whose algebraic error over all rays is least (DLT: the right singular vector of the
 // rows n_x P_3 - P_1, n_y P_3 - P_2), as a homogeneous vector of norm 1; its last entry is 0 for
-// parallel rays. Needs two rays.
+// parallel rays. Needs two rays, of cameras not far from the origin: it squares their coordinates.
 Eigen::Vector4d TriangulateDlt(std::span<const Ray> rays);
 
 // The point of least squared distance sum |n(X) - n|^2 in the normalised images: DLT, then
-// Gauss-Newton. None where the rays are parallel or the point is not in front of every camera.
+// Gauss-Newton. Wherever the origin is, but in a world of about unit scale. None where the rays are
+// parallel or the point is not in front of every camera.
 std::optional<Eigen::Vector3d> Triangulate(std::span<const Ray> rays);
 
 // The same for rays of which some are wrong: the hypothesis, out of pairs of rays far apart, that

@@ -60,7 +60,9 @@ BundleOptions MapperBundleOptions(const WorkingModel& model,
                                   double function_tolerance) {
   BundleOptions bundle;
   bundle.loss = RobustLoss::kCauchy;
-  bundle.loss_scale = std::max(kMinWhitenedNoise, model.loss_turn());
+  // Tracks that claim to be exact may be further off than any bound, in their own units.
+  bundle.loss_scale =
+      std::clamp(model.loss_turn(), kMinWhitenedNoise, BundleOptions::kMaxLossScale);
   bundle.max_iterations = max_iterations;
   bundle.function_tolerance = function_tolerance;
   bundle.refine_focal = refinement.focal;
@@ -79,7 +81,8 @@ void AdjustAround(WorkingModel& model, int frame) {
   BundleOptions bundle = MapperBundleOptions(model, {}, 6, 1e-3);
   // A new pose is not settled: what the settled part calls noise would leave its observations
   // without a say.
-  bundle.loss_scale = std::max(bundle.loss_scale, 2.0 * model.MedianError(frame));
+  bundle.loss_scale =
+      std::clamp(2.0 * model.MedianError(frame), bundle.loss_scale, BundleOptions::kMaxLossScale);
   model.Adjust(std::span(near).first(free), std::span(near).subspan(free), bundle);
 }
 
@@ -155,10 +158,14 @@ std::optional<Camera> FindBetterCamera(const WorkingModel& model,
   const WhitenedTracks some = whitened.Select(tracks);
   WorkingModel trial(some, model, tracks);
   BundleOptions bundle = MapperBundleOptions(trial, {}, 10, 1e-4);
-  const double before = trial.Adjust(frames, {}, bundle).bundle.final_cost;
+  const BundleResult before = trial.Adjust(frames, {}, bundle).bundle;
   bundle.refine_focal = bundle.refine_radial = true;
-  const double after = trial.Adjust(frames, {}, bundle).bundle.final_cost;
-  if (after < kMuchBetter * before) return trial.camera();
+  const BundleResult after = trial.Adjust(frames, {}, bundle).bundle;
+  if (before.termination == BundleTermination::kFailed ||
+      after.termination == BundleTermination::kFailed) {
+    return std::nullopt;  // and so their costs say nothing
+  }
+  if (after.final_cost < kMuchBetter * before.final_cost) return trial.camera();
   return std::nullopt;
 }
 

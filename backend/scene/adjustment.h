@@ -57,8 +57,8 @@ struct ModelCovariances {
   std::map<FrameIndex, Eigen::Matrix<double, 6, 6>> cameras;
   std::map<FeatureId, Eigen::Matrix3d> points;
 };
-// At the optimum of everything, to which a copy of the model goes: that they are asked for changes no
-// model. None where the problem is rank deficient.
+// Where a last adjustment of everything, of a copy of the model and of at most ten iterations, leads:
+// that they are asked for changes no model. None where the problem is rank deficient.
 std::optional<ModelCovariances> CovariancesAtOptimum(WorkingModel model,
                                                      const CameraRefinement& refinement);
 

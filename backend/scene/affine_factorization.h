@@ -33,8 +33,8 @@ struct AffineFactorization {
 
 // Tomasi and Kanade (IJCV 1992) with missing and wrong measurements: rank-3 SVD of the tracks that
 // all frames see, alternating least squares with Cauchy weights over all measurements, then the
-// linear metric upgrade |i| = |j|, i.j = 0. None where fewer than 4 frames' worth of constraints or
-// 8 complete tracks exist, or where the fit has no third dimension (a plane, no rotation).
+// linear metric upgrade |i| = |j|, i.j = 0. None where there are fewer than 3 frames or 8 complete
+// tracks, or where the fit has no third dimension (a plane, no rotation).
 std::optional<AffineFactorization> FactorizeAffine(int frames,
                                                    int tracks,
                                                    std::span<const AffineMeasurement> measurements);

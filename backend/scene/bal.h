@@ -13,7 +13,9 @@ namespace cohort {
 // along -z, x is to the right and y up, the origin is the principal point:
 //   P = R X + t,  p = -(Px, Py) / Pz,  (x, y) = f (1 + k1 |p|^2 + k2 |p|^4) p.
 // BAL has one focal length, k1 and k2 only: where the camera has more, or is a fisheye, the
-// observations are written undistorted, and f = fx. Whole or not at all.
+// observations are written undistorted, and f = fx. Nor does it know of a rolling shutter: views of
+// one are to be moved to where a global one would have seen them first (AsGlobalShutter and
+// MoveViewsToTracks), for here they are written as they are. Whole or not at all.
 void WriteBal(const std::filesystem::path& path, const Reconstruction& reconstruction);
 
 }  // namespace cohort

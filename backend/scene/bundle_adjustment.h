@@ -46,6 +46,9 @@ inline constexpr ChoiceNames<RobustLoss, 3> kRobustLossNames{
     {{"none", RobustLoss::kNone}, {"huber", RobustLoss::kHuber}, {"cauchy", RobustLoss::kCauchy}}};
 
 struct BundleOptions {
+  static constexpr double kMinLossScale = 1e-3;
+  static constexpr double kMaxLossScale = 1e3;
+
   RobustLoss loss = RobustLoss::kCauchy;
   double loss_scale = 1.0;  // in standard deviations of an observation
   int max_iterations = 50;
@@ -67,7 +70,11 @@ struct BundleOptions {
   template <typename Self, typename Visitor>
   static void Visit(Self& o, Visitor& v) {
     v.Choice("loss", o.loss, kRobustLossNames, "robust loss on a whitened residual");
-    v.Number("loss_scale", o.loss_scale, 1e-3, 1e3, "where the loss turns [standard deviations]");
+    v.Number("loss_scale",
+             o.loss_scale,
+             kMinLossScale,
+             kMaxLossScale,
+             "where the loss turns [standard deviations]");
     v.Number("max_iterations", o.max_iterations, 1, 10000, "at most so many steps");
     v.Number("function_tolerance", o.function_tolerance, 0.0, 1.0, "relative decrease to stop at");
     v.Number("trust_radius", o.trust_radius, 1.0, 1e16, "how little the first step is damped");

@@ -55,20 +55,7 @@ double Score(const TwoViewGeometry& geometry) {
 }
 
 std::string Reason(const InitialPairSearch& search, std::size_t frames) {
-  if (!search.ranked.empty()) {
-    const InitialPair& best = search.ranked.front();
-    return fmt::format(
-        "initial pair: frames {} and {}, {}, {} of {} matches, angle {:.1f} deg, homography ratio "
-        "{:.2f}, forward {:.2f}",
-        ToInt(best.frame1),
-        ToInt(best.frame2),
-        NameOf(kTwoViewKindNames, best.geometry.kind),
-        best.geometry.inlier_count,
-        best.common,
-        best.geometry.angle_deg,
-        best.geometry.homography_ratio,
-        std::abs(best.geometry.cam2_from_cam1->translation.z()));
-  }
+  if (!search.ranked.empty()) return DescribeInitialPair(search.ranked.front());
   if (frames < 2) return "no initial pair: fewer than two frames have tracks";
   const InitialPairRefusals& r = search.refusals;
   const std::pair<int, const char*> causes[] = {
@@ -129,6 +116,20 @@ std::optional<InitialPair> TryPair(const TrackSet& tracks,
 }
 
 }  // namespace
+
+std::string DescribeInitialPair(const InitialPair& pair) {
+  return fmt::format(
+      "initial pair: frames {} and {}, {}, {} of {} matches, angle {:.1f} deg, homography ratio "
+      "{:.2f}, forward {:.2f}",
+      ToInt(pair.frame1),
+      ToInt(pair.frame2),
+      NameOf(kTwoViewKindNames, pair.geometry.kind),
+      pair.geometry.inlier_count,
+      pair.common,
+      pair.geometry.angle_deg,
+      pair.geometry.homography_ratio,
+      std::abs(pair.geometry.cam2_from_cam1->translation.z()));
+}
 
 InitialPairSearch FindInitialPairs(const TrackSet& tracks, const Camera& camera) {
   InitialPairSearch search;

@@ -31,6 +31,16 @@ std::vector<FramePairMotion> PairsWithMostParallax(const WorkingModel& model,
   return pairs;
 }
 
+std::string DescribeDepths(double uncertainty) {
+  if (!std::isfinite(uncertainty)) return "depths are not known at all";
+  return fmt::format("depths are known to {:.0f} % only", 100.0 * uncertainty);
+}
+
+std::string DescribeUnexplained(double share) {
+  if (!std::isfinite(share)) return "none of the parallax is explained";
+  return fmt::format("{:.0f} % of the parallax is left unexplained", 100.0 * share);
+}
+
 }  // namespace
 
 std::optional<MapperEnd> DescribeClipWithoutParallax(const WhitenedTracks& whitened,
@@ -98,13 +108,12 @@ Judgement JudgeModel(const WorkingModel& model,
   }
   if (judgement.worthless) return judgement;
   if (!(uncertainty <= kWorthlessDepth)) {
-    judgement.worthless = ExplainMissingModel(
-        model.whitened(),
-        camera,
-        keyframes,
-        {MapperTermination::kWeakDepth,
-         fmt::format("depths are known to {:.0f} % only: too little parallax for the noise",
-                     100.0 * uncertainty)});
+    judgement.worthless =
+        ExplainMissingModel(model.whitened(),
+                            camera,
+                            keyframes,
+                            {MapperTermination::kWeakDepth,
+                             DescribeDepths(uncertainty) + ": too little parallax for the noise"});
   } else if (!(unexplained <= kMostUnexplained)) {
     judgement.worthless = ExplainMissingModel(
         model.whitened(),
@@ -115,16 +124,13 @@ Judgement JudgeModel(const WorkingModel& model,
          "or most of them are on things that move"});
   }
   if (uncertainty > kWeakDepth) {
-    judgement.doubts.push_back(
-        fmt::format("depths are known to {:.0f} % only: move the camera further sideways",
-                    100.0 * uncertainty));
+    judgement.doubts.push_back(DescribeDepths(uncertainty) + ": move the camera further sideways");
   }
   if (unexplained > kMuchUnexplained) {
     judgement.doubts.push_back(
-        fmt::format("{:.0f} % of the parallax is left unexplained: the tracks drift, are on things "
-                    "that move, or "
-                    "the camera hardly left its place; film a longer way, in more light",
-                    100.0 * unexplained));
+        DescribeUnexplained(unexplained) +
+        ": the tracks drift, are on things that move, or the camera hardly left its place; film a "
+        "longer way, in more light");
   }
   return judgement;
 }

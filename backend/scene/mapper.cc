@@ -7,15 +7,19 @@
 #include <cmath>
 #include <limits>
 #include <numeric>
+#include <optional>
 #include <span>
+#include <utility>
 
 #include "backend/scene/growth.h"
 #include "backend/scene/judgement.h"
+#include "backend/scene/near_world.h"
 #include "backend/scene/parts.h"
 #include "backend/scene/rolling_shutter.h"
 #include "backend/scene/spread_tracks.h"
 #include "frontend/core/part_times.h"
 #include "frontend/core/stopwatch.h"
+#include "frontend/geometry/sim3.h"
 
 namespace cohort {
 namespace {
@@ -421,7 +425,10 @@ MapperResult ReconstructWithCeres(const TrackFile& file, const MapperOptions& op
 Reconstruction AdjustWithCeres(const TrackFile& file, const Reconstruction& start) {
   const TimedPart part("reconstruction");
   const WhitenedTracks whitened(file, WhiteningOptionsFrom({}));
-  return ToReconstruction(AdjustedModel(whitened, start), whitened, 0.0);
+  const std::optional<Sim3> near = NearFromWorld(start.cam_from_world);
+  const WorkingModel model = AdjustedModel(whitened, near ? MoveWorld(*near, start) : start);
+  Reconstruction result = ToReconstruction(model, whitened, 0.0);
+  return near ? MoveWorld(near->Inverse(), std::move(result)) : result;
 }
 
 MapperResult AdjustAndJudgeWithCeres(const TrackFile& file,
@@ -431,7 +438,9 @@ MapperResult AdjustAndJudgeWithCeres(const TrackFile& file,
   const TimedPart part("reconstruction");
   const Stopwatch stopwatch;
   const WhitenedTracks whitened(file, WhiteningOptionsFrom(options));
-  JudgedParts judged{.parts = {{AdjustedModel(whitened, start), {}}}};
+  const std::optional<Sim3> near = NearFromWorld(start.cam_from_world);
+  JudgedParts judged{
+      .parts = {{AdjustedModel(whitened, near ? MoveWorld(*near, start) : start), {}}}};
   const CameraRefinement refinement = RefinementOf(start.camera, options);
   AdjustParts(options, refinement, judged);
   const WorkingModel& model = judged.parts.front().model;
@@ -462,7 +471,10 @@ MapperResult TriangulateWithCeres(const TrackFile& file,
   const Stopwatch stopwatch;
   const WhitenedTracks whitened(file, WhiteningOptionsFrom(options));
   WorkingModel model(whitened, CameraOrGuess(file));
-  SetPoses(cam_from_world, model);
+  Reconstruction given;
+  given.cam_from_world = cam_from_world;
+  const std::optional<Sim3> near = NearFromWorld(cam_from_world);
+  SetPoses((near ? MoveWorld(*near, given) : given).cam_from_world, model);
   model.TriangulateAllTracks();
   model.UpdateAllInliers(std::numeric_limits<double>::infinity());
   for (int round = 0; round < kRounds; ++round) {
@@ -473,6 +485,13 @@ MapperResult TriangulateWithCeres(const TrackFile& file,
 
   MapperResult result;
   result.reconstruction = ToReconstruction(model, whitened, 0.0);
+  if (near) {
+    result.reconstruction = MoveWorld(near->Inverse(), std::move(result.reconstruction));
+    // Kept: not even rounded by the way there and back.
+    for (auto& [frame, pose] : result.reconstruction.cam_from_world) {
+      pose = cam_from_world.at(frame);
+    }
+  }
   result.noise = model.noise();
   result.summary.termination = "triangulated with given poses";
   result = WithSummary(std::move(result), file, stopwatch);

@@ -297,6 +297,7 @@ ReadoutEstimate EstimateReadout(const WhitenedTracks& observed,
   // Whether it rolls is told by the inliers of the model without it; but they are those that the
   // rows bend least, and make the readout by some per cent too small. So a last time with its own.
   estimate.readout = adjuster.SettledWithOwnInliers(estimate);
+  if (!estimate.IsRolling()) model = before;
   return estimate;
 }
 
@@ -306,7 +307,9 @@ double RefineReadout(const WhitenedTracks& observed,
                      WhitenedTracks& corrected) {
   constexpr int kIterations = 6;
   ReadoutAdjuster adjuster(observed, model, corrected, kIterations);
-  return adjuster.SettledWithOwnInliers(estimate);
+  const ReadoutEstimate refined{adjuster.SettledWithOwnInliers(estimate), estimate.sigma};
+  const bool same_way = (refined.readout > 0.0) == (estimate.readout > 0.0);
+  return refined.IsRolling() && same_way ? refined.readout : estimate.readout;
 }
 
 }  // namespace cohort

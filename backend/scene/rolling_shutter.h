@@ -38,7 +38,8 @@ ReadoutEstimate EstimateReadout(const WhitenedTracks& observed,
                                 WhitenedTracks& corrected);
 
 // An estimate's readout, refined from there: of a model whose camera has been refined since. The
-// model comes back adjusted to it.
+// model comes back adjusted to what was found; where that is no rolling shutter any more, or one
+// the other way round, it does not count, and the estimate's readout stays.
 double RefineReadout(const WhitenedTracks& observed,
                      const ReadoutEstimate& estimate,
                      WorkingModel& model,

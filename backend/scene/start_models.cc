@@ -173,7 +173,7 @@ class WindowBuilder {
   BundleOptions WindowBundleOptions(const WorkingModel& model) const {
     BundleOptions bundle;
     bundle.loss = RobustLoss::kCauchy;
-    bundle.loss_scale = std::max(0.1, model.loss_turn());
+    bundle.loss_scale = std::clamp(model.loss_turn(), 0.1, BundleOptions::kMaxLossScale);
     bundle.max_iterations = 20;
     bundle.function_tolerance = 1e-4;
     bundle.refine_focal = refine_focal_;

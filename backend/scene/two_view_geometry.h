@@ -58,7 +58,9 @@ struct TwoViewOptions {
 // on pixels of the undistorted pinhole camera (same fx fy cx cy): x2' E x1 = 0, x2 ~ H x1.
 struct TwoViewGeometry {
   TwoViewKind kind = TwoViewKind::kDegenerate;
-  std::vector<bool> inlier;  // of each match: agrees with the geometry, not behind a camera
+  // Of each match: agrees with the geometry and, where there is a relative pose of a known camera,
+  // is not behind a camera.
+  std::vector<bool> inlier;
   std::size_t inlier_count = 0;
   std::optional<Rigid3> cam2_from_cam1;        // |translation| = 1; none: panoramic, degenerate
   std::optional<Eigen::Matrix3d> essential;    // [t]x R, where there is a relative pose

@@ -16,6 +16,10 @@ struct Sim3 {
   Eigen::Vector3d operator*(const Eigen::Vector3d& x_in_source) const {
     return scale * (rotation * x_in_source) + translation;
   }
+  Sim3 Inverse() const {
+    const Eigen::Quaterniond inverse = rotation.conjugate();
+    return {1.0 / scale, inverse, -(inverse * translation) / scale};
+  }
 };
 
 // The pose of a camera after its world has been changed: cam_from_target of a cam_from_source, in

@@ -110,6 +110,12 @@ void RunExport(const ExportCommandOptions& options) {
     PrintLine("{}: {} tracks", options.opensfm, file.tracks.features().size());
   }
   if (!options.bal.empty()) {
+    if (model->readout != 0.0 && !options.global_shutter) {
+      spdlog::warn(
+          "{}: its shutter rolls, which no camera of a BAL problem can explain: give "
+          "--global-shutter",
+          options.model);
+    }
     WriteBal(options.bal, *model);
     PrintLine("{}: {} cameras, {} points",
               options.bal,

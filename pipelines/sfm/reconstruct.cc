@@ -195,6 +195,7 @@ void WriteCeresFindings(const CeresFindings& findings,
     const fs::path part = folder / "other_parts" / fmt::format("{}", i + 1);
     fs::create_directories(part);
     WriteReconstructionFiles(part, findings.other_parts[i]);
+    WriteJsonFile(part / "summary.json", SummaryOfPart(findings.other_parts[i], file.frames));
   }
 }
 

@@ -14,7 +14,9 @@
 
 #include "backend/geometry/triangulation.h"
 #include "backend/scene/mapper.h"
+#include "backend/scene/near_world.h"
 #include "frontend/core/statistics.h"
+#include "frontend/geometry/sim3.h"
 #include "frontend/image/exposure.h"
 #include "frontend/track/tracker.h"
 #include "frontend/tracks/companions.h"
@@ -428,7 +430,9 @@ SecondPass MeasureAgain(const TrackFile& file,
                         const SecondPassOptions& options,
                         const StageProgress& progress) {
   LightsOfClip lights;
-  return MeasureInLight(file, std::span(&model, 1), {sequence, mask, lights}, options, progress);
+  const std::optional<Sim3> near = NearFromWorld(model.cam_from_world);
+  const Reconstruction in_near = near ? MoveWorld(*near, model) : model;
+  return MeasureInLight(file, std::span(&in_near, 1), {sequence, mask, lights}, options, progress);
 }
 
 std::string SecondPassOptionsText(const SecondPassOptions& options) {

@@ -64,6 +64,11 @@ Json FindingsToJson(const CeresFindings& findings, const Reconstruction& reconst
   return json;
 }
 
+Json ShutterToJson(const Reconstruction& reconstruction) {
+  return {{"readout", reconstruction.readout},
+          {"row_order", NameOf(kRowOrderNames, reconstruction.camera.row_order)}};
+}
+
 }  // namespace
 
 nlohmann::ordered_json SummaryToJson(const ReconstructionSummary& summary,
@@ -80,13 +85,29 @@ nlohmann::ordered_json SummaryToJson(const ReconstructionSummary& summary,
           {"termination", summary.termination}};
 }
 
+Json SummaryOfPart(const Reconstruction& part, const std::vector<FrameInfo>& frames) {
+  std::vector<FrameInfo> within;
+  for (const FrameInfo& frame : frames) {
+    if (frame.index >= part.cam_from_world.begin()->first &&
+        frame.index <= part.cam_from_world.rbegin()->first) {
+      within.push_back(frame);
+    }
+  }
+  ReconstructionSummary summary = Summarize(part, within.size());
+  summary.termination = "another part of the clip";
+  Json json = SummaryToJson(summary, within);
+  json.erase("seconds");  // of all parts together
+  json.update(ShutterToJson(part));
+  json["camera"] = CameraToJson(part.camera);
+  return json;
+}
+
 Json SummaryToJson(const ReconstructResult& result,
                    const std::vector<FrameInfo>& frames,
                    const ReconstructOptions& options) {
   Json summary{{"backend", NameOf(kBackendNames, options.backend)}};
   summary.update(SummaryToJson(result.summary, frames));
-  summary["readout"] = result.reconstruction.readout;
-  summary["row_order"] = NameOf(kRowOrderNames, result.reconstruction.camera.row_order);
+  summary.update(ShutterToJson(result.reconstruction));
   summary["options"] = ToJson(options);
   if (result.ceres) {
     // COLMAP's models are judged by nobody.

@@ -13,6 +13,11 @@ namespace cohort {
 nlohmann::ordered_json SummaryToJson(const ReconstructionSummary& summary,
                                      const std::vector<FrameInfo>& frames);
 
+// summary.json of a part of a clip beside the one that is returned: its figures among the frames of
+// the clip from its first to its last, and its shutter.
+nlohmann::ordered_json SummaryOfPart(const Reconstruction& part,
+                                     const std::vector<FrameInfo>& frames);
+
 // All of summary.json (docs/files.md) of a model that Reconstruct made of tracks in `frames`.
 nlohmann::ordered_json SummaryToJson(const ReconstructResult& result,
                                      const std::vector<FrameInfo>& frames,

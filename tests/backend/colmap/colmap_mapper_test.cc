@@ -18,6 +18,7 @@
 #include "backend/colmap/keypoint_covariances.h"
 #include "backend/colmap/model_io.h"
 #include "backend/colmap/program.h"
+#include "backend/scene/initial_pair.h"
 #include "backend/scene/mapper.h"
 #include "frontend/core/output.h"
 #include "frontend/core/random_stream.h"
@@ -653,6 +654,88 @@ TEST(ColmapMapper, WhatLosesItsPointsIsNoModelAndNoAdjustment) {
   const ColmapResult died = reconstruct("mapper", "/0", 3);
   EXPECT_EQ(died.summary.registered, 8u);
   EXPECT_THAT(died.summary.termination, HasSubstr("though its mapper ended with exit code 3"));
+}
+
+// A program that is killed, or whose disk is full, leaves the beginnings of a model.
+TEST(ColmapMapper, ADeathWhileItWritesLosesNoOtherModel) {
+  const TempDir dir;
+  SyntheticTracksOptions small;
+  small.frames = 8;
+  const TrackFile tracks = MakeSyntheticTracks(small).file;
+  ColmapOptions options;
+  const auto reconstruct = [&](const std::string& body) {
+    const FakeColmap fake(body);
+    options.program = fake.path();
+    return ReconstructWithColmap(tracks, options, dir / "work");
+  };
+  const char* half = "for last; do :; done\n{}printf half > \"$last{}/images.bin\"\nexit 137\n";
+  const auto dying = [&](const char* call, const char* folder) {
+    return fmt::format("colmap \"$@\" || exit $?\ncase \"$*\" in {}) ;; *) exit 0 ;; esac\n",
+                       call) +
+           fmt::format(fmt::runtime(half), "", folder);
+  };
+  const ColmapResult other = reconstruct(dying("'mapper '*sparse0", "/0"));
+  EXPECT_EQ(other.summary.registered, 8u) << other.summary.Brief();
+  EXPECT_THAT(other.summary.termination,
+              testing::AllOf(HasSubstr("done, a mapper that ended with exit code 137"),
+                             HasSubstr("images.bin")));
+  const ColmapResult none = reconstruct(dying("'mapper --'*", "/0"));
+  EXPECT_TRUE(none.summary.Failed());
+  EXPECT_THAT(none.summary.termination,
+              testing::AllOf(HasSubstr("registered no frame"), HasSubstr("images.bin")));
+  const ColmapResult mapped = reconstruct(dying("'bundle_adjuster --'*", ""));
+  EXPECT_EQ(mapped.summary.registered, 8u);
+  EXPECT_GT(mapped.summary.points, 50u);
+  EXPECT_THAT(mapped.summary.termination, HasSubstr("though its bundle_adjuster failed"));
+  const FakeColmap adjuster(dying("'bundle_adjuster --'*", ""));
+  options.program = adjuster.path();
+  EXPECT_THAT(
+      AdjustWithColmap(tracks, mapped.reconstruction, options, dir / "adjust").summary.termination,
+      HasSubstr("could not adjust"));
+}
+
+// Of a clip whose best pair leads nowhere.
+TEST(ColmapMapper, SaysWhereTheModelThatItReturnsBegan) {
+  const TempDir dir;
+  SyntheticTracksOptions small;
+  small.frames = 12;
+  const TrackFile tracks = MakeSyntheticTracks(small).file;
+  const InitialPairSearch search = FindInitialPairs(tracks.tracks, *tracks.camera);
+  ASSERT_GT(search.ranked.size(), 1u);
+  ColmapOptions options;
+  const auto termination_without = [&](const char* calls) {
+    const FakeColmap fake(
+        fmt::format("case \"$*\" in {}) exit 1 ;; esac\nexec colmap \"$@\"\n", calls));
+    options.program = fake.path();
+    return ReconstructWithColmap(tracks, options, dir / "work").summary.termination;
+  };
+  EXPECT_THAT(termination_without("-"), HasSubstr(search.reason));
+  EXPECT_THAT(termination_without("'mapper --'*sparse0"),
+              testing::AllOf(HasSubstr("initial pair: frames"), Not(HasSubstr(search.reason))));
+  EXPECT_THAT(termination_without("'mapper --'*--Mapper.init_image_id1*"),
+              HasSubstr("initial pair: COLMAP's own"));
+}
+
+TEST(AdjustWithColmap, TakesWhatItsMapperWouldGetAlone) {
+  const TempDir dir;
+  SyntheticTracksOptions small;
+  small.frames = 8;
+  TrackFile tracks = MakeSyntheticTracks(small).file;
+  std::vector<Observation> observations(tracks.tracks.observations().begin(),
+                                        tracks.tracks.observations().end());
+  for (std::size_t i = 0; i < observations.size(); ++i) {
+    const float variance = i % 5 == 0 ? 9.0F : 0.1F;
+    observations[i].covariance = PixelCovariance{variance, 0.0F, variance};
+  }
+  tracks.tracks = TrackSet::Build(observations);
+  const Reconstruction start = ReconstructWithCeres(tracks).reconstruction;
+  const ColmapResult result = AdjustWithColmap(tracks, start, {}, dir / "work");
+  ASSERT_GT(result.summary.observations, 500u);
+  for (const auto& [feature, point] : result.reconstruction.points) {
+    for (const PointView& view : point.views) {
+      EXPECT_LT(tracks.tracks.Find(feature, view.frame)->covariance->xx, 1.0F);
+    }
+  }
 }
 
 // A texture of smooth blobs, moved by 5 px a frame, as COLMAP reads it.

@@ -139,13 +139,23 @@ TEST(ColmapDatabase, LeavesOutWhatIsMeasuredMuchWorseThanTheRest) {
   observations[8].covariance.reset();
   observations[9].state = ObservationState::kPredicted;
   file.tracks = TrackSet::Build(observations);
-  EXPECT_EQ(WithoutWeakObservations(file, 1.5).tracks.CountObserved(), 8u) << "all but 7 and 9";
-  EXPECT_EQ(WithoutWeakObservations(file, 2.0).tracks.CountObserved(), 9u);
-  EXPECT_EQ(WithoutWeakObservations(file, 0.0).tracks.CountObserved(), 9u) << "switched off";
+  const auto observed = [&](double max_relative_sigma) {
+    ColmapDatabaseOptions options;
+    options.max_relative_sigma = max_relative_sigma;
+    return WithoutWeakObservations(file, options).tracks.CountObserved();
+  };
+  EXPECT_EQ(observed(1.5), 8u) << "all but 7 and 9";
+  EXPECT_EQ(observed(2.0), 9u);
+  EXPECT_EQ(observed(0.0), 9u) << "switched off";
 
   const TempDir dir;
   WriteColmapDatabase(dir / "a.db", file);
   EXPECT_EQ(ReadColmapDatabase(dir / "a.db").images.at(1).keypoints.size(), 8u);
+  ColmapDatabaseOptions with_predicted;
+  with_predicted.include_predicted = true;
+  WriteColmapDatabase(dir / "b.db", file, with_predicted);
+  EXPECT_EQ(ReadColmapDatabase(dir / "b.db").images.at(1).keypoints.size(), 9u)
+      << "9, which is predicted, but 7 is as weak as before";
 }
 
 TEST(ColmapDatabase, ABlurredFrameKeepsWhatTiesItToTheOthers) {
@@ -161,7 +171,7 @@ TEST(ColmapDatabase, ABlurredFrameKeepsWhatTiesItToTheOthers) {
     }
   }
   file.tracks = TrackSet::Build(observations);
-  const TrackFile strong = WithoutWeakObservations(file, 1.5);
+  const TrackFile strong = WithoutWeakObservations(file, {});
   for (std::uint32_t frame = 0; frame < 3; ++frame) {
     EXPECT_EQ(ColmapKeypoints(strong.tracks, FrameIndex{frame}, false).size(), 9u) << frame;
   }

@@ -36,6 +36,18 @@ TEST(Triangulation, SplitsAVerticalDisparityEvenly) {
   EXPECT_LT((*x - Vector3d(0, 0, 4)).norm(), 1e-9);
 }
 
+TEST(Triangulation, RaysFarFromTheOriginMeetAsWellAsNearIt) {
+  for (const double offset : {0.0, 5e5, 4e6}) {
+    const Vector3d origin(offset, 0.2 * offset, 0.9 * offset);
+    const Vector3d point = origin + Vector3d(0.3, -0.2, 4.0);
+    const std::array rays{RayFrom(origin + Vector3d(-0.1, 0, 0), point),
+                          RayFrom(origin + Vector3d(0.1, 0, 0), point)};
+    const auto x = Triangulate(rays);
+    ASSERT_TRUE(x) << offset;
+    EXPECT_LT((*x - point).norm(), 1e-6) << offset;
+  }
+}
+
 TEST(Triangulation, ParallelRaysMeetAtInfinity) {
   const std::array rays{RayFrom({-1, 0, 0}, {-1, 0, 5}), RayFrom({1, 0, 0}, {1, 0, 5})};
   EXPECT_NEAR(TriangulateDlt(rays).w(), 0.0, 1e-12);

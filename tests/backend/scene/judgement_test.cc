@@ -1,5 +1,6 @@
 #include "backend/scene/judgement.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "tests/backend/scene/true_model.h"
@@ -12,6 +13,8 @@ using test::CameraPath;
 using test::LateralScene;
 using test::SyntheticTracks;
 using test::TrueModel;
+using testing::ElementsAre;
+using testing::HasSubstr;
 
 TEST(Judgement, ATrueModelIsWorthReturningAndLeavesTheTracksNoise) {
   const SyntheticTracks scene = LateralScene(0.5);
@@ -32,7 +35,12 @@ TEST(Judgement, AModelWithoutDepthIsWorthless) {
   WorkingModel model(whitened, *scene.file.camera);
   const Rigid3 still = scene.cam_from_world.at(whitened.frames()[0].index);
   for (int f = 0; f < whitened.frame_count(); ++f) model.SetPose(f, still);
-  EXPECT_TRUE(JudgeModel(model, *scene.file.camera, {0, 8, 16}).worthless);
+  const Judgement judgement = JudgeModel(model, *scene.file.camera, {0, 8, 16});
+  ASSERT_TRUE(judgement.worthless);
+  EXPECT_THAT(judgement.worthless->detail, HasSubstr("depths are not known at all: too little"));
+  EXPECT_THAT(judgement.doubts,
+              ElementsAre(HasSubstr("depths are not known at all: move"),
+                          HasSubstr("none of the parallax is explained: the tracks drift")));
 }
 
 TEST(Judgement, SaysWhyAClipHasNoParallax) {

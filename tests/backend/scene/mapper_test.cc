@@ -6,9 +6,11 @@
 
 #include <Eigen/Eigenvalues>
 
+#include "backend/scene/near_world.h"
 #include "frontend/core/error.h"
 #include "frontend/core/interruption.h"
 #include "frontend/core/random_stream.h"
+#include "frontend/geometry/sim3.h"
 #include "tests/support/cameras.h"
 #include "tests/support/shared_data.h"
 #include "tests/support/shared_tracks.h"
@@ -470,6 +472,78 @@ TEST(RealTracks, TheHotelReconstructs) {
   EXPECT_GT(result.summary.points, 450u);
   EXPECT_LT(result.summary.mean_reprojection_px, 1.0);
 }
+
+// Of tracks that claim to be exact and are not.
+TEST(IncrementalMapper, WithoutAFloorOfTheDeviationsItEnds) {
+  SyntheticTracks scene = MakeSyntheticTracks(Scene(CameraPath::kArc));
+  scene.file = Changed(scene.file, [](Observation& o) {
+    o.covariance = PixelCovariance{1e-7F, 0.0F, 1e-7F};
+    return true;
+  });
+  const MapperResult result = ReconstructWithCeres(scene.file, {.covariance_floor_px = 0.0});
+  EXPECT_GT(result.noise, 1000.0) << result.summary.Brief();
+  EXPECT_EQ(result.summary.registered, 24u) << result.summary.Brief();
+}
+
+// Worlds of georeferenced models, in metres from a corner of the country, and in units of anybody's.
+class WorldsAnywhere : public testing::TestWithParam<Sim3> {
+ protected:
+  WorldsAnywhere() : scene_(MakeSyntheticTracks(Scene(CameraPath::kArc))) {
+    Reconstruction truth;
+    truth.camera = *scene_.file.camera;
+    truth.cam_from_world = scene_.cam_from_world;
+    for (const auto& [feature, point] : scene_.points_in_world) {
+      truth.points[feature].in_world = point;
+    }
+    here_ = truth;
+    there_ = MoveWorld(GetParam(), truth);
+  }
+
+  // Nearly all of the points, at their places to within what the noise makes here.
+  void ExpectThere(const Reconstruction& model) const {
+    EXPECT_EQ(model.cam_from_world.size(), scene_.cam_from_world.size());
+    EXPECT_GT(model.points.size(), scene_.points_in_world.size() * 9 / 10);
+    std::vector<double> errors;
+    for (const auto& [feature, point] : model.points) {
+      errors.push_back((point.in_world - there_.points.at(feature).in_world).norm());
+    }
+    EXPECT_LT(Median(errors), 0.05 * GetParam().scale);
+  }
+
+  SyntheticTracks scene_;
+  Reconstruction here_;
+  Reconstruction there_;
+};
+
+TEST_P(WorldsAnywhere, AdjustmentKeepsThePointsAndTheWorld) {
+  ExpectThere(AdjustWithCeres(scene_.file, there_));
+}
+
+TEST_P(WorldsAnywhere, AModelAdjustedToTheEndIsTheSame) {
+  const Reconstruction there = AdjustAndJudgeWithCeres(scene_.file, there_).reconstruction;
+  const Reconstruction here = AdjustAndJudgeWithCeres(scene_.file, here_).reconstruction;
+  ASSERT_EQ(there.points.size(), here.points.size());
+  for (const auto& [feature, point] : there.points) {
+    EXPECT_LT((point.in_world - here.points.at(feature).in_world).norm(), 1e-3);
+  }
+}
+
+TEST_P(WorldsAnywhere, TriangulationFindsThePoints) {
+  const MapperResult result = TriangulateWithCeres(scene_.file, there_.cam_from_world);
+  ExpectThere(result.reconstruction);
+  for (const auto& [frame, pose] : result.reconstruction.cam_from_world) {
+    EXPECT_EQ(pose.translation, there_.cam_from_world.at(frame).translation);
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    ,
+    WorldsAnywhere,
+    testing::Values(Sim3{},
+                    Sim3{1.0, Eigen::Quaterniond::Identity(), {5e5, 1e5, 4.5e5}},
+                    Sim3{1.0, Eigen::Quaterniond::Identity(), {4e6, 8e5, 3.6e6}},
+                    Sim3{1e-7, Eigen::Quaterniond::Identity(), {0.0, 0.0, 0.0}},
+                    Sim3{1e13, Eigen::Quaterniond::Identity(), {0.0, 0.0, 0.0}}));
 
 TEST(TriangulateWithCeres, KeepsThePosesAndFindsThePoints) {
   test::SyntheticTracksOptions options;

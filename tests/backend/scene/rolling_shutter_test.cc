@@ -39,7 +39,12 @@ Rigid3 PoseAt(double t) {
 }
 
 // Points as a rolling shutter shows them to that hand, each row at its own time.
-SyntheticTracks Rolling(double readout, std::uint64_t seed = 1, double noise_px = 0.3) {
+// Of some of the points, the `others`, with another readout.
+SyntheticTracks Rolling(double readout,
+                        std::uint64_t seed = 1,
+                        double noise_px = 0.3,
+                        std::size_t every = 0,
+                        double others = 0.0) {
   SyntheticTracksOptions options;
   options.path = CameraPath::kLateral;
   options.points = 150;
@@ -54,11 +59,13 @@ SyntheticTracks Rolling(double readout, std::uint64_t seed = 1, double noise_px 
     info.index = FrameIndex{frame};
     info.name = std::to_string(frame);
     scene.cam_from_world[info.index] = PoseAt(frame);
+    std::size_t number = 0;
     for (const auto& [feature, point] : scene.points_in_world) {
+      const double own = every > 0 && number++ % every == 0 ? others : readout;
       double y = 0.5 * camera.height_px;
       std::optional<Eigen::Vector2d> xy;
       for (int step = 0; step < 20; ++step) {
-        xy = camera.Project(PoseAt(frame + readout * ((y + 0.5) / camera.height_px - 0.5)) * point);
+        xy = camera.Project(PoseAt(frame + own * ((y + 0.5) / camera.height_px - 0.5)) * point);
         if (!xy) break;
         y = xy->y();
       }
@@ -179,6 +186,32 @@ TEST(RollingShutter, GlobalOneIsFoundToBeNoneAndChangesNothing) {
   for (const auto& [frame, pose] : without.reconstruction.cam_from_world) {
     EXPECT_EQ(pose.translation, result.reconstruction.cam_from_world.at(frame).translation);
   }
+}
+
+// A quarter of the tracks asks for more than the others. With them the shutter seems to roll enough to
+// count; once they are no inliers any more, it does not.
+TEST(RollingShutter, WhatTurnsOutNotToRollLeavesTheModelAsItWas) {
+  const SyntheticTracks scene = Rolling(0.25, 1, 0.2, 4, 0.8);
+  const WhitenedTracks observed(scene.file, {});
+  WorkingModel model = TrueModel(scene, observed, AllFrames(observed));
+  WhitenedTracks corrected = observed;
+  const ReadoutEstimate estimate = EstimateReadout(observed, model, corrected);
+  EXPECT_NEAR(estimate.readout, 0.25, 0.01) << "of the inliers alone";
+  EXPECT_FALSE(estimate.IsRolling());
+  EXPECT_EQ(&model.whitened(), &observed);
+  for (const int frame : AllFrames(observed)) {
+    const Rigid3& was = scene.cam_from_world.at(observed.frames()[frame].index);
+    EXPECT_EQ(model.Pose(frame).translation, was.translation);
+  }
+}
+
+TEST(RollingShutter, RefinedToNoneTheEstimateStays) {
+  const SyntheticTracks scene = Rolling(0.1);
+  const WhitenedTracks observed(scene.file, {});
+  WorkingModel model = TrueModel(scene, observed, AllFrames(observed));
+  WhitenedTracks corrected = observed;
+  EXPECT_EQ(RefineReadout(observed, {0.4, 0.01}, model, corrected), 0.4);
+  EXPECT_EQ(RefineReadout(observed, {-0.4, 0.01}, model, corrected), -0.4);
 }
 
 // A camera that flies on evenly bends all pictures alike, which the scene's shape takes up.

@@ -769,8 +769,10 @@ TEST_F(Commands, ExportsAProblemAsAGlobalShutterHasIt) {
   Run("reconstruct " + Path("a.tracks") + " --out " + Path("m"));
   ASSERT_GT(ReadJson(Path("m/summary.json"))["readout"], 0.5);
   const std::string bal = "export " + Path("a.tracks") + " --model " + Path("m") + " --bal ";
-  Run(bal + Path("seen.txt"));
-  Run(bal + Path("global.txt") + " --global-shutter");
+  EXPECT_THAT(RunCohort(bal + Path("seen.txt")).err,
+              AllOf(HasSubstr("its shutter rolls"), HasSubstr("--global-shutter")));
+  EXPECT_THAT(RunCohort(bal + Path("global.txt") + " --global-shutter").err,
+              Not(HasSubstr("shutter")));
   EXPECT_LT(Median(test::BalErrors(Path("global.txt"))),
             0.5 * Median(test::BalErrors(Path("seen.txt"))));
 }

@@ -69,6 +69,30 @@ class ReconstructCommand : public testing::Test {
   test::ProgramEnd end_;
 };
 
+// Whose readout other programs are to know, too: `export --global-shutter --model m/other_parts/1`.
+TEST_F(ReconstructCommand, EveryPartOfAClipSaysItsShutter) {
+  test::SyntheticTracksOptions options;
+  options.frames = 40;
+  TrackFile file = MakeSyntheticTracks(options).file;
+  std::vector<Observation> observations(file.tracks.observations().begin(),
+                                        file.tracks.observations().end());
+  for (Observation& o : observations) {  // after frame 25 nothing is the feature that it was
+    if (ToInt(o.frame) > 25) o.feature = FeatureId{ToInt(o.feature) + 100'000};
+  }
+  file.tracks = TrackSet::Build(std::move(observations));
+  WriteTrackFile(Path("broken.tracks"), file);
+  test::RunCohort("reconstruct " + Path("broken.tracks") + " --ceres.readout 0.4 --quiet --out " +
+                  Path("m"));
+  const auto part = nlohmann::json::parse(ReadBytes(Path("m/other_parts/1/summary.json")));
+  EXPECT_EQ(part["readout"], 0.4);
+  EXPECT_EQ(part["row_order"], "down");
+  EXPECT_EQ(part["registered"], 14);
+  EXPECT_EQ(part["frames"], 14);
+  EXPECT_EQ(part["frame_range"], "26:40:1");
+  EXPECT_EQ(part["failed"], false);
+  EXPECT_GT(part["points"], 100);
+}
+
 TEST_F(ReconstructCommand, ColmapGetsTheOptionsOfTheCommand) {
   EXPECT_THAT(Log(""),
               AllOf(HasSubstr(" --random_seed 0 "),

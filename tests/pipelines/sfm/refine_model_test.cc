@@ -130,6 +130,25 @@ TEST_F(RefineModelOfPlanes, CamerasGetNearerToTheTruthAndAllElseStays) {
   EXPECT_GT(refined.found.Confirmed(), 0.8);
 }
 
+// As georeferencing gives them.
+TEST_F(RefineModelOfPlanes, AModelFarFromTheOriginIsRefinedAsWellAndStaysThere) {
+  const Sim3 far{1.0, Eigen::Quaterniond::Identity(), {4e6, 8e5, 3.6e6}};
+  ColmapModel there = model_;
+  for (auto& [id, image] : there.images) {
+    image.cam_from_world = TransformPose(far, image.cam_from_world);
+  }
+  for (auto& [id, point] : there.points) point.xyz = far * point.xyz;
+  const RefinedModel near = RefineModel(model_, "sparse", clip_, {});
+  RefinedModel refined = RefineModel(there, "sparse", clip_, {});
+  EXPECT_NEAR(static_cast<double>(refined.model.points.size()),
+              static_cast<double>(near.model.points.size()),
+              2.0);
+  for (auto& [id, image] : refined.model.images) {
+    image.cam_from_world = TransformPose(far.Inverse(), image.cam_from_world);
+  }
+  EXPECT_LT(CameraError(refined.model), 0.3 * CameraError(model_));
+}
+
 TEST_F(RefineModelOfPlanes, ACameraThatColmapFoundIsRefinedAndKeepsItsModel) {
   ColmapCamera guess = model_.cameras.at(7);
   guess.model = ColmapCameraModel::kSimplePinhole;

@@ -1,0 +1,43 @@
+#include "backend/scene/near_world.h"
+
+#include <Eigen/Core>
+#include <cmath>
+#include <vector>
+
+namespace cohort {
+
+std::optional<Sim3> NearFromWorld(const std::map<FrameIndex, Rigid3>& cam_from_world) {
+  // Far on the safe side: models of the mapper, and of others that normalise, stay bit by bit.
+  constexpr double kFarOff = 100.0;  // in units of the cameras' extent
+  constexpr double kSmallest = 1e-4;
+  constexpr double kLargest = 1e4;
+  // Of the distance from the origin: less is rounding, the cameras stand in one place.
+  constexpr double kRounding = 1e-12;
+  if (cam_from_world.empty()) return std::nullopt;
+  std::vector<Eigen::Vector3d> centers;
+  Eigen::Vector3d mean = Eigen::Vector3d::Zero();
+  for (const auto& [frame, pose] : cam_from_world) {
+    centers.push_back(pose.Inverse().translation);
+    mean += centers.back() / static_cast<double>(cam_from_world.size());
+  }
+  double squares = 0.0;
+  for (const Eigen::Vector3d& center : centers) squares += (center - mean).squaredNorm();
+  const double extent = std::sqrt(squares / static_cast<double>(centers.size()));
+  if (!(extent > kRounding * mean.norm())) return std::nullopt;
+  if (mean.norm() <= kFarOff * extent && extent >= kSmallest && extent <= kLargest) {
+    return std::nullopt;
+  }
+  return Sim3{1.0 / extent, Eigen::Quaterniond::Identity(), -mean / extent};
+}
+
+Reconstruction MoveWorld(const Sim3& target_from_world, Reconstruction reconstruction) {
+  for (auto& [frame, pose] : reconstruction.cam_from_world) {
+    pose = TransformPose(target_from_world, pose);
+  }
+  for (auto& [feature, point] : reconstruction.points) {
+    point.in_world = target_from_world * point.in_world;
+  }
+  return reconstruction;
+}
+
+}  // namespace cohort

@@ -1,0 +1,23 @@
+#pragma once
+
+#include <map>
+#include <optional>
+
+#include "backend/scene/reconstruction.h"
+#include "frontend/geometry/rigid3.h"
+#include "frontend/geometry/sim3.h"
+
+namespace cohort {
+
+// Coordinates of a georeferenced model are millions of metres: squares of them, as triangulation
+// and adjustment take, have no digits left for what lies between the cameras. And bounds on depths
+// are made for worlds of about unit scale.
+//
+// The similarity that moves such cameras so that their mean centre is the origin and their root mean
+// square distance from it 1. None where they are near enough as they are: nothing changes then.
+std::optional<Sim3> NearFromWorld(const std::map<FrameIndex, Rigid3>& cam_from_world);
+
+// Cameras and points in another world.
+Reconstruction MoveWorld(const Sim3& target_from_world, Reconstruction reconstruction);
+
+}  // namespace cohort
