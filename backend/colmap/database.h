@@ -81,7 +81,8 @@ void WriteColmapDatabase(const std::filesystem::path& path, const ColmapDatabase
 // Reads the schemas of COLMAP 3.8 to 4.x: rigs, frames and pose priors of newer ones say nothing of
 // what stands here and are left out; a geometry that COLMAP wrote as "unset" (zero matrices, the
 // identity as a pose) is none. Cameras that are alike in all (size, model, parameters, whether the
-// focal length is a prior) are one, and a keypoint may be matched twice. Throws Error naming the path on a file that is damaged or has several cameras.
+// focal length is a prior) are one, and a keypoint may be matched twice. Throws Error naming the path
+// on a file that is damaged or has several cameras.
 ColmapDatabase ReadColmapDatabase(const std::filesystem::path& path);
 
 }  // namespace cohort
