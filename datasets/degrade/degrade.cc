@@ -462,12 +462,11 @@ class SequenceDegrader {
 };
 
 // What a clip of these frames of a rendered scene shows.
-SceneFile PartOfScene(SceneFile scene, const std::vector<FrameIndex>& frames) {
-  scene.first_frame += static_cast<int>(ToInt(frames[0])) * scene.frame_step;
-  if (frames.size() > 1) {
-    scene.frame_step *= static_cast<int>(ToInt(frames[1]) - ToInt(frames[0]));
-  }
-  return scene;
+SceneFile PartOfScene(const SceneFile& scene, const std::vector<FrameIndex>& frames) {
+  SceneFile part = scene;
+  part.first_frame = scene.FrameOf(frames[0]);
+  if (frames.size() > 1) part.frame_step = scene.FrameOf(frames[1]) - part.first_frame;
+  return part;
 }
 
 }  // namespace
