@@ -357,7 +357,9 @@ TEST(OpenSequence, AFolderThatMayNotBeReadIsNoPlaceToLookFor) {
   std::filesystem::permissions(dir.path(), std::filesystem::perms(0755));
   std::filesystem::permissions(dir / "a_lost", std::filesystem::perms::none);
   const uid_t user = geteuid();
-  if (user == 0) ASSERT_EQ(seteuid(65533), 0);  // root may read all
+  if (user == 0) {
+    ASSERT_EQ(seteuid(65533), 0);  // root may read all
+  }
   EXPECT_THAT([&] { OpenSequence(dir.path()); },
               ThrowsMessage<Error>(AllOf(HasSubstr("nothing to read"),
                                          HasSubstr("images in " + (dir / "b").string()))));
