@@ -1,7 +1,9 @@
 #include "datasets/open_sequence.h"
 
+#include <algorithm>
 #include <string>
 #include <system_error>
+#include <vector>
 
 #include "datasets/readers/image_folder.h"
 #include "datasets/readers/video_sequence.h"
@@ -12,19 +14,33 @@ namespace {
 
 namespace fs = std::filesystem;
 
+// A folder that may not be read, such as lost+found, holds none.
+bool HoldsImages(const fs::path& folder) {
+  std::error_code error;
+  if (!fs::is_directory(folder, error)) return false;
+  try {
+    return !ImageNames(folder).empty();
+  } catch (const Error&) {
+    return false;
+  }
+}
+
 [[noreturn]] void ThrowNothingRecognised(const fs::path& folder) {
   std::string looked_for;
   for (const FolderReader& reader : kFolderReaders) {
     looked_for += fmt::format("{} ({}), ", reader.mark, reader.layout);
   }
-  std::string hint;
+  std::vector<fs::path> below;
   std::error_code error;
-  for (const fs::directory_entry& entry : fs::directory_iterator(folder, error)) {
-    if (entry.is_directory(error) && !ImageNames(entry.path()).empty()) {
-      hint = fmt::format("; there are images in {}", entry.path().string());
-      break;
-    }
+  for (fs::directory_iterator entry(folder, error), end; !error && entry != end;
+       entry.increment(error)) {
+    below.push_back(entry->path());
   }
+  std::ranges::sort(below);  // the same hint on every file system
+  const auto with_images = std::ranges::find_if(below, HoldsImages);
+  const std::string hint = with_images == below.end()
+                               ? ""
+                               : fmt::format("; there are images in {}", with_images->string());
   ThrowError("nothing to read in folder {}: no {}and no images (png, jpg, tif, pgm ...){}",
              folder.string(),
              looked_for,

@@ -47,7 +47,8 @@ void AddNoise(cv::Mat& image, double sigma, RandomStream& random) {
   for (float& v : cv::Mat_<float>(image)) v += static_cast<float>(sigma * random.Gaussian());
 }
 
-// The mean of the picture moved by -motion/2 ... +motion/2, at most a pixel a step.
+// The mean of the picture moved by -motion/2 ... +motion/2, in steps of at most a pixel up to 40 px, in
+// as many steps beyond.
 cv::Mat Smear(const cv::Mat& image, const cv::Mat& motion) {
   double longest = 0.0;
   for (const cv::Vec2f& m : cv::Mat_<cv::Vec2f>(motion)) longest = std::max(longest, cv::norm(m));
@@ -315,11 +316,10 @@ class SequenceDegrader {
     std::optional<PhoneCamera> camera;
     std::optional<VideoEncoder> encoder;
     std::vector<Job> jobs;  // without their pictures
-    double frames_per_second = kUsualFramesPerSecond;
+    const double frames_per_second = FramesPerSecond();
     const std::size_t at_once = 4 * ThreadCount(threads);
     for (auto batch = NextJobs(at_once); !batch.empty(); batch = NextJobs(at_once)) {
       if (!encoder) {
-        frames_per_second = FramesPerSecond(batch);
         camera.emplace(options_, frames_per_second);
         encoder.emplace(video, batch[0].frame.gray.size());
       }
@@ -392,13 +392,18 @@ class SequenceDegrader {
     return small;
   }
 
-  // Of most of these frames: some may be missing.
-  static double FramesPerSecond(const std::vector<Job>& jobs) {
+  // Of most of the first frames, however many threads there are: some may be missing, or late.
+  double FramesPerSecond() {
+    constexpr std::size_t kIntervals = 31;
     std::vector<double> intervals_ns;
-    for (std::size_t i = 1; i < jobs.size(); ++i) {
-      intervals_ns.push_back(
-          static_cast<double>(jobs[i].frame.timestamp_ns - jobs[i - 1].frame.timestamp_ns));
+    std::optional<std::int64_t> before_ns;
+    while (intervals_ns.size() < kIntervals) {
+      const auto frame = sequence_.Next();
+      if (!frame) break;
+      if (before_ns) intervals_ns.push_back(static_cast<double>(frame->timestamp_ns - *before_ns));
+      before_ns = frame->timestamp_ns;
     }
+    sequence_.Rewind();
     const double ns = Median(std::move(intervals_ns));
     return ns > 0.0 ? std::clamp(1e9 / ns, 1.0, 1000.0) : kUsualFramesPerSecond;
   }
@@ -457,12 +462,11 @@ class SequenceDegrader {
 };
 
 // What a clip of these frames of a rendered scene shows.
-SceneFile PartOfScene(SceneFile scene, const std::vector<FrameIndex>& frames) {
-  scene.first_frame += static_cast<int>(ToInt(frames[0])) * scene.frame_step;
-  if (frames.size() > 1) {
-    scene.frame_step *= static_cast<int>(ToInt(frames[1]) - ToInt(frames[0]));
-  }
-  return scene;
+SceneFile PartOfScene(const SceneFile& scene, const std::vector<FrameIndex>& frames) {
+  SceneFile part = scene;
+  part.first_frame = scene.FrameOf(frames[0]);
+  if (frames.size() > 1) part.frame_step = scene.FrameOf(frames[1]) - part.first_frame;
+  return part;
 }
 
 }  // namespace

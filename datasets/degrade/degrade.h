@@ -130,8 +130,9 @@ OccludedFrame DrawOccluder(const cv::Mat& gray, const DegradeOptions& options, s
 // first, as a real foreground would be. Motion blur follows the true cameras where there are poses
 // and depth (bodies that move on their own are blurred as if they stood still). Whole or not at
 // all; the bytes do not depend on `threads` (0: one a core).
-//   phone    MeasuredLight, PhoneCamera (phone_camera.h), VideoEncoder at the clip's frame rate (of
-//            its first two time stamps), decoded as any video
+//   phone    MeasuredLight, PhoneCamera (phone_camera.h), VideoEncoder at the clip's frame rate (the
+//            median of its first 32 time stamps' distances), decoded as any video. `sequence` is
+//            read from its beginning.
 void DegradeSequence(Sequence& sequence,
                      const std::filesystem::path& source,
                      const std::optional<Camera>& camera,

@@ -39,12 +39,12 @@ class ImageListSequence final : public Sequence {
     const auto back = std::ranges::adjacent_find(
         list_.images, std::ranges::greater(), &ImageList::Image::timestamp_ns);
     if (back != list_.images.end()) {
-      warning_ = fmt::format(
-          "{}: the time of {} is before that of {}, which is listed before it: frames come as "
-          "listed",
-          list_.name,
-          std::next(back)->name,
-          back->name);
+      Warn(
+          fmt::format("{}: the time of {} is before that of {}, which is listed before it: frames "
+                      "come as listed",
+                      list_.name,
+                      std::next(back)->name,
+                      back->name));
     }
     size_ = ReadImage(ImageFile(range.first)).size();
     if (Camera* camera = list_.camera ? &*list_.camera : nullptr) {
@@ -75,7 +75,7 @@ class ImageListSequence final : public Sequence {
     } catch (const SystemError&) {
       throw;  // the same clip may be longer the next time
     } catch (const Error& e) {
-      warning_ = fmt::format("read {} frames of {}: {}", read_, count_, e.what());
+      Warn(fmt::format("read {} frames of {}: {}", read_, count_, e.what()));
       count_ = read_;
       return std::nullopt;
     }
@@ -126,6 +126,8 @@ class ImageListSequence final : public Sequence {
   const std::string& Warning() const override { return warning_; }
 
  private:
+  void Warn(const std::string& what) { warning_ += (warning_.empty() ? "" : "; ") + what; }
+
   std::filesystem::path ImageFile(std::size_t image) const {
     return list_.root / list_.images[image].name;
   }

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <cstdint>
 #include <opencv2/imgcodecs.hpp>
 #include <vector>
 
@@ -17,8 +18,12 @@ constexpr double kUnitsPerMetre = 5000.0;
 constexpr double kMaxDepthUnits = 65535.0;
 
 std::string Seconds(std::int64_t timestamp_ns) {
-  constexpr std::int64_t kSecond = 1'000'000'000;
-  return fmt::format("{}.{:09}", timestamp_ns / kSecond, timestamp_ns % kSecond);
+  constexpr std::uint64_t kSecond = 1'000'000'000;
+  // The quotient alone would lose the sign of -0.5, and the remainder would bring it behind the point.
+  const bool negative = timestamp_ns < 0;
+  const auto ns = negative ? -static_cast<std::uint64_t>(timestamp_ns)
+                           : static_cast<std::uint64_t>(timestamp_ns);
+  return fmt::format("{}{}.{:09}", negative ? "-" : "", ns / kSecond, ns % kSecond);
 }
 
 void WritePng(const std::filesystem::path& file, const cv::Mat& picture) {

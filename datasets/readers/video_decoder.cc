@@ -17,6 +17,7 @@ extern "C" {
 #include <cerrno>
 #include <cmath>
 #include <cstdlib>
+#include <cstring>
 #include <new>
 #include <opencv2/core.hpp>
 #include <string_view>
@@ -47,28 +48,6 @@ bool NamesOtherFiles(const Descriptor& file) {
   for (char& c : start) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
   return std::ranges::any_of(
       kMarks, [&start](std::string_view mark) { return start.find(mark) != std::string::npos; });
-}
-
-int Read(void* descriptor, std::uint8_t* bytes, int count) {
-  const int fd = static_cast<const Descriptor*>(descriptor)->get();
-  ssize_t n = 0;
-  do {
-    n = read(fd, bytes, static_cast<std::size_t>(count));
-  } while (n < 0 && errno == EINTR);
-  if (n < 0) return AVERROR(errno);
-  return n == 0 ? AVERROR_EOF : static_cast<int>(n);
-}
-
-std::int64_t Seek(void* descriptor, std::int64_t offset, int whence) {
-  const int fd = static_cast<const Descriptor*>(descriptor)->get();
-  if ((whence & AVSEEK_SIZE) != 0) {
-    const off_t here = lseek(fd, 0, SEEK_CUR);
-    const off_t size = lseek(fd, 0, SEEK_END);
-    lseek(fd, here, SEEK_SET);
-    return size;
-  }
-  const off_t place = lseek(fd, offset, whence & ~AVSEEK_FORCE);
-  return place < 0 ? AVERROR(errno) : place;
 }
 
 // Another file that the file names.
@@ -151,13 +130,38 @@ void VideoDecoder::Delete::operator()(AVIOContext* io) const {
 void VideoDecoder::Delete::operator()(AVPacket* packet) const { av_packet_free(&packet); }
 void VideoDecoder::Delete::operator()(SwsContext* converter) const { sws_freeContext(converter); }
 
+int VideoDecoder::Read(void* source, std::uint8_t* bytes, int count) {
+  auto& from = *static_cast<Source*>(source);
+  ssize_t n = 0;
+  do {
+    n = read(from.file.get(), bytes, static_cast<std::size_t>(count));
+  } while (n < 0 && errno == EINTR);
+  if (n < 0) {
+    from.error = errno;
+    return AVERROR(errno);
+  }
+  return n == 0 ? AVERROR_EOF : static_cast<int>(n);
+}
+
+std::int64_t VideoDecoder::Seek(void* source, std::int64_t offset, int whence) {
+  const int fd = static_cast<const Source*>(source)->file.get();
+  if ((whence & AVSEEK_SIZE) != 0) {
+    const off_t here = lseek(fd, 0, SEEK_CUR);
+    const off_t size = lseek(fd, 0, SEEK_END);
+    lseek(fd, here, SEEK_SET);
+    return size;
+  }
+  const off_t place = lseek(fd, offset, whence & ~AVSEEK_FORCE);
+  return place < 0 ? AVERROR(errno) : place;
+}
+
 VideoDecoder::VideoDecoder(const std::filesystem::path& file)
     : name_(file.string()),
-      file_(OpenInputDescriptor(file)),
+      source_{OpenInputDescriptor(file)},
       packet_(Allocated(av_packet_alloc())),
       frame_(Allocated(av_frame_alloc())) {
   av_log_set_level(AV_LOG_QUIET);  // our errors and warnings say what matters
-  if (NamesOtherFiles(file_)) {
+  if (NamesOtherFiles(source_.file)) {
     ThrowError("{} is a list of other files: give the video that it names", name_);
   }
   OpenFile();
@@ -166,10 +170,15 @@ VideoDecoder::VideoDecoder(const std::filesystem::path& file)
 
 VideoDecoder::~VideoDecoder() = default;
 
+void VideoDecoder::CheckSource() const {
+  if (source_.error == 0) return;
+  throw SystemError(fmt::format("cannot read {}: {}", name_, std::strerror(source_.error)));
+}
+
 void VideoDecoder::OpenFile() {
   constexpr int kBufferBytes = 1 << 16;
   auto* buffer = static_cast<unsigned char*>(Allocated(av_malloc(kBufferBytes)));
-  io_.reset(avio_alloc_context(buffer, kBufferBytes, 0, &file_, Read, nullptr, Seek));
+  io_.reset(avio_alloc_context(buffer, kBufferBytes, 0, &source_, Read, nullptr, Seek));
   if (!io_) {
     av_free(buffer);
     throw std::bad_alloc();
@@ -191,6 +200,7 @@ void VideoDecoder::OpenFile() {
       format->streams[i]->discard = i == stream_ ? AVDISCARD_DEFAULT : AVDISCARD_ALL;
     }
   }
+  CheckSource();
   if (stream_ < 0) {
     ThrowError("cannot open {} as a video: FFmpeg finds no video in it ({})",
                name_,
@@ -262,6 +272,7 @@ void VideoDecoder::Send() {
   for (int faults = 0; faults < kMostFaults;) {
     const int read = av_read_frame(format_.get(), packet_.get());
     CheckMemory(read, name_);
+    CheckSource();  // also where FFmpeg goes on: what it has of the packet is not what the file holds
     if (read == AVERROR(EAGAIN)) {
       ++faults;
       continue;

@@ -33,7 +33,8 @@ class VideoDecoder {
   static constexpr std::int64_t kMaxPixels = std::int64_t{1} << 26;
 
   // Throws Error naming the file if there is no video in it that can be decoded, its header has
-  // more than kMaxPixels, or it is a list of other files.
+  // more than kMaxPixels, or it is a list of other files; SystemError, also of Next, where the system
+  // does not give the file's bytes.
   explicit VideoDecoder(const std::filesystem::path& file);
   VideoDecoder(const VideoDecoder&) = delete;
   VideoDecoder& operator=(const VideoDecoder&) = delete;
@@ -79,6 +80,15 @@ class VideoDecoder {
     bool mirrored_y = false;
   };
 
+  // What FFmpeg reads of.
+  struct Source {
+    Descriptor file;
+    int error = 0;  // errno of a read that failed: to FFmpeg that is the end of the video, or a gap
+  };
+
+  static int Read(void* source, std::uint8_t* bytes, int count);
+  static std::int64_t Seek(void* source, std::int64_t offset, int whence);
+  void CheckSource() const;
   void OpenFile();
   void OpenStream();
   void Send();  // the next packet of the stream, or that there is none
@@ -86,7 +96,7 @@ class VideoDecoder {
   void MakeConverter();
 
   std::string name_;
-  Descriptor file_;
+  Source source_;
   // Each uses what stands before it.
   Owned<AVIOContext> io_;
   Owned<AVFormatContext> format_;

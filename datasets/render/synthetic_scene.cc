@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <charconv>
 #include <cmath>
 #include <limits>
@@ -13,6 +14,7 @@
 #include "datasets/render/scene_geometry.h"
 #include "frontend/core/error.h"
 #include "frontend/core/input_file.h"
+#include "frontend/core/json_text.h"
 #include "frontend/core/output.h"
 #include "frontend/core/parallel.h"
 
@@ -95,12 +97,24 @@ std::string SceneFile::Text() const {
       frame_step);
 }
 
+int SceneFile::FrameOf(FrameIndex i) const {
+  const std::int64_t frame = first_frame + std::int64_t{ToInt(i)} * frame_step;
+  if (frame > kMostFrame) {
+    ThrowError(
+        "frame {} of the clip is frame {} of its scene, and {} is the last: is scene.json its?",
+        ToInt(i),
+        frame,
+        kMostFrame);
+  }
+  return static_cast<int>(frame);
+}
+
 std::optional<SceneFile> ReadSceneFile(const std::filesystem::path& folder) {
   const std::filesystem::path path = folder / "scene.json";
   if (!std::filesystem::exists(path)) return std::nullopt;
   constexpr std::uint64_t kMaxBytes = 1 << 16;
   try {
-    const auto file = nlohmann::json::parse(ReadBytes(path, kMaxBytes));
+    const auto file = ParseWithoutTwins<nlohmann::json>(ReadBytes(path, kMaxBytes));
     if (const int version = Integer(file, "version"); version != kSceneVersion) {
       ThrowError(
           "it is of version {}, this renderer of {}: render the scene again, or use the cohort "
@@ -126,6 +140,12 @@ std::optional<SceneFile> ReadSceneFile(const std::filesystem::path& folder) {
     scene.frame_step = Integer(file, "frame_step");
     ValidateOptions(scene.options);
     if (scene.first_frame < 0 || scene.frame_step < 1) ThrowError("its frames are out of order");
+    if (std::max(scene.first_frame, scene.frame_step) > SceneFile::kMostFrame) {
+      ThrowError("first_frame {} or frame_step {} is beyond {}",
+                 scene.first_frame,
+                 scene.frame_step,
+                 SceneFile::kMostFrame);
+    }
     return scene;
   } catch (const nlohmann::json::parse_error& e) {
     ThrowError("cannot use {}: it is no JSON (byte {})", path.string(), e.byte);

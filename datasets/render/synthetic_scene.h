@@ -7,6 +7,7 @@
 #include <string>
 
 #include "frontend/core/options.h"
+#include "frontend/tracks/observation.h"
 
 namespace cohort {
 
@@ -90,6 +91,10 @@ struct SceneFile {
   int first_frame = 0;  // frame i of the clip is frame first_frame + i * frame_step of the scene
   int frame_step = 1;
 
+  static constexpr int kMostFrame = 10'000'000;  // of the scene: four days of it
+
+  // The scene's frame that frame i of the clip is. Throws Error beyond kMostFrame.
+  int FrameOf(FrameIndex i) const;
   std::string Text() const;
 };
 // Of a folder; none if there is no scene.json. Throws Error if it cannot be understood or was

@@ -5,8 +5,11 @@
 #include <cmath>
 #include <map>
 #include <utility>
+#include <vector>
 
 #include "datasets/render/synthetic_scene.h"
+#include "frontend/core/error.h"
+#include "frontend/image/read_image.h"
 
 namespace cohort {
 namespace {
@@ -113,10 +116,7 @@ class SceneTruth final : public TrackTruth {
 
  private:
   const SceneMoment& MomentAt(FrameIndex frame) {
-    return moments_.Get(frame, [&] {
-      const auto clip_frame = static_cast<int>(ToInt(frame));
-      return SceneMoment(scene_, file_.first_frame + clip_frame * file_.frame_step);
-    });
+    return moments_.Get(frame, [&] { return SceneMoment(scene_, file_.FrameOf(frame)); });
   }
 
   SceneFile file_;
@@ -180,12 +180,15 @@ class DepthTruth final : public TrackTruth {
   std::optional<double> DepthAt(FrameIndex frame, const Eigen::Vector2d& xy) {
     const cv::Mat& units = UnitsAt(frame);
     if (units.empty() || !camera_.Contains(xy)) return std::nullopt;
-    const int x = std::min(static_cast<int>(xy.x()), units.cols - 2);
-    const int y = std::min(static_cast<int>(xy.y()), units.rows - 2);
+    // A picture may be one pixel wide.
+    const int x = std::max(0, std::min(static_cast<int>(xy.x()), units.cols - 2));
+    const int y = std::max(0, std::min(static_cast<int>(xy.y()), units.rows - 2));
+    const int right = std::min(x + 1, units.cols - 1);
+    const int below = std::min(y + 1, units.rows - 1);
     const std::array<double, 4> z{static_cast<double>(units.at<std::uint16_t>(y, x)),
-                                  static_cast<double>(units.at<std::uint16_t>(y, x + 1)),
-                                  static_cast<double>(units.at<std::uint16_t>(y + 1, x)),
-                                  static_cast<double>(units.at<std::uint16_t>(y + 1, x + 1))};
+                                  static_cast<double>(units.at<std::uint16_t>(y, right)),
+                                  static_cast<double>(units.at<std::uint16_t>(below, x)),
+                                  static_cast<double>(units.at<std::uint16_t>(below, right))};
     const auto [least, most] = std::minmax_element(z.begin(), z.end());
     if (!(*least > 0.0) || *most > 1.02 * *least) return std::nullopt;
     const double a = xy.x() - x;
@@ -200,12 +203,36 @@ class DepthTruth final : public TrackTruth {
   OccluderMasks masks_;
 };
 
+// None where they come from elsewhere than files.
+cv::Size SizeOfPictures(const Sequence& sequence) {
+  if (const auto camera = sequence.KnownCamera()) return {camera->width_px, camera->height_px};
+  const std::vector<std::filesystem::path> files = sequence.Files();
+  return files.empty() ? cv::Size() : ReadImage(files.back()).size();
+}
+
+// A scene.json that was copied beside other pictures would tell of positions that none of them has.
+void CheckSize(const SceneFile& scene,
+               const Sequence& sequence,
+               const std::filesystem::path& folder) {
+  const cv::Size size = SizeOfPictures(sequence);
+  const SyntheticSceneOptions& made = scene.options;
+  if (size.empty() || size == cv::Size(made.width_px, made.height_px)) return;
+  ThrowError("{} is of a scene of {}x{}, the pictures of {} are {}x{}: it is not theirs",
+             (folder / "scene.json").string(),
+             made.width_px,
+             made.height_px,
+             sequence.Name(),
+             size.width,
+             size.height);
+}
+
 }  // namespace
 
 std::unique_ptr<TrackTruth> OpenTrackTruth(const Sequence& sequence,
                                            const std::filesystem::path& input) {
   if (std::filesystem::is_directory(input)) {
     if (const auto scene = ReadSceneFile(input)) {
+      CheckSize(*scene, sequence, input);
       return std::make_unique<SceneTruth>(sequence, *scene);
     }
   }

@@ -103,33 +103,21 @@ void OutputFile::Commit() {
 }
 
 OutputFolder::OutputFolder(fs::path path, const std::vector<std::string>& own_names)
-    : OutputFolder(std::move(path), [&own_names](const std::string& name) {
+    : OutputFolder(std::move(path), [own_names](const std::string& name) {
         return std::find(own_names.begin(), own_names.end(), name) != own_names.end();
       }) {}
 
-OutputFolder::OutputFolder(fs::path path,
-                           const std::function<bool(const std::string& name)>& is_own)
-    : path_(NameOfFolder(std::move(path))), partial_(path_.string() + ".partial") {
-  if (fs::exists(path_) && !fs::is_directory(path_)) {
-    ThrowError("cannot write folder {}: it is a file", path_.string());
+OutputFolder::OutputFolder(fs::path path, std::function<bool(const std::string& name)> is_own)
+    : path_(NameOfFolder(std::move(path))),
+      partial_(path_.string() + ".partial"),
+      is_own_(std::move(is_own)) {
+  std::error_code ignored;
+  if (fs::is_directory(path_, ignored) && fs::equivalent(path_, ".", ignored)) {
+    ThrowError("cannot replace folder {}: it is the current one; run it from another",
+               path_.string());
   }
+  CheckOld();
   CheckParent(path_);
-  if (fs::is_directory(path_)) {
-    std::error_code ignored;
-    if (fs::equivalent(path_, ".", ignored)) {
-      ThrowError("cannot replace folder {}: it is the current one; run it from another",
-                 path_.string());
-    }
-    for (const auto& entry : fs::directory_iterator(path_)) {
-      const std::string name = entry.path().filename().string();
-      if (!is_own(name)) {
-        ThrowError("cannot replace folder {}: it holds {}, which is not ours; give another folder",
-                   path_.string(),
-                   name);
-      }
-    }
-  }
-  CheckFolderHoldsNoInput(path_);
   lock_ = WriteLock::OfNewFolder(partial_);
 }
 
@@ -137,9 +125,25 @@ OutputFolder::~OutputFolder() {
   if (!committed_) RemoveQuietly(partial_);
 }
 
+void OutputFolder::CheckOld() const {
+  if (!fs::exists(path_)) return;
+  if (!fs::is_directory(path_)) {
+    ThrowError("cannot write folder {}: it is a file", path_.string());
+  }
+  for (const auto& entry : fs::directory_iterator(path_)) {
+    const std::string name = entry.path().filename().string();
+    if (!is_own_(name)) {
+      ThrowError("cannot replace folder {}: it holds {}, which is not ours; give another folder",
+                 path_.string(),
+                 name);
+    }
+  }
+  CheckFolderHoldsNoInput(path_);
+}
+
 void OutputFolder::Commit() {
+  CheckOld();  // once more: what came later
   if (fs::exists(path_)) {
-    CheckFolderHoldsNoInput(path_);
     // Swapped in one step, so that there is a whole folder at every moment; file systems that
     // cannot do that get two renames.
     if (renameat2(AT_FDCWD, partial_.c_str(), AT_FDCWD, path_.c_str(), RENAME_EXCHANGE) == 0) {

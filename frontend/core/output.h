@@ -41,13 +41,12 @@ class OutputFile {
 };
 
 // The same for a folder. An existing folder is replaced whole; so that a slip of the hand deletes
-// nothing, one that holds an entry whose name is not ours, or a file that the run reads, is refused at
-// once.
+// nothing, one that holds an entry whose name is not ours, or a file that the run reads, is refused: at
+// once, and in Commit where one was put there meanwhile.
 class OutputFolder {
  public:
   OutputFolder(std::filesystem::path path, const std::vector<std::string>& own_names);
-  OutputFolder(std::filesystem::path path,
-               const std::function<bool(const std::string& name)>& is_own);
+  OutputFolder(std::filesystem::path path, std::function<bool(const std::string& name)> is_own);
   OutputFolder(const OutputFolder&) = delete;
   OutputFolder& operator=(const OutputFolder&) = delete;
   ~OutputFolder();
@@ -56,8 +55,11 @@ class OutputFolder {
   void Commit();
 
  private:
+  void CheckOld() const;  // what is to be replaced
+
   std::filesystem::path path_;
   std::filesystem::path partial_;
+  std::function<bool(const std::string& name)> is_own_;
   std::optional<WriteLock> lock_;
   bool committed_ = false;
 };

@@ -55,6 +55,13 @@ int CountInstructions(void* step) {
 
 fs::path Beside(const fs::path& path, const char* suffix) { return path.string() + suffix; }
 
+// SQLite follows links: a log or a journal lies beside the file that they lead to.
+fs::path WithoutLinks(const fs::path& path) {
+  std::error_code error;
+  fs::path file = fs::canonical(path, error);
+  return error ? path : file;
+}
+
 // Of a file; 0 if it is not there.
 std::uint64_t BytesOf(const fs::path& path) {
   std::error_code error;
@@ -212,17 +219,18 @@ SqliteDatabase::SqliteDatabase(sqlite3* db) : work_(std::make_unique<Work>()), d
 }
 
 SqliteDatabase SqliteDatabase::Open(const fs::path& path, Mode mode) {
-  std::string uri = UriOf(path);
+  const fs::path file = WithoutLinks(path);
+  const fs::path log = Beside(file, "-wal");
+  std::string uri = UriOf(file);
   int flags = SQLITE_OPEN_URI | SQLITE_OPEN_READWRITE;
   const char* vfs = nullptr;
-  const bool may_be_foreign = mode != Mode::kCreate || BytesOf(path) > 0;
+  const bool may_be_foreign = mode != Mode::kCreate || BytesOf(file) > 0;
   if (may_be_foreign) {
     CheckInputFile(path);
-    const fs::path log = Beside(path, "-wal");
     if (fs::exists(log)) CheckInputFile(log);
-    CheckJournal(path, Beside(fs::canonical(path), "-journal"));
+    CheckJournal(path, Beside(file, "-journal"));
   }
-  const bool has_log = BytesOf(Beside(path, "-wal")) > 0;
+  const bool has_log = BytesOf(log) > 0;
   if (mode == Mode::kCreate) flags |= SQLITE_OPEN_CREATE;
   if (mode == Mode::kRead) {
     flags = SQLITE_OPEN_URI | SQLITE_OPEN_READONLY;
@@ -254,7 +262,7 @@ SqliteDatabase SqliteDatabase::Open(const fs::path& path, Mode mode) {
   sqlite3_db_config(raw, SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, 1, nullptr);
   if (has_log) db.Execute("PRAGMA locking_mode = EXCLUSIVE");
   db.Execute("PRAGMA cell_size_check = ON");
-  if (may_be_foreign) db.LimitWork(BytesOf(path) + BytesOf(Beside(path, "-wal")));
+  if (may_be_foreign) db.LimitWork(BytesOf(file) + BytesOf(log));
   // Opening reads nothing: this says at once that the file is no database, or damaged.
   db.Execute("PRAGMA schema_version");
   if (may_be_foreign) db.CheckTables();

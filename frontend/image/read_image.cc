@@ -17,11 +17,16 @@ using std::string_view_literals::operator""sv;
 namespace {
 
 // Decoders fill what a cut JPEG lacks with grey and say nothing. After the headers (segments with
-// their lengths) comes the coded picture, in which the end mark FF D9 cannot occur by chance.
+// their lengths, any number of FF before each) comes the coded picture, in which the end mark FF D9
+// cannot occur by chance.
 bool IsCutJpeg(std::string_view bytes) {
   if (!bytes.starts_with("\xFF\xD8\xFF")) return false;
   std::size_t at = 2;
   while (at + 4 <= bytes.size() && bytes[at] == '\xFF' && bytes[at + 1] != '\xDA') {
+    if (bytes[at + 1] == '\xFF') {
+      ++at;
+      continue;
+    }
     const auto high = static_cast<unsigned char>(bytes[at + 2]);
     const auto low = static_cast<unsigned char>(bytes[at + 3]);
     at += 2 + high * 256U + low;
@@ -73,8 +78,8 @@ cv::Mat ReadImage(const std::filesystem::path& file, int flags) {
   cv::Mat picture;
   if (!IsCutJpeg(bytes)) {
     try {
-      picture =
-          cv::imdecode(cv::Mat(1, static_cast<int>(bytes.size()), CV_8UC1, bytes.data()), flags);
+      picture = cv::imdecode(cv::Mat(1, static_cast<int>(bytes.size()), CV_8UC1, bytes.data()),
+                             flags | cv::IMREAD_IGNORE_ORIENTATION);
     } catch (const cv::Exception& e) {
       const bool too_large = e.err.find("CV_IO_MAX_IMAGE") != std::string::npos;
       ThrowError("cannot decode {}: {}",

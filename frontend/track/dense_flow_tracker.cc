@@ -1,6 +1,7 @@
 #include "frontend/track/dense_flow_tracker.h"
 
 #include <algorithm>
+#include <cmath>
 #include <opencv2/imgproc.hpp>
 #include <opencv2/optflow.hpp>
 #include <opencv2/video/tracking.hpp>
@@ -27,8 +28,9 @@ cv::Ptr<cv::DenseOpticalFlow> MakeFlow(DenseFlowMethod method) {
   ThrowUsageError("unknown dense flow");
 }
 
-// Outside the field its border repeats.
+// Outside the field its border repeats. Where a flow that is no number led, there is none.
 cv::Point2f SampleBilinearly(const cv::Mat& flow, const cv::Point2f& at) {
+  if (!std::isfinite(at.x) || !std::isfinite(at.y)) return at;
   const float x = std::clamp(at.x, 0.0F, static_cast<float>(flow.cols - 1));
   const float y = std::clamp(at.y, 0.0F, static_cast<float>(flow.rows - 1));
   const int i = std::min(static_cast<int>(x), flow.cols - 2);

@@ -104,6 +104,7 @@ void JointGuide::Begin(const Pyramid& picture) {
   history_.clear();
   history_.emplace_front(2, 0);
   previous_ = picture;
+  contrast_ = 0.0;
 }
 
 void JointGuide::Add(std::span<const std::vector<Eigen::Vector2d>> births,

@@ -293,7 +293,8 @@ std::optional<Eigen::Vector2d> TrackWindow(const Pyramid& from,
     PatchWindow there;
     FillWindow(to.levels[l], *found, window_px, there);
     const auto [vv, tt, vt, absolute] = CompareWindows(there, window);
-    if (!(vt >= kLeastCorrelation * std::sqrt(vv * tt))) return std::nullopt;
+    // Nothing, such as black, is no likeness: it has no variance, and 0 >= 0.
+    if (!(vt > 0.0 && vt >= kLeastCorrelation * std::sqrt(vv * tt))) return std::nullopt;
   }
   return xy + displacement;
 }

@@ -201,7 +201,9 @@ Eigen::Matrix2Xd SubspaceMover::Fuse(const FrameMeasurement& frame, std::vector<
   Eigen::Matrix2Xd x(2, static_cast<Eigen::Index>(moves.size()));
   for (std::size_t f = 0; f < moves.size(); ++f) {
     Move& move = moves[f];
-    x.col(static_cast<Eigen::Index>(f)) = fused.empty() ? move.xy : fused[f].xy;
+    // No other feature's history pays for one that the model has lost.
+    const bool is_fused = !fused.empty() && fused[f].xy.allFinite();
+    x.col(static_cast<Eigen::Index>(f)) = is_fused ? fused[f].xy : move.xy;
     if (fused.empty()) continue;
     // What strays more than its noise from what the others say (a corner where two surfaces
     // overlap) is worth less than its gradients promise.

@@ -79,7 +79,8 @@ void TrackLoop::CheckSize(const cv::Size& size) {
 }
 
 // The mover is left without features, and begins anew with those that are born next: nothing that it
-// knows of the old scene tells of the new one.
+// knows of the old scene tells of the new one. What it knows of the camera's noise
+// (CovarianceCalibration) stays.
 void TrackLoop::EndAtCut(FrameResult& result) {
   result.cut = true;
   for (const Feature& feature : features_) {

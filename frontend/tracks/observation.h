@@ -1,7 +1,9 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cmath>
 #include <cstdint>
+#include <limits>
 #include <optional>
 
 #include "frontend/core/options.h"
@@ -42,10 +44,24 @@ struct PixelCovariance {
   float xy = 0.0F;
   float yy = 1.0F;
 
+  // Whether they are one, of positive definite floats: what readers of files ask.
+  static bool IsOne(double xx, double xy, double yy) {
+    using Limits = std::numeric_limits<float>;
+    const auto is_variance = [](double v) { return v >= Limits::min() && v <= Limits::max(); };
+    return is_variance(xx) && is_variance(yy) && xx * yy > xy * xy;
+  }
+
+  // Where rounding would leave a very long ellipse none (xx yy = xy^2), it gets the next one that is.
   static PixelCovariance From(const Eigen::Matrix2d& matrix) {
-    return {static_cast<float>(matrix(0, 0)),
-            static_cast<float>(matrix(0, 1)),
-            static_cast<float>(matrix(1, 1))};
+    PixelCovariance c{static_cast<float>(matrix(0, 0)),
+                      static_cast<float>(matrix(0, 1)),
+                      static_cast<float>(matrix(1, 1))};
+    if (IsOne(c.xx, 0.0, c.yy) && std::isfinite(c.xy) && !IsOne(c.xx, c.xy, c.yy)) {
+      constexpr double kLess = 1.0 - 1e-6;
+      const double most = kLess * std::sqrt(double{c.xx} * double{c.yy});
+      c.xy = static_cast<float>(std::copysign(most, matrix(0, 1)));
+    }
+    return c;
   }
   Eigen::Matrix2d Matrix() const {
     Eigen::Matrix2d matrix;

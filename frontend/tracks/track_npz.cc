@@ -268,12 +268,11 @@ std::optional<PixelCovariance> CovarianceOf(const TracksReader& reader,
   const double xy = covariances[3 * cell + 1];
   const double yy = covariances[3 * cell + 2];
   if (std::isnan(xx) && std::isnan(xy) && std::isnan(yy)) return std::nullopt;
-  constexpr double kMax = std::numeric_limits<float>::max();
-  if (!(xx > 0.0 && yy > 0.0 && xx * yy > xy * xy && xx <= kMax && yy <= kMax)) {
+  if (!PixelCovariance::IsOne(xx, xy, yy)) {
     reader.Fail("covariance",
                 fmt::format("xx {}, xy {}, yy {} is no positive definite covariance", xx, xy, yy));
   }
-  return PixelCovariance{static_cast<float>(xx), static_cast<float>(xy), static_cast<float>(yy)};
+  return PixelCovariance::From(Eigen::Matrix2d{{xx, xy}, {xy, yy}});
 }
 
 }  // namespace

@@ -240,13 +240,14 @@ std::vector<Observation> ReadObservations(SqliteDatabase& db, const fs::path& pa
                                      .xy = static_cast<float>(row.Real(7)),
                                      .yy = static_cast<float>(row.Real(8))};
       const PixelCovariance& c = *o.covariance;
-      if (!c.Matrix().allFinite() || c.xx < 0.0F || c.yy < 0.0F) {
-        ThrowDamaged(path,
-                     fmt::format("a covariance of track {} is none: xx {}, xy {}, yy {}",
-                                 ToInt(o.feature),
-                                 c.xx,
-                                 c.xy,
-                                 c.yy));
+      if (!PixelCovariance::IsOne(c.xx, c.xy, c.yy)) {
+        ThrowDamaged(
+            path,
+            fmt::format("a covariance of track {} is not positive definite: xx {}, xy {}, yy {}",
+                        ToInt(o.feature),
+                        c.xx,
+                        c.xy,
+                        c.yy));
       }
     }
   }

@@ -2,36 +2,17 @@
 
 #include <cstdint>
 #include <nlohmann/json.hpp>
-#include <set>
 #include <string>
-#include <vector>
 
 #include "frontend/core/error.h"
 #include "frontend/core/input_file.h"
 #include "frontend/core/input_record.h"
+#include "frontend/core/json_text.h"
 #include "frontend/core/output.h"
 
 namespace cohort {
 
 using Json = nlohmann::ordered_json;
-
-namespace {
-
-// Of a key that an object has twice the last value would count, and nobody would know of the first.
-Json ParseWithoutTwins(const std::string& text, const std::filesystem::path& path) {
-  std::vector<std::set<std::string>> keys;  // of the objects that are open
-  return Json::parse(text, [&](int /*depth*/, Json::parse_event_t event, Json& parsed) {
-    if (event == Json::parse_event_t::object_start) keys.emplace_back();
-    if (event == Json::parse_event_t::object_end) keys.pop_back();
-    if (event == Json::parse_event_t::key &&
-        !keys.back().insert(parsed.get<std::string>()).second) {
-      ThrowError("{}: key {} stands twice in one object: leave one", path.string(), parsed.dump());
-    }
-    return true;
-  });
-}
-
-}  // namespace
 
 void WriteJsonFile(const std::filesystem::path& path, const Json& json) {
   OutputFile out(path);
@@ -41,9 +22,12 @@ void WriteJsonFile(const std::filesystem::path& path, const Json& json) {
 
 Json ReadJsonFile(const std::filesystem::path& path) {
   constexpr std::uint64_t kMaxBytes = std::uint64_t{1} << 26;  // in memory some 30 times as many
+  const OwnFile own(path);  // nearly all are ours, and written again
+  const std::string text = ReadBytes(path, kMaxBytes);
   try {
-    const OwnFile own(path);  // nearly all are ours, and written again
-    return ParseWithoutTwins(ReadBytes(path, kMaxBytes), path);
+    return ParseWithoutTwins<Json>(text);
+  } catch (const Error& e) {
+    ThrowError("{}: {}", path.string(), e.what());
   } catch (const nlohmann::json::parse_error& e) {
     ThrowError("{}: is no JSON (byte {})", path.string(), e.byte);
   } catch (const nlohmann::json::exception& e) {  // a number that fits none

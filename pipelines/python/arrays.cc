@@ -57,9 +57,7 @@ TrackSet ToTracks(const py::array_t<ObservationRow>& rows) {
     o.residual = row.residual;
     if (!std::isfinite(row.residual)) ThrowError("observation {}: its residual is not finite", i);
     if (std::isnan(row.cov_xx) && std::isnan(row.cov_xy) && std::isnan(row.cov_yy)) continue;
-    const double determinant =
-        static_cast<double>(row.cov_xx) * row.cov_yy - static_cast<double>(row.cov_xy) * row.cov_xy;
-    if (!(row.cov_xx > 0.0F && std::isfinite(determinant) && determinant > 0.0)) {
+    if (!PixelCovariance::IsOne(row.cov_xx, row.cov_xy, row.cov_yy)) {
       ThrowError("observation {}: its covariance {}, {}, {} is not positive definite",
                  i,
                  row.cov_xx,

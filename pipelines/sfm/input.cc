@@ -146,7 +146,7 @@ std::string CanonicalPath(const std::filesystem::path& path) {
 cv::Mat ReadMask(const std::string& path) {
   if (path.empty()) return {};
   try {
-    return ReadImage(path, cv::IMREAD_GRAYSCALE);
+    return ReadImage(path, cv::IMREAD_GRAYSCALE | cv::IMREAD_ANYDEPTH) != 0;
   } catch (const Error& error) {
     ThrowError("cannot read the mask {}: give a picture ({})", path, error.what());
   }

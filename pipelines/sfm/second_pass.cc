@@ -64,7 +64,7 @@ PixelCovariance MeanCovariance(const std::vector<Observation>& sightings) {
     mean.xy += o.covariance->xy / count;
     mean.yy += o.covariance->yy / count;
   }
-  return mean;
+  return PixelCovariance::From(mean.Matrix());
 }
 
 // The features of which at least `min_confirmed` of the first pass's observations were measured

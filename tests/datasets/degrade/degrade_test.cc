@@ -9,6 +9,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "datasets/open_sequence.h"
+#include "frontend/core/child_process.h"
 #include "frontend/core/error.h"
 #include "frontend/core/output.h"
 #include "tests/datasets/fixtures.h"
@@ -365,6 +366,35 @@ TEST(DegradeSequence, TakesAPlainImageFolder) {
   EXPECT_EQ(test::ReadAll(*dark).size(), 3u);
   EXPECT_FALSE(dark->KnownCamera());
   EXPECT_TRUE(dark->TrueCamFromWorld().empty());
+}
+
+// Few of the first frames are later than the others, so that a few and many have another rate.
+TEST(DegradeSequence, APhonesBytesDoNotDependOnThreadsWhereTimesAreUneven) {
+  if (!FindProgram("ffmpeg")) GTEST_SKIP() << "no ffmpeg";
+  const TempDir dir;
+  constexpr int kFrames = 14;
+  std::string list;
+  double seconds = 1.0;
+  for (int i = 0; i < kFrames; ++i) {
+    test::WriteImage(dir / fmt::format("clip/rgb/{}.png", i), 40 + 9 * i);
+    list += fmt::format("{} rgb/{}.png\n", seconds, i);
+    seconds += i < 4 ? 0.2 : 0.03;
+  }
+  test::WriteText(dir / "clip/rgb.txt", list);
+  for (const unsigned threads : {1U, 3U}) {
+    const auto sequence = OpenSequence(dir / "clip");
+    DegradeSequence(*sequence,
+                    dir / "clip",
+                    std::nullopt,
+                    Options(DegradeRecipe::kPhone, 2.0),
+                    dir / std::to_string(threads),
+                    {},
+                    threads);
+  }
+  for (int i = 0; i < kFrames; ++i) {
+    const std::string name = fmt::format("rgb/{:06}.png", i);
+    EXPECT_EQ(ReadBytes(dir / "1" / name), ReadBytes(dir / "3" / name)) << i;
+  }
 }
 
 }  // namespace

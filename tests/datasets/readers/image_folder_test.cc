@@ -2,6 +2,7 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <fstream>
 #include <opencv2/imgcodecs.hpp>
@@ -317,6 +318,53 @@ TEST(ImageFolder, TheFirstBytesSayWhetherItIsAPicture) {
     }
     EXPECT_EQ(test::ReadAll(*OpenSequence(dir.path())).size(), 2u) << ending;
   }
+}
+
+// ITU T.81, B.1.1.2: any number of FF may stand before a marker.
+TEST(ImageFolder, AJpegMayHaveFillBytes) {
+  cv::Mat noise(48, 64, CV_8UC1);
+  cv::randu(noise, 0, 256);
+  std::vector<std::uint8_t> plain;
+  cv::imencode(".jpg", noise, plain);
+  std::string bytes(plain.begin(), plain.end());
+  bytes.insert(2, "\xFF\xFF\xFF");
+  const TempDir dir;
+  test::WriteText(dir / "0.jpg", bytes);
+  const std::vector<Frame> frames = test::ReadAll(*OpenSequence(dir.path()));
+  ASSERT_EQ(frames.size(), 1u);
+  EXPECT_EQ(cv::norm(frames[0].gray, cv::imdecode(plain, cv::IMREAD_GRAYSCALE)), 0.0);
+
+  const auto damaged = ThrowsMessage<Error>(HasSubstr("damaged"));
+  test::WriteText(dir / "0.jpg", bytes.substr(0, bytes.size() / 2));
+  EXPECT_THAT([&] { OpenSequence(dir.path()); }, damaged);
+  test::WriteText(dir / "0.jpg", "\xFF\xD8" + std::string(100, '\xFF'));
+  EXPECT_THAT([&] { OpenSequence(dir.path()); }, damaged);
+}
+
+TEST(ImageFolder, WhatSeveralBracesMatchIsOneFrame) {
+  const TempDir dir;
+  for (const char* name : {"left1.png", "left2.png", "right1.png"}) WriteImage(dir / name, 1);
+  const auto sequence = OpenSequence(dir / "{left,r,*1}*.png");
+  EXPECT_THAT(Names(test::ReadAll(*sequence)), ElementsAre("left1.png", "left2.png", "right1.png"));
+}
+
+// As lost+found is on a disk of its own.
+TEST(OpenSequence, AFolderThatMayNotBeReadIsNoPlaceToLookFor) {
+  const TempDir dir;
+  std::filesystem::create_directory(dir / "a_lost");
+  WriteImage(dir / "c/0.png", 0);
+  WriteImage(dir / "b/0.png", 0);
+  std::filesystem::permissions(dir.path(), std::filesystem::perms(0755));
+  std::filesystem::permissions(dir / "a_lost", std::filesystem::perms::none);
+  const uid_t user = geteuid();
+  if (user == 0) {
+    ASSERT_EQ(seteuid(65533), 0);  // root may read all
+  }
+  EXPECT_THAT([&] { OpenSequence(dir.path()); },
+              ThrowsMessage<Error>(AllOf(HasSubstr("nothing to read"),
+                                         HasSubstr("images in " + (dir / "b").string()))));
+  ASSERT_EQ(seteuid(user), 0);
+  std::filesystem::permissions(dir / "a_lost", std::filesystem::perms::owner_all);
 }
 
 }  // namespace

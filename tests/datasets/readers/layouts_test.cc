@@ -23,6 +23,7 @@ using test::WriteText;
 using testing::AllOf;
 using testing::ElementsAre;
 using testing::HasSubstr;
+using testing::MatchesRegex;
 using testing::ThrowsMessage;
 
 void ExpectSame(const Rigid3& a, const Rigid3& b, double tolerance) {
@@ -72,6 +73,17 @@ TEST_F(Tum, TimesThatRunBackwardsAreSaid) {
   EXPECT_THAT(Names(test::ReadAll(*sequence)),
               ElementsAre("rgb/0.png", "rgb/2.png", "rgb/1.png", "rgb/3.png"));
   EXPECT_THAT(sequence->Warning(), HasSubstr("the time of rgb/1.png is before that of rgb/2.png"));
+}
+
+TEST_F(Tum, AWarningDoesNotHideAnother) {
+  WriteText(dir_ / "rgb.txt", "1.0 rgb/0.png\n1.2 rgb/2.png\n1.1 rgb/1.png\n1.3 rgb/gone.png\n");
+  const auto sequence = OpenSequence(dir_.path());
+  for (int round = 0; round < 2; ++round) {
+    EXPECT_EQ(test::ReadAll(*sequence).size(), 3u);
+    EXPECT_THAT(sequence->Warning(),
+                MatchesRegex(".*time of rgb/1.png is before.*listed; read 3 frames of 4: [^;]*"));
+    sequence->Rewind();
+  }
 }
 
 TEST_F(Tum, ReadsCalibrationWithAndWithoutDistortion) {

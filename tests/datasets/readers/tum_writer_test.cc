@@ -117,5 +117,20 @@ TEST(TumWriter, AFullDiskIsAnErrorAndTheOldFolderStays) {
   EXPECT_FALSE(fs::exists(dir / "clip.partial"));
 }
 
+TEST(TumWriter, TimesMayBeBeforeZero) {
+  const TempDir dir;
+  const std::vector<std::int64_t> times{-3'250'000'000, -550'000'000, -1, 0, 7'000'000'001};
+  TumWriter writer(dir / "clip");
+  for (std::size_t i = 0; i < times.size(); ++i) {
+    TumWriter::Record record = Record(0);
+    record.timestamp_ns = times[i];
+    writer.Write(i, record);
+  }
+  writer.Finish();
+  const auto frames = test::ReadAll(*OpenSequence(dir / "clip"));
+  ASSERT_EQ(frames.size(), times.size());
+  for (std::size_t i = 0; i < times.size(); ++i) EXPECT_EQ(frames[i].timestamp_ns, times[i]);
+}
+
 }  // namespace
 }  // namespace cohort

@@ -1,7 +1,9 @@
 #include "datasets/readers/video_decoder.h"
 
+#include <fcntl.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
@@ -331,6 +333,42 @@ TEST_F(Decoder, ClosesWhatItOpens) {
     EXPECT_ANY_THROW(VideoDecoder(Path("no.mp4")));
   }
   EXPECT_EQ(descriptors(), before + 1);
+}
+
+// The descriptor of this process that reads the file.
+int DescriptorOf(const std::string& file) {
+  std::error_code gone;  // that of the folder itself
+  for (const auto& entry : fs::directory_iterator("/proc/self/fd")) {
+    if (fs::read_symlink(entry.path(), gone) == file) {
+      return std::stoi(entry.path().filename().string());
+    }
+  }
+  return -1;
+}
+
+// It may be whole: it must not seem to be a shorter one. A descriptor that is not for reading stands
+// in for a bad disk.
+TEST_F(Decoder, AVideoThatTheSystemDoesNotGiveIsAnError) {
+  for (const char* name : {"a.avi", "a.mkv"}) {
+    Film(name, "-c:v mjpeg -q:v 1", "null", "640x480");
+    ASSERT_GT(fs::file_size(Path(name)), 10u << 16);  // more than FFmpeg reads at once
+    VideoDecoder video(Path(name));
+    ASSERT_TRUE(video.Next());
+    const int descriptor = DescriptorOf(Path(name));
+    ASSERT_GE(descriptor, 0);
+    const int unreadable = open("/dev/null", O_WRONLY);
+    ASSERT_EQ(dup2(unreadable, descriptor), descriptor);
+    close(unreadable);
+    EXPECT_THAT(
+        [&] {
+          while (video.Next()) {
+          }
+        },
+        ThrowsMessage<SystemError>(AllOf(HasSubstr(name), HasSubstr("Bad file descriptor"))));
+  }
+  fs::create_symlink("/proc/self/mem", Path("b.mp4"));  // its first byte is an EIO
+  EXPECT_THAT([&] { VideoDecoder video(Path("b.mp4")); },
+              ThrowsMessage<SystemError>(AllOf(HasSubstr("b.mp4"), HasSubstr("Input/output"))));
 }
 
 }  // namespace

@@ -367,11 +367,27 @@ TEST(ReadSceneFile, NamesWhatItCannotUse) {
               ThrowsMessage<Error>(HasSubstr("frames")));
   EXPECT_THAT(with("\"frame_step\": ", "\"steps\": "),
               ThrowsMessage<Error>(HasSubstr("frame_step")));
+  EXPECT_THAT(with("\"frame_step\": 1", "\"frame_step\": 2147483647"),
+              ThrowsMessage<Error>(HasSubstr("frame_step 2147483647 is beyond")));
+  EXPECT_THAT(with("\"first_frame\": 0", "\"first_frame\": 10000001"),
+              ThrowsMessage<Error>(HasSubstr("first_frame 10000001")));
+  EXPECT_THAT(with("\"frames\": ", "\"frames\": 7, \"frames\": "),
+              ThrowsMessage<Error>(HasSubstr("\"frames\" stands twice")));
   EXPECT_THAT(with("\"seed\": \"", "\"seed\": \"x"), ThrowsMessage<Error>(HasSubstr("seed")));
   bad = good;
   bad.replace(bad.find("\"version\": ") + 11, 1, "999");
   EXPECT_THAT([&] { read(bad); },
               ThrowsMessage<Error>(AllOf(HasSubstr("version 999"), HasSubstr("render"))));
+}
+
+TEST(SceneFile, CountsItsFramesUpToTheMostThatAreTaken) {
+  SceneFile file;
+  file.first_frame = 5;
+  file.frame_step = SceneFile::kMostFrame;
+  EXPECT_EQ(file.FrameOf(FrameIndex{0}), 5);
+  EXPECT_THAT([&] { file.FrameOf(FrameIndex{1}); },
+              ThrowsMessage<Error>(HasSubstr("frame 10000005 of its scene")));
+  EXPECT_THAT([&] { file.FrameOf(FrameIndex{4294967295U}); }, testing::Throws<Error>());
 }
 
 }  // namespace

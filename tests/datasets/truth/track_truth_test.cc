@@ -6,8 +6,10 @@
 
 #include "datasets/degrade/degrade.h"
 #include "datasets/open_sequence.h"
+#include "datasets/readers/tum_writer.h"
 #include "datasets/render/render.h"
 #include "datasets/render/synthetic_scene.h"
+#include "frontend/core/error.h"
 #include "tests/datasets/fixtures.h"
 #include "tests/support/temp_dir.h"
 
@@ -183,6 +185,64 @@ TEST(TrackTruth, IsNoneWithoutDepthOrPoses) {
   for (int i = 0; i < 2; ++i) test::WriteImage(dir / fmt::format("{}.png", i), 100);
   const auto sequence = OpenSequence(dir.path());
   EXPECT_EQ(OpenTrackTruth(*sequence, dir.path()), nullptr);
+}
+
+TEST_F(Clip, ASceneFileOfOtherPicturesIsAnError) {
+  Open(SceneName::kTabletop);
+  SceneFile other = *ReadSceneFile(dir_ / "clip");
+  other.options.width_px = 640;
+  test::WriteText(dir_ / "clip/scene.json", other.Text());
+  const auto both_sizes = testing::ThrowsMessage<Error>(
+      testing::AllOf(testing::HasSubstr("640x240"), testing::HasSubstr("320x240")));
+  EXPECT_THAT([&] { OpenTrackTruth(*sequence_, dir_ / "clip"); }, both_sizes);
+  fs::remove(dir_ / "clip/calibration.txt");
+  const auto without_calibration = OpenSequence(dir_ / "clip");
+  EXPECT_THAT([&] { OpenTrackTruth(*without_calibration, dir_ / "clip"); }, both_sizes);
+}
+
+TEST_F(Clip, AFrameBeyondTheSceneIsAnError) {
+  Open(SceneName::kTabletop);
+  SceneFile file = *ReadSceneFile(dir_ / "clip");
+  file.frame_step = SceneFile::kMostFrame;
+  test::WriteText(dir_ / "clip/scene.json", file.Text());
+  const auto truth = OpenTrackTruth(*sequence_, dir_ / "clip");
+  const auto beyond = testing::ThrowsMessage<Error>(testing::HasSubstr("of its scene"));
+  EXPECT_THAT([&] { truth->Pick(FrameIndex{3}, {100.0, 100.0}); }, beyond);
+  EXPECT_THAT(
+      [&] {
+        DegradeSequence(*OpenSequence(dir_ / "clip", Layout::kAuto, FrameRange::Parse("3:")),
+                        dir_ / "clip",
+                        std::nullopt,
+                        {},
+                        dir_ / "dark");
+      },
+      beyond);
+}
+
+// Of a step of the depth: what is above it is no neighbour of what is below.
+TEST(DepthTruth, PicturesMayBeOnePixelWide) {
+  const TempDir dir;
+  TumWriter writer(dir / "clip");
+  writer.WriteCamera(
+      {.width_px = 1, .height_px = 20, .fx = 20.0, .fy = 20.0, .cx = 0.0, .cy = 9.5});
+  TumWriter::Record record;
+  record.picture = cv::Mat(20, 1, CV_8UC1, cv::Scalar(100));
+  record.depth_m = cv::Mat(20, 1, CV_32FC1, cv::Scalar(2.0));
+  record.depth_m->rowRange(0, 10) = 1.0;
+  record.cam_from_world = Rigid3{};
+  writer.Write(0, record);
+  writer.Finish();
+  const auto sequence = OpenSequence(dir / "clip");
+  const auto truth = OpenTrackTruth(*sequence, dir / "clip");
+  ASSERT_NE(truth, nullptr);
+  const auto depth_at = [&](double y) {
+    const auto anchor = truth->Pick(FrameIndex{0}, {0.0, y});
+    return anchor ? anchor->x_in_world.z() : 0.0;
+  };
+  EXPECT_NEAR(depth_at(0.0), 1.0, 1e-3);
+  EXPECT_EQ(depth_at(9.5), 0.0);
+  EXPECT_NEAR(depth_at(10.0), 2.0, 1e-3);
+  EXPECT_NEAR(depth_at(18.5), 2.0, 1e-3);
 }
 
 }  // namespace

@@ -250,5 +250,24 @@ TEST(OutputFolder, RefusesToReplaceAFolderWithForeignFiles) {
   EXPECT_EQ(ReadBytes(dir / "home" / "thesis.tex"), "years");
 }
 
+TEST(OutputFolder, ReplacesNothingThatCameWhileTheRunWorked) {
+  const test::TempDir dir;
+  std::filesystem::create_directory(dir / "model");
+  {
+    OutputFolder out(dir / "model", {"a"});
+    WriteBytes(out.partial() / "a", "new");
+    WriteBytes(dir / "model/thesis.tex", "years");
+    EXPECT_THAT([&] { out.Commit(); }, ThrowsMessage<Error>(HasSubstr("holds thesis.tex")));
+  }
+  EXPECT_EQ(ReadBytes(dir / "model/thesis.tex"), "years");
+  EXPECT_FALSE(std::filesystem::exists(dir / "model.partial"));
+  {
+    OutputFolder out(dir / "new", {"a"});
+    WriteBytes(dir / "new", "a file");
+    EXPECT_THAT([&] { out.Commit(); }, ThrowsMessage<Error>(HasSubstr("it is a file")));
+  }
+  EXPECT_EQ(ReadBytes(dir / "new"), "a file");
+}
+
 }  // namespace
 }  // namespace cohort

@@ -161,6 +161,22 @@ TEST(Sqlite, ReadsADatabaseWithALogAndWritesNothing) {
   EXPECT_THAT(names(), testing::ElementsAre("a ?#%41.db"));
 }
 
+// It lies beside the file, not beside the link: without it the rows are those of long ago.
+TEST(Sqlite, ReadsTheLogOfADatabaseBehindALink) {
+  const test::TempDir dir;
+  std::filesystem::create_directory(dir / "there");
+  auto writer = SqliteDatabase::Open(dir / "there/a.db", Mode::kCreate);
+  writer.Execute("PRAGMA journal_mode = WAL; CREATE TABLE t(id INTEGER)");
+  writer.Execute("PRAGMA wal_checkpoint(TRUNCATE); INSERT INTO t VALUES(1)");
+  std::filesystem::create_symlink("there/a.db", dir / "link.db");
+  auto db = SqliteDatabase::Open(dir / "link.db", Mode::kRead);
+  auto select = db.Prepare("SELECT COUNT(id) FROM t");
+  ASSERT_TRUE(select.Step());
+  EXPECT_EQ(select.Int(0), 1);
+  EXPECT_THAT([&] { SqliteDatabase::Open(dir / "link.db", Mode::kWrite); },
+              testing::ThrowsMessage<Error>(testing::HasSubstr("write-ahead log")));
+}
+
 TEST(Sqlite, WaitsForNoPipeBesideIt) {
   const test::TempDir dir;
   for (const char* suffix : {"-journal", "-wal"}) {

@@ -108,6 +108,30 @@ TEST(JointGuide, KeepsTheNewestFramesOfWhatIsKept) {
   EXPECT_EQ(guide.history()[2], oldest);
 }
 
+// The weight goes by the new scene's contrast: a dark one behind a bright one is no other than a dark
+// one alone.
+TEST(JointGuide, BeginsAnewWithoutTheContrastOfTheOldScene) {
+  const Pyramid bright = test::ShiftedNoise({0, 0});
+  const Pyramid dark = BuildPyramid(0.05 * bright.levels[0]);
+  const Pyramid next = BuildPyramid(0.05 * test::ShiftedNoise({1.5, -0.5}).levels[0]);
+  Eigen::Matrix2Xd born(2, 5);
+  born << 50, 90, 130, 60, 110, 60, 70, 80, 100, 50;
+  const std::vector<Feature> features = test::FeaturesAt(dark, born);
+  const auto begin = [&](JointGuide& guide) {
+    guide.Begin(dark);
+    guide.Add(BirthsAt(born), dark, features);
+    return guide.Minimize(next, features, born);
+  };
+  JointGuide fresh{SubspaceOptions()};
+  JointGuide used{SubspaceOptions()};
+  used.Begin(bright);
+  used.Add(BirthsAt(born), bright, test::FeaturesAt(bright, born));
+  const OptimizerResult a = begin(used);
+  const OptimizerResult b = begin(fresh);
+  EXPECT_EQ(a.x, b.x);
+  EXPECT_EQ(a.energy, b.energy);
+}
+
 // Paper equation (7), with m over the picture's contrast.
 TEST(DataWeight, IsOneOverTheFeaturesForAStrongConstraintAndOneForAWeak) {
   SubspaceOptions options;

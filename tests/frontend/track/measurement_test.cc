@@ -213,5 +213,13 @@ TEST(CompareCenter, TellsWhatStandsBeforeTheFeature) {
   EXPECT_GT(other.variance, 1e-4);
 }
 
+TEST(TrackWindow, FindsNothingInABlackPicture) {
+  const Pyramid here = TwoLevels(MovedPicture({0.0, 0.0}));
+  const Pyramid black = TwoLevels(cv::Mat::zeros(kHeight, kWidth, CV_32F));
+  EXPECT_TRUE(TrackWindow(here, here, kFeature, kWindowPx));
+  EXPECT_FALSE(TrackWindow(here, black, kFeature, kWindowPx));
+  EXPECT_FALSE(TrackWindow(black, here, kFeature, kWindowPx));
+}
+
 }  // namespace
 }  // namespace cohort

@@ -604,6 +604,8 @@ TEST(TrackStore, TakesNothingThatCannotBe) {
         "UPDATE observations SET track_id = 1 << 33 WHERE track_id = 1",
         "UPDATE observations SET cov_xx = 9e999, cov_xy = 0, cov_yy = 1 WHERE track_id = 1",
         "UPDATE observations SET cov_xx = -1, cov_xy = 0, cov_yy = 1 WHERE track_id = 1",
+        "UPDATE observations SET cov_xx = 1, cov_xy = 1, cov_yy = 1 WHERE track_id = 1",
+        "UPDATE observations SET cov_xx = 0, cov_xy = 0, cov_yy = 0 WHERE track_id = 1",
         "UPDATE observations SET residual = 9e999 WHERE track_id = 1",
         "UPDATE frames SET name = '../../x.png' WHERE \"index\" = 1",
         "UPDATE frames SET name = '/etc/passwd' WHERE \"index\" = 1",
@@ -615,6 +617,23 @@ TEST(TrackStore, TakesNothingThatCannotBe) {
     EXPECT_THAT([&] { ReadTrackFile(dir / "a.tracks"); },
                 ThrowsMessage<Error>(HasSubstr("a.tracks")))
         << lie;
+  }
+}
+
+// An edge may give an ellipse so long that floats have none: it is written as one that they have.
+TEST(TrackStore, TakesEveryCovarianceThatIsOneBeforeItIsRounded) {
+  for (const double xy : {1.0 - 1e-12, -1.0 + 1e-9, 0.5}) {
+    TrackFile file = Example(2);
+    const auto before = file.tracks.observations();
+    std::vector<Observation> observations(before.begin(), before.end());
+    observations[0].covariance = PixelCovariance::From(0.1 * Eigen::Matrix2d{{1.0, xy}, {xy, 1.0}});
+    file.tracks = TrackSet::Build(observations);
+    const test::TempDir dir;
+    WriteTrackFile(dir / "a.tracks", file);
+    const auto read = ReadTrackFile(dir / "a.tracks").tracks.observations()[0].covariance;
+    ASSERT_TRUE(read) << xy;
+    EXPECT_NEAR(read->xy, 0.1 * xy, 2e-7);
+    EXPECT_EQ(read->xx, 0.1F);
   }
 }
 
