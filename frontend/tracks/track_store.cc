@@ -240,7 +240,9 @@ std::vector<Observation> ReadObservations(SqliteDatabase& db, const fs::path& pa
                                      .xy = static_cast<float>(row.Real(7)),
                                      .yy = static_cast<float>(row.Real(8))};
       const PixelCovariance& c = *o.covariance;
-      if (!PixelCovariance::IsOne(c.xx, c.xy, c.yy)) {
+      if (c.xx == 0.0F && c.xy == 0.0F && c.yy == 0.0F) {
+        o.covariance.reset();  // how earlier versions wrote that of pictures without noise
+      } else if (!PixelCovariance::IsOne(c.xx, c.xy, c.yy)) {
         ThrowDamaged(
             path,
             fmt::format("a covariance of track {} is not positive definite: xx {}, xy {}, yy {}",

@@ -605,7 +605,6 @@ TEST(TrackStore, TakesNothingThatCannotBe) {
         "UPDATE observations SET cov_xx = 9e999, cov_xy = 0, cov_yy = 1 WHERE track_id = 1",
         "UPDATE observations SET cov_xx = -1, cov_xy = 0, cov_yy = 1 WHERE track_id = 1",
         "UPDATE observations SET cov_xx = 1, cov_xy = 1, cov_yy = 1 WHERE track_id = 1",
-        "UPDATE observations SET cov_xx = 0, cov_xy = 0, cov_yy = 0 WHERE track_id = 1",
         "UPDATE observations SET residual = 9e999 WHERE track_id = 1",
         "UPDATE frames SET name = '../../x.png' WHERE \"index\" = 1",
         "UPDATE frames SET name = '/etc/passwd' WHERE \"index\" = 1",
@@ -618,6 +617,16 @@ TEST(TrackStore, TakesNothingThatCannotBe) {
                 ThrowsMessage<Error>(HasSubstr("a.tracks")))
         << lie;
   }
+}
+
+// Earlier versions wrote them of pictures without noise.
+TEST(TrackStore, CovariancesOfZeroAreNone) {
+  const test::TempDir dir;
+  WriteTrackFile(dir / "a.tracks", Example(2));
+  SqliteDatabase::Open(dir / "a.tracks", SqliteDatabase::Mode::kWrite)
+      .Execute("UPDATE observations SET cov_xx = 0, cov_xy = 0, cov_yy = 0");
+  const TrackFile file = ReadTrackFile(dir / "a.tracks");
+  for (const Observation& o : file.tracks.observations()) EXPECT_FALSE(o.covariance);
 }
 
 // An edge may give an ellipse so long that floats have none: it is written as one that they have.
