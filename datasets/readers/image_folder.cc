@@ -121,8 +121,8 @@ ImageList ListImageFolder(const fs::path& input) {
           input.string());
     }
     std::ranges::sort(names, NaturalLess);
-    const auto twice = std::ranges::unique(names);  // what several of its braces match
-    names.erase(twice.begin(), twice.end());
+    // What several of its braces match.
+    names.erase(std::unique(names.begin(), names.end()), names.end());
   }
   if (names.empty())
     ThrowError("no images in {}: looked for png, jpg, tif, pgm, bmp, webp and the like",
