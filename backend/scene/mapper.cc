@@ -425,10 +425,8 @@ MapperResult ReconstructWithCeres(const TrackFile& file, const MapperOptions& op
 Reconstruction AdjustWithCeres(const TrackFile& file, const Reconstruction& start) {
   const TimedPart part("reconstruction");
   const WhitenedTracks whitened(file, WhiteningOptionsFrom({}));
-  const std::optional<Sim3> near = NearFromWorld(start.cam_from_world);
-  const WorkingModel model = AdjustedModel(whitened, near ? MoveWorld(*near, start) : start);
-  Reconstruction result = ToReconstruction(model, whitened, 0.0);
-  return near ? MoveWorld(near->Inverse(), std::move(result)) : result;
+  const NearModel near(start);
+  return near.InWorldOfModel(ToReconstruction(AdjustedModel(whitened, near.get()), whitened, 0.0));
 }
 
 MapperResult AdjustAndJudgeWithCeres(const TrackFile& file,
@@ -438,9 +436,8 @@ MapperResult AdjustAndJudgeWithCeres(const TrackFile& file,
   const TimedPart part("reconstruction");
   const Stopwatch stopwatch;
   const WhitenedTracks whitened(file, WhiteningOptionsFrom(options));
-  const std::optional<Sim3> near = NearFromWorld(start.cam_from_world);
-  JudgedParts judged{
-      .parts = {{AdjustedModel(whitened, near ? MoveWorld(*near, start) : start), {}}}};
+  const NearModel near(start);
+  JudgedParts judged{.parts = {{AdjustedModel(whitened, near.get()), {}}}};
   const CameraRefinement refinement = RefinementOf(start.camera, options);
   AdjustParts(options, refinement, judged);
   const WorkingModel& model = judged.parts.front().model;
@@ -473,8 +470,8 @@ MapperResult TriangulateWithCeres(const TrackFile& file,
   WorkingModel model(whitened, CameraOrGuess(file));
   Reconstruction given;
   given.cam_from_world = cam_from_world;
-  const std::optional<Sim3> near = NearFromWorld(cam_from_world);
-  SetPoses((near ? MoveWorld(*near, given) : given).cam_from_world, model);
+  const NearModel near(given);
+  SetPoses(near.get().cam_from_world, model);
   model.TriangulateAllTracks();
   model.UpdateAllInliers(std::numeric_limits<double>::infinity());
   for (int round = 0; round < kRounds; ++round) {
@@ -485,8 +482,8 @@ MapperResult TriangulateWithCeres(const TrackFile& file,
 
   MapperResult result;
   result.reconstruction = ToReconstruction(model, whitened, 0.0);
-  if (near) {
-    result.reconstruction = MoveWorld(near->Inverse(), std::move(result.reconstruction));
+  if (near.IsMoved()) {
+    result.reconstruction = near.InWorldOfModel(std::move(result.reconstruction));
     // Kept: not even rounded by the way there and back.
     for (auto& [frame, pose] : result.reconstruction.cam_from_world) {
       pose = cam_from_world.at(frame);

@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 #include <cmath>
+#include <utility>
 #include <vector>
 
 namespace cohort {
@@ -38,6 +39,16 @@ Reconstruction MoveWorld(const Sim3& target_from_world, Reconstruction reconstru
     point.in_world = target_from_world * point.in_world;
   }
   return reconstruction;
+}
+
+NearModel::NearModel(const Reconstruction& model)
+    : model_(model), near_from_world_(NearFromWorld(model.cam_from_world)) {
+  if (near_from_world_) moved_ = MoveWorld(*near_from_world_, model);
+}
+
+Reconstruction NearModel::InWorldOfModel(Reconstruction made) const {
+  if (!near_from_world_) return made;
+  return MoveWorld(near_from_world_->Inverse(), std::move(made));
 }
 
 }  // namespace cohort

@@ -20,4 +20,21 @@ std::optional<Sim3> NearFromWorld(const std::map<FrameIndex, Rigid3>& cam_from_w
 // Cameras and points in another world.
 Reconstruction MoveWorld(const Sim3& target_from_world, Reconstruction reconstruction);
 
+// A model in the world that NearFromWorld leads to, and the way back. `model` must outlive it: where
+// it is near enough it is not copied.
+class NearModel {
+ public:
+  explicit NearModel(const Reconstruction& model);
+
+  const Reconstruction& get() const { return moved_ ? *moved_ : model_; }
+  // What was made of it, in the world of `model`.
+  Reconstruction InWorldOfModel(Reconstruction made) const;
+  bool IsMoved() const { return moved_.has_value(); }
+
+ private:
+  const Reconstruction& model_;
+  std::optional<Sim3> near_from_world_;
+  std::optional<Reconstruction> moved_;
+};
+
 }  // namespace cohort

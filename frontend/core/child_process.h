@@ -24,7 +24,8 @@ std::optional<std::filesystem::path> FindProgram(const std::string& program);
 
 // Runs a program to its end: without a shell, without standard input, without a display; it dies
 // with us (what it started itself does not: a script should exec the program that it wraps). All
-// that it prints goes to the descriptor `output`. After `time_limit` it is killed; zero: never. Throws Error if it cannot be started.
+// that it prints goes to the descriptor `output`. After `time_limit` it is killed; zero: never.
+// Throws Error if it cannot be started.
 ProgramEnd RunProgram(const std::filesystem::path& program,
                       std::vector<std::string> arguments,
                       int output,

@@ -42,7 +42,7 @@ void RunCompare(const ExperimentOptions& options) {
                    {{"program", fmt::format("cohort {}", kVersion)}, {"options", ToJson(options)}},
                    headline ? HeadlineToJson(*headline) : nlohmann::ordered_json(nullptr));
   if (options.protocol == Protocol::kPaper) {
-    fmt::print("{}", PaperTables(results));
+    fmt::print("{}", PaperTables(results, options.paper.window_frames));
   } else {
     WriteReport(out / "report.html", results, options);
     fmt::print("{}", ResultsTables(results));

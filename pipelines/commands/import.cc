@@ -16,6 +16,7 @@
 #include "pipelines/console/progress_bar.h"
 #include "pipelines/console/version.h"
 #include "pipelines/jobs/track_doubts.h"
+#include "pipelines/sfm/doubts.h"
 
 namespace cohort {
 namespace {
@@ -72,10 +73,7 @@ TracksForm FormOf(const std::string& path) {
 
 ImportedTracks ReadCsv(const ImportCommandOptions& options, const TrackFile& file) {
   TracksCsv csv = ReadTracksCsv(options.tracks);
-  if (!csv.track_ids.empty()) {
-    spdlog::warn("{}: track ids need more than 32 bits and are counted anew, from 0",
-                 options.tracks);
-  }
+  WarnOf(DoubtOfIds(csv, options.tracks));
   ImportedTracks imported;
   imported.tracks = std::move(csv.tracks);
   CheckFramesKnown(imported.tracks, file, options.tracks, options.input.input);
@@ -152,13 +150,7 @@ void RunImport(const ImportCommandOptions& options) {
   if (imported.camera && !given && (!file.camera || imported.camera->known)) {
     file.camera = imported.camera;
   }
-  const std::size_t outside =
-      PredictOutside(file, options.tracks, options.input.input, imported.tracks);
-  if (outside > 0) {
-    spdlog::warn("{}: {} observed positions lie outside the picture, and count as predicted",
-                 options.tracks,
-                 outside);
-  }
+  WarnOf(PredictOutside(file, options.tracks, options.input.input, imported.tracks));
   const auto observations = imported.tracks.observations();
   if (std::none_of(observations.begin(), observations.end(), IsObserved)) {
     spdlog::warn("{}: none of its {} positions is observed: no backend will take one",

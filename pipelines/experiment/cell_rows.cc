@@ -172,6 +172,12 @@ bool HasModel(const Json& result) {
          !result.at("figures").at("model").at("failed").get<bool>();
 }
 
+bool HasModel(const std::filesystem::path& result) {
+  bool has_model = false;
+  UseJsonFile(result, [&has_model](const Json& json) { has_model = HasModel(json); });
+  return has_model;
+}
+
 void AddHalvesRows(const TrackCell& cell,
                    GridBackend backend,
                    const Json& model,

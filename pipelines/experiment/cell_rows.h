@@ -21,6 +21,7 @@ void AddModelRows(const TrackCell& cell,
 bool IsNotAvailable(const std::filesystem::path& path);
 // Has the task of a model made one of enough frames?
 bool HasModel(const nlohmann::ordered_json& result);
+bool HasModel(const std::filesystem::path& result);
 // Adds what has come of the two halves of a cell's tracks (TrackCell::HasHalves), of which `model`
 // was made; `halves` is null where they are another shard's. Halves of tracks that make no model
 // together have failed too.

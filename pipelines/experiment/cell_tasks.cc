@@ -176,10 +176,7 @@ std::vector<Task> HalvesTasks(const ExperimentOptions& options, const Experiment
     const TrackCell& cell = plan.cells[i];
     for (const GridBackend backend : plan.backends) {
       if (!cell.HasHalves(backend)) continue;
-      bool has_model = false;
-      UseJsonFile(cell.Result(backend),
-                  [&has_model](const Json& result) { has_model = HasModel(result); });
-      if (has_model) tasks.push_back(HalvesTask(options, cell, backend));
+      if (HasModel(cell.Result(backend))) tasks.push_back(HalvesTask(options, cell, backend));
     }
   }
   return tasks;

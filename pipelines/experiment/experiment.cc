@@ -46,9 +46,7 @@ bool IsFinished(const ExperimentOptions& options,
     if (!cell.Has(backend)) continue;
     if (!HasResult(ModelTask(options, cell, backend))) return false;
     if (!plan.halves || !cell.HasHalves(backend)) continue;
-    bool has_model = false;
-    UseJsonFile(cell.Result(backend),
-                [&](const nlohmann::ordered_json& result) { has_model = HasModel(result); });
+    const bool has_model = HasModel(cell.Result(backend));
     if (has_model && !HasResult(HalvesTask(options, cell, backend))) return false;
   }
   return true;

@@ -10,7 +10,6 @@
 
 #include "frontend/core/statistics.h"
 #include "pipelines/console/table.h"
-#include "pipelines/experiment/paper_protocol.h"
 
 namespace cohort {
 namespace {
@@ -45,15 +44,6 @@ Grid GridOf(const ExperimentResults& results, const std::string& level, const st
   }
   for (const auto& cell : failed) grid.cells.erase(cell);
   return grid;
-}
-
-// The window that the rows of the trajectory error are of [frames].
-int WindowOf(const ExperimentResults& results) {
-  constexpr std::string_view kPrefix = "l1_error_";
-  for (const ResultRow& row : results.rows) {
-    if (row.metric.starts_with(kPrefix)) return std::stoi(row.metric.substr(kPrefix.size()));
-  }
-  return PaperProtocolOptions().window_frames;
 }
 
 std::optional<double> MedianOf(const std::map<unsigned, double>* cell) {
@@ -195,18 +185,17 @@ int SequencesWon(const ExperimentResults& results,
   return won;
 }
 
-std::string PaperTables(const ExperimentResults& results) {
+std::string PaperTables(const ExperimentResults& results, int window_frames) {
   std::vector<std::string> levels;
   for (const ResultRow& row : results.rows) AppendNew(levels, row.level);
-  const int window = WindowOf(results);
   std::string text;
   for (const std::string& level : levels) {
-    const Grid l1 = GridOf(results, level, L1ErrorMetric(window));
+    const Grid l1 = GridOf(results, level, L1ErrorMetric(window_frames));
     const Grid life = GridOf(results, level, kFramesBetweenMetric);
     const Grid reinitializations = GridOf(results, level, "reinitializations");
     text += fmt::format("{}: mean L1 trajectory error after {} frames [px], lower is better\n{}\n",
                         level,
-                        window,
+                        window_frames,
                         FigureTable(l1, {}));
     text += fmt::format("{}: mean frames between re-initialisations, higher is better\n{}\n",
                         level,

@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "pipelines/experiment/paper_protocol.h"
 #include "pipelines/experiment/results.h"
 
 namespace cohort {
@@ -14,7 +15,8 @@ namespace cohort {
 // so many frames at least. Two more tables say how many times better `subspace-fused` is, or else
 // `subspace`: the median over the seeds, and for the average the ratio of averages; a line "klt,
 // best window" is the best for each sequence among several of klt.
-std::string PaperTables(const ExperimentResults& results);
+std::string PaperTables(const ExperimentResults& results,
+                        int window_frames = PaperProtocolOptions().window_frames);
 
 // A tracker's average in these tables, or that over some of their sequences; none where a figure is
 // missing.

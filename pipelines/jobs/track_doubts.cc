@@ -8,13 +8,10 @@
 #include "pipelines/sfm/doubts.h"
 
 namespace cohort {
-namespace {
 
 void WarnOf(const std::string& doubt) {
   if (!doubt.empty()) spdlog::warn("{}", doubt);
 }
-
-}  // namespace
 
 void WarnIfUnfinished(const TrackFile& file, const std::string& tracks) {
   if (file.complete) return;

@@ -12,6 +12,9 @@ namespace cohort {
 
 // What there is to doubt of tracks before they are used (sfm/doubts.h): a warning each in the log.
 
+// Nothing where it is empty.
+void WarnOf(const std::string& doubt);
+
 // The run that wrote them did not end.
 void WarnIfUnfinished(const TrackFile& file, const std::string& tracks);
 void WarnIfClipChanged(const TrackFile& file, const std::string& tracks, const Sequence& clip);

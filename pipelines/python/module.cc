@@ -530,22 +530,12 @@ void BindTrackFile(py::module_& module) {
         const TrackSet tracks = [&] {
           const CallWithoutGil no_gil;
           TracksCsv csv = ReadTracksCsv(path);
-          if (!csv.track_ids.empty()) {
-            doubts.push_back(
-                fmt::format("{}: track ids need more than 32 bits and are counted anew, from 0",
-                            path.string()));
-          }
+          doubts.push_back(DoubtOfIds(csv, path.string()));
           TrackFile of_pictures;
           of_pictures.width_px = width_px;
           of_pictures.height_px = height_px;
-          const std::size_t outside =
-              PredictOutside(of_pictures, path.string(), "that size", csv.tracks);
-          if (outside > 0) {
-            doubts.push_back(fmt::format(
-                "{}: {} observed positions lie outside the picture, and count as predicted",
-                path.string(),
-                outside));
-          }
+          doubts.push_back(PredictOutside(of_pictures, path.string(), "that size", csv.tracks));
+          std::erase(doubts, "");
           return std::move(csv.tracks);
         }();
         return std::pair(ToArray(tracks), doubts);

@@ -88,6 +88,12 @@ std::string DoubtOfMeasuring(const SecondPassFigures& figures) {
   return figures.Brief() + ": the scene is not as the model has it";
 }
 
+std::string DoubtOfIds(const TracksCsv& csv, const std::string& tracks_name) {
+  if (csv.track_ids.empty()) return "";
+  return fmt::format("{}: track ids need more than 32 bits and are counted anew, from 0",
+                     tracks_name);
+}
+
 std::string DoubtOfCamera(const Camera& camera) {
   // No lens does that, decimals with a comma do: 525,5 525,5 ...
   if (camera.fx > 2.0 * camera.fy || camera.fy > 2.0 * camera.fx) {

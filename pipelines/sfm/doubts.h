@@ -4,6 +4,7 @@
 
 #include "backend/scene/reconstruction.h"
 #include "datasets/readers/sequence.h"
+#include "frontend/tracks/track_csv.h"
 #include "frontend/tracks/track_store.h"
 #include "pipelines/sfm/second_pass.h"
 
@@ -25,6 +26,8 @@ std::string DoubtOfModel(const Reconstruction& model,
 // Measured again where the model has them, more tracks were lost than replaced: the scene is not as
 // the model says.
 std::string DoubtOfMeasuring(const SecondPassFigures& figures);
+// Its track ids are not those of the file.
+std::string DoubtOfIds(const TracksCsv& csv, const std::string& tracks_name);
 // Its focal lengths are of no lens, or its principal point lies outside the picture.
 std::string DoubtOfCamera(const Camera& camera);
 

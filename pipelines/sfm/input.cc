@@ -1,5 +1,7 @@
 #include "pipelines/sfm/input.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <vector>
 
@@ -91,7 +93,7 @@ void CheckPictureSize(const TrackFile& file, const Frame& frame, const std::stri
              file.height_px);
 }
 
-std::size_t PredictOutside(const TrackFile& file,
+std::string PredictOutside(const TrackFile& file,
                            const std::string& name,
                            const std::string& clip,
                            TrackSet& tracks) {
@@ -100,7 +102,7 @@ std::size_t PredictOutside(const TrackFile& file,
   };
   const auto all = tracks.observations();
   const auto outside = std::count_if(all.begin(), all.end(), is_outside);
-  if (outside == 0) return 0;
+  if (outside == 0) return "";
   const auto observed = std::count_if(all.begin(), all.end(), IsObserved);
   if (2 * outside > observed) {
     ThrowError(
@@ -118,7 +120,8 @@ std::size_t PredictOutside(const TrackFile& file,
     if (is_outside(o)) o.state = ObservationState::kPredicted;
   }
   tracks = TrackSet::Build(std::move(observations));
-  return static_cast<std::size_t>(outside);
+  return fmt::format(
+      "{}: {} observed positions lie outside the picture, and count as predicted", name, outside);
 }
 
 std::string WarningOfClip(const Sequence& sequence,

@@ -70,9 +70,9 @@ bool IsStillTheClip(const TrackFile& file, const Sequence& sequence);
 // Throws Error where a frame of a clip has not the size of those that `file` was made of.
 void CheckPictureSize(const TrackFile& file, const Frame& frame, const std::string& clip_name);
 // What lies outside the pictures of `file` no image confirms: of tracks of others it becomes predicted.
-// How many positions. Throws Error where they are most of the observed ones: then `tracks`, so named,
+// A sentence that says so; empty: there was nothing. Throws Error where they are most of the observed ones: then `tracks`, so named,
 // are of another clip than `clip`.
-std::size_t PredictOutside(const TrackFile& file,
+std::string PredictOutside(const TrackFile& file,
                            const std::string& name,
                            const std::string& clip,
                            TrackSet& tracks);

@@ -16,7 +16,6 @@
 #include "backend/scene/mapper.h"
 #include "backend/scene/near_world.h"
 #include "frontend/core/statistics.h"
-#include "frontend/geometry/sim3.h"
 #include "frontend/image/exposure.h"
 #include "frontend/track/tracker.h"
 #include "frontend/tracks/companions.h"
@@ -430,9 +429,9 @@ SecondPass MeasureAgain(const TrackFile& file,
                         const SecondPassOptions& options,
                         const StageProgress& progress) {
   LightsOfClip lights;
-  const std::optional<Sim3> near = NearFromWorld(model.cam_from_world);
-  const Reconstruction in_near = near ? MoveWorld(*near, model) : model;
-  return MeasureInLight(file, std::span(&in_near, 1), {sequence, mask, lights}, options, progress);
+  const NearModel near(model);
+  return MeasureInLight(
+      file, std::span(&near.get(), 1), {sequence, mask, lights}, options, progress);
 }
 
 std::string SecondPassOptionsText(const SecondPassOptions& options) {

@@ -553,12 +553,11 @@ if (data.calibration?.length) {
 // ---- every cell ----
 
 {
-  const columns = [
-    ['ate', 'ATE [mm]', 1000], ['ate_to_undegraded', 'to the undegraded [mm]', 1000], ['halves_disagreement', 'halves [%]', 100], ['halves_frames', 'in both [%]', 100], ['rpe_rot', 'rotation [deg]', 1], ['point_error_median', 'point error [mm]', 1000],
-    ['points', 'points', 1], ['mean_reprojection', 'reprojection [px]', 1], ['mean_track_length', 'length [frames]', 1],
+  const columns = [  // metric, title, factor, whether it is an error: infinite where a seed failed
+    ['ate', 'ATE [mm]', 1000, true], ['ate_to_undegraded', 'to the undegraded [mm]', 1000, true], ['halves_disagreement', 'halves [%]', 100], ['halves_frames', 'in both [%]', 100], ['rpe_rot', 'rotation [deg]', 1, true], ['point_error_median', 'point error [mm]', 1000, true],
+    ['points', 'points', 1], ['mean_reprojection', 'reprojection [px]', 1, true], ['mean_track_length', 'length [frames]', 1],
     ['observed_error_median', 'track error [px]', 1], ['nees_ratio', 'NEES', 1],
   ].filter(([metric]) => [...values.keys()].some((name) => name.endsWith(key('', metric))));
-  const ERRORS = new Set(['ate', 'ate_to_undegraded', 'rpe_rot', 'point_error_median', 'mean_reprojection']);
   const lines = [];
   const notAvailable = new Set(data.not_available.map(([sequence, level, tracker, backend]) => key(sequence, level, tracker, backend)));
   for (const sequence of data.sequences) {
@@ -578,10 +577,9 @@ if (data.calibration?.length) {
           lines.push(el('tr', {class: tracker === cohort ? 'is-cohort' : ''},
             cell.map((name) => el('td', {class: 'name'}, name)),
             el('td', {class: failed ? 'lose' : ''}, registered),
-            columns.map(([metric, , factor]) => {
+            columns.map(([metric, , factor, isError]) => {
               const found = number(metric);
-              const isError = ERRORS.has(metric) && found.length;
-              const median = quantile(isError ? [...found, ...Array(failed).fill(Infinity)] : found, 0.5);
+              const median = quantile(isError && found.length ? [...found, ...Array(failed).fill(Infinity)] : found, 0.5);
               const td = el('td', {}, digits(median === null ? null : median * factor));
               if (median !== null) { td.dataset.metric = metric; td.dataset.value = String(median); }
               if (found.length > 1) td.append(el('small', {}, `${digits(Math.min(...found) * factor)} to ${digits(Math.max(...found) * factor)}`));
