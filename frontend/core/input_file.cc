@@ -18,7 +18,7 @@ namespace fs = std::filesystem;
 
 [[noreturn]] void ThrowUnreadable(const fs::path& path, int error) {
   const std::string what = fmt::format("cannot read {}: {}", path.string(), std::strerror(error));
-  if (error == ENOENT || error == ENOTDIR || error == ELOOP) throw Error(what);
+  if (error == ENOENT || error == ENOTDIR || error == ELOOP) throw MissingFileError(what);
   throw SystemError(what);
 }
 

@@ -7,6 +7,7 @@
 #include <string_view>
 
 #include "frontend/core/descriptor.h"
+#include "frontend/core/error.h"
 
 namespace cohort {
 
@@ -16,9 +17,16 @@ namespace cohort {
 // The largest file that is read whole, unless the reader says less.
 inline constexpr std::uint64_t kMaxWholeFileBytes = std::uint64_t{1} << 32;
 
-// Throws Error naming the path unless it is a file that may be read. A pipe would be waited for, a
-// device may have no end: neither is a file. What is read, here and below, no output of the program
-// takes the place of (InputRecord).
+// No file has this name. Asking first whether one has does not do where another program makes and
+// removes it meanwhile.
+class MissingFileError : public Error {
+ public:
+  using Error::Error;
+};
+
+// Throws Error naming the path unless it is a file that may be read, here and below MissingFileError
+// where there is none. A pipe would be waited for, a device may have no end: neither is a file. What
+// is read no output of the program takes the place of (InputRecord).
 void CheckInputFile(const std::filesystem::path& path);
 
 // The same, opened.

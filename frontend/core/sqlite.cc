@@ -88,6 +88,14 @@ std::string UriOf(const fs::path& path) {
   return uri;
 }
 
+// A log is removed by the last program that closes its database.
+void CheckIfThere(const fs::path& log) {
+  try {
+    CheckInputFile(log);
+  } catch (const MissingFileError&) {
+  }
+}
+
 // SQLite's words, and where a file could not be opened the system's, which say why.
 std::string WhatSqliteSays(sqlite3* db) {
   const std::string what = sqlite3_errmsg(db);
@@ -227,7 +235,7 @@ SqliteDatabase SqliteDatabase::Open(const fs::path& path, Mode mode) {
   const bool may_be_foreign = mode != Mode::kCreate || BytesOf(file) > 0;
   if (may_be_foreign) {
     CheckInputFile(path);
-    if (fs::exists(log)) CheckInputFile(log);
+    CheckIfThere(log);
     CheckJournal(path, Beside(file, "-journal"));
   }
   const bool has_log = BytesOf(log) > 0;

@@ -55,8 +55,7 @@ class PagedFile {
 std::unique_ptr<PagedFile> OpenIfThere(const fs::path& journal) {
   try {
     return std::make_unique<PagedFile>(journal);
-  } catch (const Error&) {
-    if (fs::exists(journal)) throw;
+  } catch (const MissingFileError&) {
     return nullptr;
   }
 }

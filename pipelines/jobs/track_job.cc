@@ -63,9 +63,18 @@ struct EarlierRun {
   std::vector<FrameIndex> cuts;
 };
 
-// Was the file made of the same, with the same options? What a run found does not count.
+bool SecondPassEnded(const TrackFile& file) {
+  const auto second_pass = file.meta.find("second_pass");
+  return second_pass == file.meta.end() || second_pass->second != kSecondPassAsked;
+}
+
+// Was the file made of the same, with the same options? What a run found does not count, nor how far
+// it came.
 bool IsOfJob(const TrackFile& file, const TrackFile& header) {
   std::map<std::string, std::string> meta = file.meta;
+  const std::string& asked = header.meta.at("second_pass");
+  std::string& second_pass = meta["second_pass"];
+  if (second_pass != kSecondPassOff && asked != kSecondPassOff) second_pass = asked;
   meta.erase(kCutsMeta);
   meta.erase(kWarningMeta);
   return CanonicalPath(file.source) == CanonicalPath(header.source) && meta == header.meta &&
@@ -77,14 +86,11 @@ EarlierRun FindEarlierRun(const fs::path& out, const TrackFile& header) {
   // A link is replaced, and nothing written through it.
   if (!unfinished && (!fs::exists(out) || fs::is_symlink(out))) return {};
   const fs::path path = unfinished.value_or(out);
-  TrackFile earlier = ReadTrackFile(path);
+  const TrackFile earlier = ReadTrackFile(path);
   EarlierRun run;
   run.complete = earlier.complete;
   run.unfinished = unfinished.has_value();
-  const std::string asked = header.meta.at("second_pass");
-  std::string& second_pass = earlier.meta["second_pass"];
-  run.second_pass_ended = second_pass != kSecondPassAsked;
-  if (second_pass != kSecondPassOff && asked != kSecondPassOff) second_pass = asked;
+  run.second_pass_ended = SecondPassEnded(earlier);
   if (!IsOfJob(earlier, header)) {
     ThrowError(
         "cannot resume {}: it was made of another input or with other options; without "
@@ -273,13 +279,16 @@ std::optional<TrackFigures> RunTrackJob(const TrackJobOptions& options) {
       ThrowError("{} was replaced by another run after the first pass; give another output",
                  options.out);
     }
-    file = RunSecondPass(std::move(file), *sequence, mask, options.second_pass);
-    if (!file.meta.contains(kWarningMeta)) {  // the clip may have gone since
-      const std::string warning = WhatWasWrong(*sequence, header, options.input.input);
-      if (!warning.empty()) file.meta[kWarningMeta] = warning;
+    if (!SecondPassEnded(
+            file)) {  // by another run that resumed, while this one waited for the file
+      file = RunSecondPass(std::move(file), *sequence, mask, options.second_pass);
+      if (!file.meta.contains(kWarningMeta)) {  // the clip may have gone since
+        const std::string warning = WhatWasWrong(*sequence, header, options.input.input);
+        if (!warning.empty()) file.meta[kWarningMeta] = warning;
+      }
+      out.Write(file);
+      figures.second_pass_ms = stopwatch.Milliseconds();
     }
-    out.Write(file);
-    figures.second_pass_ms = stopwatch.Milliseconds();
   }
   Count(options.out, figures);
   WriteFigures(figures, options);

@@ -6,10 +6,12 @@
 #include <sys/stat.h>
 
 #include <array>
+#include <atomic>
 #include <filesystem>
 #include <fstream>
 #include <set>
 #include <string>
+#include <thread>
 
 #include "frontend/core/error.h"
 #include "frontend/core/output.h"
@@ -185,6 +187,26 @@ TEST(Sqlite, WaitsForNoPipeBesideIt) {
     ASSERT_EQ(mkfifo((dir / (name + suffix)).c_str(), 0600), 0);
     EXPECT_THAT([&] { SqliteDatabase::Open(dir / name, Mode::kRead); },
                 testing::ThrowsMessage<Error>(testing::HasSubstr("a pipe, a socket")));
+  }
+}
+
+// Another program's transactions make and remove them all the time.
+TEST(Sqlite, WhatComesAndGoesBesideItIsNotMissed) {
+  const test::TempDir dir;
+  WriteOneRow(dir / "a.db");
+  for (const char* suffix : {"-journal", "-wal"}) {
+    std::atomic<bool> is_over = false;
+    std::thread other([beside = (dir / "a.db").string() + suffix, &is_over] {
+      while (!is_over) {
+        std::ofstream(beside).flush();
+        std::filesystem::remove(beside);
+      }
+    });
+    EXPECT_NO_THROW({
+      for (int i = 0; i < 2000; ++i) SqliteDatabase::Open(dir / "a.db", Mode::kRead);
+    });
+    is_over = true;
+    other.join();
   }
 }
 

@@ -13,12 +13,14 @@
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 #include <opencv2/videoio.hpp>
+#include <optional>
 #include <thread>
 
 #include "backend/colmap/model_io.h"
 #include "frontend/core/error.h"
 #include "frontend/core/sqlite.h"
 #include "frontend/core/statistics.h"
+#include "frontend/core/write_lock.h"
 #include "frontend/tracks/track_store.h"
 #include "tests/support/bal_errors.h"
 #include "tests/support/child_process.h"
@@ -1119,6 +1121,26 @@ TEST_F(Interruption, TwoThatGoOnAtOnceBothEndWell) {
   EXPECT_THAT(both.out, HasSubstr("0 0\n")) << both.err;
   ASSERT_EQ(Csv("hurt"), 0);
   EXPECT_EQ(ReadBytes(Path("hurt.csv")), ReadBytes(Path("peace.csv")));
+}
+
+TEST_F(Interruption, ASecondPassThatAnotherRunHasMadeMeanwhileIsNotAskedAgain) {
+  auto first = std::async(std::launch::async, [&] {
+    return RunShell(
+        fmt::format("{} {} & echo $! > {}; wait $!", ProgramPath(), Tracking("hurt"), Path("pid")));
+  });
+  while (!IsWritten("hurt")) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  ::kill(std::stoi(ReadBytes(Path("pid"))), SIGKILL);
+  first.get();
+  std::optional<WriteLock> held = WriteLock::Of(Path("hurt.tracks"));
+  auto run =
+      std::async(std::launch::async, [&] { return RunCohort(Tracking("hurt") + " --resume"); });
+  std::this_thread::sleep_for(std::chrono::seconds(1));  // it waits for the file
+  fs::copy(Path("peace.tracks"), Path("made.tracks"));
+  fs::rename(Path("made.tracks"), Path("hurt.tracks"));
+  held.reset();
+  const ProgramEnd end = run.get();
+  EXPECT_EQ(end.exit_code, 0) << end.err;
+  EXPECT_EQ(ReadBytes(Path("hurt.tracks")), ReadBytes(Path("peace.tracks")));
 }
 
 TEST_F(Interruption, WhoeverUsesUnfinishedTracksIsTold) {
