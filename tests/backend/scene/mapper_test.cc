@@ -537,7 +537,7 @@ TEST_P(WorldsAnywhere, TriangulationFindsThePoints) {
 }
 
 INSTANTIATE_TEST_SUITE_P(
-    ,
+    FarTinyAndHuge,
     WorldsAnywhere,
     testing::Values(Sim3{},
                     Sim3{1.0, Eigen::Quaterniond::Identity(), {5e5, 1e5, 4.5e5}},
