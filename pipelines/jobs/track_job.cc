@@ -279,8 +279,8 @@ std::optional<TrackFigures> RunTrackJob(const TrackJobOptions& options) {
       ThrowError("{} was replaced by another run after the first pass; give another output",
                  options.out);
     }
-    if (!SecondPassEnded(
-            file)) {  // by another run that resumed, while this one waited for the file
+    // Another run that resumed may have made it while this one waited for the file.
+    if (!SecondPassEnded(file)) {
       file = RunSecondPass(std::move(file), *sequence, mask, options.second_pass);
       if (!file.meta.contains(kWarningMeta)) {  // the clip may have gone since
         const std::string warning = WhatWasWrong(*sequence, header, options.input.input);

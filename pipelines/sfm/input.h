@@ -70,8 +70,8 @@ bool IsStillTheClip(const TrackFile& file, const Sequence& sequence);
 // Throws Error where a frame of a clip has not the size of those that `file` was made of.
 void CheckPictureSize(const TrackFile& file, const Frame& frame, const std::string& clip_name);
 // What lies outside the pictures of `file` no image confirms: of tracks of others it becomes predicted.
-// A sentence that says so; empty: there was nothing. Throws Error where they are most of the observed ones: then `tracks`, so named,
-// are of another clip than `clip`.
+// Returns what to say of that; empty: there was nothing. Throws Error where they are most of the
+// observed ones: then `tracks`, so named, are of another clip than `clip`.
 std::string PredictOutside(const TrackFile& file,
                            const std::string& name,
                            const std::string& clip,

@@ -1055,6 +1055,15 @@ class Interruption : public Commands {
       return false;
     }
   }
+  void KillInSecondPass() const {
+    auto run = std::async(std::launch::async, [&] {
+      return RunShell(fmt::format(
+          "{} {} & echo $! > {}; wait $!", ProgramPath(), Tracking("hurt"), Path("pid")));
+    });
+    while (!IsWritten("hurt")) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    ::kill(std::stoi(ReadBytes(Path("pid"))), SIGKILL);
+    EXPECT_EQ(run.get().exit_code, 128 + SIGKILL);
+  }
   void ExpectResumeGivesTheSame() const {
     const TrackFile partial = ReadTrackFile(Path("hurt.tracks"));
     EXPECT_FALSE(partial.complete);
@@ -1087,13 +1096,7 @@ TEST_F(Interruption, ASignalThatWhoStartedItIgnoresEndsNothing) {
 }
 
 TEST_F(Interruption, AKillDuringTheSecondPassKeepsTheFirstAndResumes) {
-  auto run = std::async(std::launch::async, [&] {
-    return RunShell(
-        fmt::format("{} {} & echo $! > {}; wait $!", ProgramPath(), Tracking("hurt"), Path("pid")));
-  });
-  while (!IsWritten("hurt")) std::this_thread::sleep_for(std::chrono::milliseconds(1));
-  ::kill(std::stoi(ReadBytes(Path("pid"))), SIGKILL);
-  EXPECT_EQ(run.get().exit_code, 128 + SIGKILL);
+  KillInSecondPass();
   const TrackFile first_pass = ReadTrackFile(Path("hurt.tracks"));
   EXPECT_EQ(first_pass.meta.at("second_pass"), "asked");
   EXPECT_EQ(first_pass.frames.size(), 60u);
@@ -1124,13 +1127,7 @@ TEST_F(Interruption, TwoThatGoOnAtOnceBothEndWell) {
 }
 
 TEST_F(Interruption, ASecondPassThatAnotherRunHasMadeMeanwhileIsNotAskedAgain) {
-  auto first = std::async(std::launch::async, [&] {
-    return RunShell(
-        fmt::format("{} {} & echo $! > {}; wait $!", ProgramPath(), Tracking("hurt"), Path("pid")));
-  });
-  while (!IsWritten("hurt")) std::this_thread::sleep_for(std::chrono::milliseconds(1));
-  ::kill(std::stoi(ReadBytes(Path("pid"))), SIGKILL);
-  first.get();
+  KillInSecondPass();
   std::optional<WriteLock> held = WriteLock::Of(Path("hurt.tracks"));
   auto run =
       std::async(std::launch::async, [&] { return RunCohort(Tracking("hurt") + " --resume"); });
