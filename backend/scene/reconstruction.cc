@@ -97,6 +97,11 @@ ModelQuality ReconstructionSummary::Quality() const {
   return reasons.empty() ? ModelQuality::kGood : ModelQuality::kDoubtful;
 }
 
+std::string ReconstructionSummary::WhyFailed() const {
+  if (!TooFewRegistered(registered, frames)) return "the model has no points";
+  return fmt::format("{} of {} frames have a pose, fewer than 80 %", registered, frames);
+}
+
 std::string ReconstructionSummary::Brief() const {
   return fmt::format(
       "{} of {} frames registered, {} points, {} observations, mean track length {:.1f}, mean "

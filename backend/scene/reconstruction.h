@@ -78,6 +78,7 @@ struct ReconstructionSummary {
   ModelQuality Quality() const;
   // Cameras that are given have a pose though nothing was reconstructed.
   bool Failed() const { return points == 0 || TooFewRegistered(registered, frames); }
+  std::string WhyFailed() const;  // half a sentence
   std::string Brief() const;
 };
 

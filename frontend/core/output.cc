@@ -169,6 +169,7 @@ void OutputFolder::Commit() {
 }
 
 void CheckOutputPath(const fs::path& path) {
+  if (path == "-") ThrowError("cannot write to the standard output: give a name of a file");
   if (fs::is_directory(path)) ThrowError("cannot write {}: it is a folder", path.string());
   if (IsOfTheSystem(path) || (fs::exists(path) && !fs::is_regular_file(path))) {
     ThrowError(

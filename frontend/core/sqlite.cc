@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cerrno>
 #include <cstring>
 #include <limits>
 
@@ -251,13 +252,18 @@ SqliteDatabase SqliteDatabase::Open(const fs::path& path, Mode mode) {
     ThrowError("database {} has a write-ahead log, which cohort writes to none: it is not ours",
                path.string());
   }
+  const std::uint64_t bytes = BytesOf(file) + BytesOf(log);  // it may be renamed once it is open
   sqlite3* raw = nullptr;
   const int result = sqlite3_open_v2(uri.c_str(), &raw, flags, vfs);
   SqliteDatabase db(raw);
   if (result != SQLITE_OK) {
-    ThrowError("database {}: {}",
-               path.string(),
-               raw != nullptr ? WhatSqliteSays(raw) : sqlite3_errstr(result));
+    const std::string what =
+        fmt::format("database {}: {}",
+                    path.string(),
+                    raw != nullptr ? WhatSqliteSays(raw) : sqlite3_errstr(result));
+    const bool gone = raw != nullptr && sqlite3_system_errno(raw) == ENOENT;  // by now
+    if (gone && mode != Mode::kCreate) throw MissingFileError(what);
+    throw Error(what);
   }
   sqlite3_busy_timeout(raw, kPatienceMs);
   // Files of others hold what they like: no code of theirs (views, triggers, functions in the schema)
@@ -270,7 +276,7 @@ SqliteDatabase SqliteDatabase::Open(const fs::path& path, Mode mode) {
   sqlite3_db_config(raw, SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, 1, nullptr);
   if (has_log) db.Execute("PRAGMA locking_mode = EXCLUSIVE");
   db.Execute("PRAGMA cell_size_check = ON");
-  if (may_be_foreign) db.LimitWork(BytesOf(file) + BytesOf(log));
+  if (may_be_foreign) db.LimitWork(bytes);
   // Opening reads nothing: this says at once that the file is no database, or damaged.
   db.Execute("PRAGMA schema_version");
   if (may_be_foreign) db.CheckTables();

@@ -136,9 +136,22 @@ bool HoldsTracks(SqliteDatabase& db) {
 SqliteDatabase OpenToRead(const fs::path& path) {
   // Where there is a journal SQLite may have to roll back what a kill left half done. It falls back to
   // reading where the file is write-protected.
-  const bool has_journal = fs::exists(fs::canonical(path).string() + "-journal");
+  std::error_code error;
+  const fs::path file = fs::canonical(path, error);
+  const bool has_journal = !error && fs::exists(file.string() + "-journal");
   return SqliteDatabase::Open(
       path, has_journal ? SqliteDatabase::Mode::kWrite : SqliteDatabase::Mode::kRead);
+}
+
+// Whoever writes a file may rename it at any time.
+template <typename Holds>
+bool IsThereAnd(const fs::path& path, const Holds& holds) {
+  try {
+    auto db = OpenToRead(path);
+    return holds(db);
+  } catch (const MissingFileError&) {
+    return false;
+  }
 }
 
 [[noreturn]] void ThrowDamaged(const fs::path& path, std::string_view what) {
@@ -409,14 +422,13 @@ void TrackWriter::Finish() {
 
 std::optional<fs::path> FindUnfinishedTracks(const fs::path& path) {
   const fs::path partial = PartialOf(path);
-  if (fs::is_regular_file(partial)) {
-    auto db = OpenToRead(partial);
-    if (HoldsTracks(db)) return partial;
-  }
+  if (fs::is_regular_file(partial) && IsThereAnd(partial, HoldsTracks)) return partial;
   if (fs::is_regular_file(path) &&
-      !fs::is_symlink(path)) {  // a link is replaced, not written through
-    auto db = OpenToRead(path);
-    if (HoldsTracks(db) && GetMeta(db, "status") == kRunning) return path;
+      !fs::is_symlink(path) &&  // a link is replaced, not written through
+      IsThereAnd(path, [](SqliteDatabase& db) {
+        return HoldsTracks(db) && GetMeta(db, "status") == kRunning;
+      })) {
+    return path;
   }
   return std::nullopt;
 }

@@ -54,8 +54,9 @@ void RunEvaluate(const EvaluateJobOptions& options) {
   AddRows(figures, "", rows);
   fmt::print("{}", AlignedTable(rows));
   if (figures.value("failed", false)) {
-    spdlog::warn("{}: fewer than 80 % of the frames are registered: its errors say little",
-                 options.subject);
+    spdlog::warn("{}: {}: its errors say little",
+                 options.subject,
+                 figures.at("why_failed").get<std::string>());
   }
 }
 

@@ -23,13 +23,10 @@ void RunReconstruct(const ReconstructJobOptions& options) {
   const ReconstructionSummary summary = RunReconstructJob(options);
   PrintSummary(summary, options.out);
   if (summary.Failed()) {
-    ThrowError(
-        "the reconstruction failed: {} of {} frames registered, fewer than 80 % ({}); what "
-        "there is lies in {}",
-        summary.registered,
-        summary.frames,
-        summary.termination,
-        options.out);
+    ThrowError("the reconstruction failed: {} ({}); what there is lies in {}",
+               summary.WhyFailed(),
+               summary.termination,
+               options.out);
   }
 }
 

@@ -10,17 +10,33 @@
 #include "frontend/core/input_record.h"
 #include "frontend/core/output.h"
 #include "frontend/tracks/track_store.h"
+#include "pipelines/console/command_line.h"
 #include "pipelines/console/progress_bar.h"
 #include "pipelines/console/table.h"
 #include "pipelines/jobs/track_doubts.h"
 #include "pipelines/json/json_file.h"
+#include "pipelines/json/option_list.h"
 #include "pipelines/sfm/input.h"
 #include "pipelines/sfm/reconstruct.h"
 
 namespace cohort {
 namespace {
 
+// Of tracks these do nothing: who gives one expects something.
+void CheckNoneIsOfModels(RefineModelOptions options) {
+  RefineModelOptions defaults;
+  const std::vector<OptionEntry> given = ListOptions(options);
+  const std::vector<OptionEntry> kept = ListOptions(defaults);
+  for (std::size_t i = 0; i < given.size(); ++i) {
+    if (given[i].get() != kept[i].get()) {
+      ThrowUsageError("--{} is for a COLMAP model: leave it out with a .tracks file",
+                      FlagName(given[i].path));
+    }
+  }
+}
+
 void RefineTracks(const RefineCommandOptions& options) {
+  CheckNoneIsOfModels(options.of_model);
   CheckDistinctOutputs({{"--out", options.out}, {"--json", options.json}});
   const TrackFile file = ReadTrackFile(options.tracks);
   WarnIfUnfinished(file, options.tracks);

@@ -50,13 +50,10 @@ void RunSfm(const SfmJobOptions& options) {
   WriteSceneReport(options, figures);
   PrintFigures(figures, options.out);
   if (figures.model.Failed()) {
-    ThrowError(
-        "the reconstruction failed: {} of {} frames have a pose, fewer than 80 % ({}); how to film "
-        "better is said above and in {}",
-        figures.model.registered,
-        figures.model.frames,
-        figures.model.termination,
-        (fs::path(options.out) / "report.html").string());
+    ThrowError("the reconstruction failed: {} ({}); how to film better is said above and in {}",
+               figures.model.WhyFailed(),
+               figures.model.termination,
+               (fs::path(options.out) / "report.html").string());
   }
 }
 

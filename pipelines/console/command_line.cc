@@ -21,11 +21,6 @@ struct DeclaredOption {
   OptionHelp help;
 };
 
-std::string FlagName(std::string path) {
-  std::replace(path.begin(), path.end(), '_', '-');
-  return path;
-}
-
 const OptionEntry& EntryAt(const std::vector<OptionEntry>& entries, const std::string& path) {
   const auto found = std::find_if(
       entries.begin(), entries.end(), [&](const OptionEntry& e) { return e.path == path; });
@@ -262,6 +257,11 @@ void Apply(const DeclaredOption& option, const CLI::results_t& results) {
 }
 
 }  // namespace
+
+std::string FlagName(std::string path) {
+  std::replace(path.begin(), path.end(), '_', '-');
+  return path;
+}
 
 std::vector<OptionHelp> HelpOfOptions(const CommandLine& line,
                                       const std::vector<OptionEntry>& entries) {

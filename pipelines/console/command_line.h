@@ -44,6 +44,9 @@ struct OptionHelp {
   bool IsPositional() const { return !names.front().starts_with('-'); }
 };
 
+// What an entry is called on the command line, behind its dashes.
+std::string FlagName(std::string path);
+
 // All options of a command in their order, with those that every command has.
 std::vector<OptionHelp> HelpOfOptions(const CommandLine& line,
                                       const std::vector<OptionEntry>& entries);

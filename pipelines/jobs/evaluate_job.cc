@@ -335,6 +335,7 @@ Json EvaluateModelFolder(const Reconstruction& model,
             {"auc_10", OrNull(figures.auc_10)},
             {"auc_20", OrNull(figures.auc_20)},
             {"scale", OrNull(figures.scale)}};
+  if (summary.Failed()) json["why_failed"] = summary.WhyFailed();
   if (!figures.ate_m) json["why_no_ate"] = Reason(figures.alignment);
   return json;
 }

@@ -7,6 +7,7 @@
 #include <opencv2/core/utility.hpp>
 #include <utility>
 
+#include "frontend/core/input_file.h"
 #include "frontend/core/input_record.h"
 #include "frontend/core/output.h"
 #include "frontend/core/stopwatch.h"
@@ -86,7 +87,12 @@ EarlierRun FindEarlierRun(const fs::path& out, const TrackFile& header) {
   // A link is replaced, and nothing written through it.
   if (!unfinished && (!fs::exists(out) || fs::is_symlink(out))) return {};
   const fs::path path = unfinished.value_or(out);
-  const TrackFile earlier = ReadTrackFile(path);
+  TrackFile earlier;
+  try {
+    earlier = ReadTrackFile(path);
+  } catch (const MissingFileError&) {  // another run ended, and so renamed it, in this moment
+    return FindEarlierRun(out, header);
+  }
   EarlierRun run;
   run.complete = earlier.complete;
   run.unfinished = unfinished.has_value();

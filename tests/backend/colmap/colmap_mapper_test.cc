@@ -207,7 +207,7 @@ TEST(ColmapMapper, CountsAClipThatBreaksAsFailed) {
   file.tracks = TrackSet::Build(std::move(observations));
   const ColmapResult result = ReconstructWithColmap(file, {}, dir / "work");
   EXPECT_EQ(result.summary.registered, 12u) << result.summary.Brief();
-  EXPECT_TRUE(result.summary.Failed());
+  EXPECT_EQ(result.summary.WhyFailed(), "12 of 24 frames have a pose, fewer than 80 %");
   EXPECT_THAT(result.summary.termination, HasSubstr("only 12 of 24 frames"));
 }
 

@@ -572,6 +572,7 @@ TEST(TriangulateWithCeres, WithoutAnyPointFails) {
   ASSERT_TRUE(result.reconstruction.points.empty());
   EXPECT_EQ(result.summary.registered, tracks.file.frames.size());
   EXPECT_TRUE(result.summary.Failed());
+  EXPECT_EQ(result.summary.WhyFailed(), "the model has no points");
   EXPECT_EQ(result.termination, MapperTermination::kPartial);
 }
 

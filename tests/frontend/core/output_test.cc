@@ -82,6 +82,7 @@ TEST(OutputFile, ADeviceOrAPipeIsNoPlaceForAFile) {
   EXPECT_THAT([&] { OutputFile out(dir / "pipe"); },
               ThrowsMessage<Error>(HasSubstr("it is no file")));
   EXPECT_TRUE(std::filesystem::is_fifo(dir / "pipe"));
+  EXPECT_THAT([] { CheckOutputPath("-"); }, ThrowsMessage<Error>(HasSubstr("standard output")));
 }
 
 TEST(InputRecord, NoOutputTakesThePlaceOfAFileThatTheRunReads) {

@@ -5,6 +5,7 @@
 #include <sys/mount.h>
 #include <sys/resource.h>
 
+#include <atomic>
 #include <csignal>
 #include <fstream>
 #include <functional>
@@ -234,6 +235,23 @@ TEST(TrackStore, AnOldFileStaysUntilTheNewOneIsFinished) {
   EXPECT_EQ(ReadTrackFile(dir / "a.tracks").frames.size(), 3u);
   EXPECT_FALSE(FindUnfinishedTracks(dir / "a.tracks"));
   EXPECT_THAT(NamesIn(dir.path()), testing::ElementsAre("a.tracks"));
+}
+
+TEST(TrackStore, OneThatIsFinishedWhileItIsLookedForIsNoFault) {
+  const test::TempDir dir;
+  WriteTrackFile(dir / "a.tracks", Example(2));
+  std::atomic<bool> is_over = false;
+  std::thread other([&dir, &is_over] {
+    while (!is_over) {
+      fs::rename(dir / "a.tracks", dir / "a.tracks.partial");
+      fs::rename(dir / "a.tracks.partial", dir / "a.tracks");
+    }
+  });
+  EXPECT_NO_THROW({
+    for (int i = 0; i < 2000; ++i) FindUnfinishedTracks(dir / "a.tracks");
+  });
+  is_over = true;
+  other.join();
 }
 
 TEST(TrackStore, AWriterKilledBeforeItsFirstFrameLeavesNothingOrAReadableFile) {

@@ -903,6 +903,9 @@ TEST_F(Commands, RefineMeasuresTracksAgainWhereTheModelSaysTheyAre) {
                 1,
                 HasSubstr("give the same clip"));
   ExpectFailure(RunCohort(refine + " --model " + path("nothing")), 1, HasSubstr("nothing"));
+  ExpectFailure(RunCohort(refine + " --model " + path("first") + " --ceres.covariances=off"),
+                2,
+                HasSubstr("--ceres.covariances is for a COLMAP model"));
 }
 
 // Whose images have other numbers than their frames.

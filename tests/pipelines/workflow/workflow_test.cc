@@ -205,7 +205,7 @@ TEST_F(Workflow, AClipThatFailsIsARowAndStopsNoOther) {
 out: out
 scenes:
   clips: {none: none.mp4, empty: empty.mp4, good: clip}
-  options: {features: 150}
+  options: {features: 150, second-pass: off, track.cuts: on}
 )");
   const ProgramEnd end = Run(Snakemake("--cores 2"));
   ASSERT_EQ(end.exit_code, 0) << end.err;
