@@ -1,6 +1,7 @@
 #include "backend/colmap/tracks_to_database.h"
 
 #include <Eigen/LU>
+#include <limits>
 #include <map>
 #include <set>
 #include <string>
@@ -59,7 +60,17 @@ ColmapImage ToColmapImage(const TrackFile& file, const FrameInfo& frame, bool in
   ColmapImage image;
   image.name = frame.name;
   for (const Observation* o : ColmapKeypoints(file.tracks, frame.index, include_predicted)) {
-    image.keypoints.push_back((o->xy + Eigen::Vector2d::Constant(kColmapPixelShift)).cast<float>());
+    const Eigen::Vector2d xy = o->xy + Eigen::Vector2d::Constant(kColmapPixelShift);
+    if (xy.cwiseAbs().maxCoeff() > double{std::numeric_limits<float>::max()}) {
+      ThrowError(
+          "track {} is at {:.1e}, {:.1e} in frame {}, which COLMAP cannot hold: leave out "
+          "predicted positions",
+          ToInt(o->feature),
+          o->xy.x(),
+          o->xy.y(),
+          ToInt(o->frame));
+    }
+    image.keypoints.push_back(xy.cast<float>());
   }
   return image;
 }

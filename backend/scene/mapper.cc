@@ -357,11 +357,14 @@ MapperEnd EndOfModel(const MapperResult& described, std::size_t frames) {
 MapperResult MapTracks(const TrackFile& file, const MapperOptions& options) {
   MapperResult result;
   const Camera camera = CameraOrGuess(file);
-  if (file.frames.size() < 2) {
-    return WithEnd(
-        std::move(result),
-        {MapperTermination::kTooFewTracks,
-         fmt::format("the clip has {} frame, at least 2 are needed", file.frames.size())});
+  const auto least = static_cast<std::size_t>(std::max(2, options.min_track_length));
+  if (file.frames.size() < least) {
+    return WithEnd(std::move(result),
+                   {MapperTermination::kTooFewTracks,
+                    fmt::format("the clip has {} frame{}, at least {} are needed",
+                                file.frames.size(),
+                                file.frames.size() == 1 ? "" : "s",
+                                least)});
   }
   const WhitenedTracks whitened(file, WhiteningOptionsFrom(options));
   if (whitened.track_count() == 0) {

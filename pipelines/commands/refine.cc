@@ -78,6 +78,11 @@ void RefineTracks(const RefineCommandOptions& options) {
 }
 
 void RefineColmapModel(const RefineCommandOptions& options) {
+  if (options.of_model.second_pass.measurement.patch.max_distance_px !=
+      SecondPassOptions().measurement.patch.max_distance_px) {
+    ThrowUsageError(
+        "--max-distance-px is for a .tracks file: of a COLMAP model it is --model-max-distance-px");
+  }
   if (options.images.empty()) {
     ThrowUsageError(
         "refine of a COLMAP model needs its pictures: give --images INPUT, or the .tracks file "

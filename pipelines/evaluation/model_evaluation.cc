@@ -58,12 +58,11 @@ ModelEvaluation EvaluateModel(const Reconstruction& reconstruction,
   evaluation.registered = paired.registered;
   if (pairs.size() < 3) return evaluation;
 
-  std::vector<double> pose_errors = RelativePoseErrorsDeg(pairs, truth.min_baseline_m);
-  pose_errors.resize(paired.with_truth * (paired.with_truth - 1) / 2,
-                     std::numeric_limits<double>::infinity());
-  evaluation.auc_5 = AreaUnderRecall(pose_errors, 5.0);
-  evaluation.auc_10 = AreaUnderRecall(pose_errors, 10.0);
-  evaluation.auc_20 = AreaUnderRecall(pose_errors, 20.0);
+  const std::vector<double> pose_errors = RelativePoseErrorsDeg(pairs, truth.min_baseline_m);
+  const std::size_t of_frames = paired.with_truth * (paired.with_truth - 1) / 2;
+  evaluation.auc_5 = AreaUnderRecall(pose_errors, 5.0, of_frames);
+  evaluation.auc_10 = AreaUnderRecall(pose_errors, 10.0, of_frames);
+  evaluation.auc_20 = AreaUnderRecall(pose_errors, 20.0, of_frames);
   evaluation.rpe_rot_deg = Rmse(ComputeRelativeErrors(pairs, 1, RelativePairs::kAll).rotation_deg);
 
   const Alignment alignment = AlignCentres(pairs);

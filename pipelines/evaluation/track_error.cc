@@ -26,6 +26,7 @@ struct AnchoredTrack {
 };
 
 std::optional<AnchoredTrack> AnchorTrack(const TrackSet& tracks,
+                                         std::span<const FrameIndex> frames,
                                          FeatureId feature,
                                          const TrackTruthOracle& truth) {
   const auto track = tracks.Track(feature);
@@ -35,7 +36,6 @@ std::optional<AnchoredTrack> AnchorTrack(const TrackSet& tracks,
   if (anchor == track.end()) return std::nullopt;
   auto path = truth(anchor->frame, anchor->xy);
   if (!path) return std::nullopt;
-  const auto frames = tracks.frames();
   const auto first = std::lower_bound(frames.begin(), frames.end(), anchor->frame);
   return AnchoredTrack{.observations = {anchor, track.end()},
                        .frames = {first, frames.end()},
@@ -209,12 +209,13 @@ void PositionErrors::AddPosition(ObservationState state, double error_px, int hi
 }  // namespace
 
 ReinitializationFigure MeasureReinitializations(const TrackSet& tracks,
+                                                std::span<const FrameIndex> frames,
                                                 const TrackTruthOracle& truth,
                                                 const ReinitializationOptions& options) {
   Check(options.width_px > 0 && options.height_px > 0, "the image size is known");
   ReinitializationFigure figure;
   for (const FeatureId feature : tracks.features()) {
-    const auto track = AnchorTrack(tracks, feature, truth);
+    const auto track = AnchorTrack(tracks, frames, feature, truth);
     if (!track) continue;
     auto observation = track->observations.begin() + 1;
     for (const FrameIndex frame : track->frames.subspan(1)) {
@@ -240,17 +241,20 @@ ReinitializationFigure MeasureReinitializations(const TrackSet& tracks,
 }
 
 std::optional<TrajectoryL1Figure> MeasureTrajectoryL1(const TrackSet& tracks,
+                                                      std::span<const FrameIndex> frames,
                                                       const TrackTruthOracle& truth,
-                                                      std::size_t frames) {
-  if (tracks.frames().size() <= frames) return std::nullopt;
+                                                      std::size_t count) {
+  if (tracks.frames().empty()) return std::nullopt;
+  const auto begin = std::ranges::lower_bound(frames, tracks.frames().front());
+  if (frames.end() - begin <= static_cast<std::ptrdiff_t>(count)) return std::nullopt;
   TrajectoryL1Figure figure;
   for (const Observation* first : tracks.InFrame(tracks.frames().front())) {
-    const auto track = AnchorTrack(tracks, first->feature, truth);
+    const auto track = AnchorTrack(tracks, frames, first->feature, truth);
     if (!track || track->observations.front().frame != first->frame) continue;
     double sum_px = 0.0;
     bool always_visible = true;
     auto observation = track->observations.begin();
-    for (const FrameIndex frame : track->frames.subspan(1, frames)) {
+    for (const FrameIndex frame : track->frames.subspan(1, count)) {
       const auto next = observation + 1;
       if (next != track->observations.end() && next->frame == frame) observation = next;
       const auto sighting = track->path(frame);
@@ -268,13 +272,14 @@ std::optional<TrajectoryL1Figure> MeasureTrajectoryL1(const TrackSet& tracks,
 }
 
 TrackEvaluation EvaluateTracks(const TrackSet& tracks,
+                               std::span<const FrameIndex> frames,
                                const TrackTruthOracle& truth,
                                const ReinitializationOptions& options) {
   TrackEvaluation evaluation;
   PositionErrors errors;
   for (const FeatureId feature : tracks.features()) {
     ++evaluation.tracks;
-    if (const auto track = AnchorTrack(tracks, feature, truth)) {
+    if (const auto track = AnchorTrack(tracks, frames, feature, truth)) {
       errors.AddTrack(*track);
     } else {
       ++evaluation.tracks_without_truth;
@@ -291,8 +296,8 @@ TrackEvaluation EvaluateTracks(const TrackSet& tracks,
   evaluation.hidden_but_observed = SummarizeErrors(errors.hidden_but_observed_px);
   evaluation.predicted_precision = Ratio(errors.predicted_and_hidden, errors.predicted);
   evaluation.predicted_recall = Ratio(errors.predicted_and_hidden, errors.hidden);
-  evaluation.reinitializations = MeasureReinitializations(tracks, truth, options);
-  evaluation.trajectory_l1 = MeasureTrajectoryL1(tracks, truth);
+  evaluation.reinitializations = MeasureReinitializations(tracks, frames, truth, options);
+  evaluation.trajectory_l1 = MeasureTrajectoryL1(tracks, frames, truth);
   return evaluation;
 }
 

@@ -5,6 +5,7 @@
 #include <functional>
 #include <map>
 #include <optional>
+#include <span>
 #include <vector>
 
 #include "frontend/tracks/track_set.h"
@@ -24,6 +25,8 @@ using TruePath = std::function<std::optional<TrueSighting>(FrameIndex)>;
 // The path of the surface point that is seen at `xy` in a frame; none where no surface is known.
 using TrackTruthOracle = std::function<std::optional<TruePath>(FrameIndex, const Eigen::Vector2d&)>;
 
+// `frames` are the clip's, ascending: also those in which no track is left.
+//
 // The error of a track is its drift: the distance to where the surface point at its own first
 // observed position is now. A track has no other claim: what it was born on is what it follows. The
 // first position itself has no error and is not counted.
@@ -51,11 +54,12 @@ struct ReinitializationOptions {
   int height_px = 0;
 };
 ReinitializationFigure MeasureReinitializations(const TrackSet& tracks,
+                                                std::span<const FrameIndex> frames,
                                                 const TrackTruthOracle& truth,
                                                 const ReinitializationOptions& options);
 
 // Mean L1 trajectory error (the paper's section 4, second mode) over the tracks of the first frame
-// whose points stay visible for `frames` more frames: the sum over those frames of |dx| + |dy|
+// whose points stay visible for `count` more frames: the sum over those frames of |dx| + |dy|
 // [px], mean over tracks. A track that ends early stays where it was, so that giving up wins
 // nothing.
 struct TrajectoryL1Figure {
@@ -64,8 +68,9 @@ struct TrajectoryL1Figure {
 };
 // None without such tracks, or if the clip has fewer frames.
 std::optional<TrajectoryL1Figure> MeasureTrajectoryL1(const TrackSet& tracks,
+                                                      std::span<const FrameIndex> frames,
                                                       const TrackTruthOracle& truth,
-                                                      std::size_t frames = 30);
+                                                      std::size_t count = 30);
 
 // Whether the tracker's covariances are right. An error d = observed - true position, less the
 // median of its track's (all have the error of where the track began: that says which point it
@@ -109,6 +114,7 @@ struct TrackEvaluation {
   std::optional<TrajectoryL1Figure> trajectory_l1;
 };
 TrackEvaluation EvaluateTracks(const TrackSet& tracks,
+                               std::span<const FrameIndex> frames,
                                const TrackTruthOracle& truth,
                                const ReinitializationOptions& options);
 

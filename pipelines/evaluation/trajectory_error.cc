@@ -160,10 +160,11 @@ std::vector<double> RelativePoseErrorsDeg(std::span<const PosePair> pairs, doubl
   return errors;
 }
 
-double AreaUnderRecall(std::vector<double> errors_deg, double threshold_deg) {
-  Check(!errors_deg.empty() && threshold_deg > 0.0, "recall needs errors and a threshold");
+double AreaUnderRecall(std::vector<double> errors_deg, double threshold_deg, std::size_t count) {
+  Check(count > 0 && count >= errors_deg.size() && threshold_deg > 0.0,
+        "recall needs errors and a threshold");
   std::sort(errors_deg.begin(), errors_deg.end());
-  const double share = 1.0 / static_cast<double>(errors_deg.size());
+  const double share = 1.0 / static_cast<double>(count);
   double area = 0.0, recall = 0.0, previous = 0.0;
   for (const double error : errors_deg) {
     if (error >= threshold_deg) break;

@@ -4,6 +4,7 @@
 
 #include "pipelines/experiment/cell_rows.h"
 #include "pipelines/experiment/cell_tasks.h"
+#include "pipelines/experiment/named_trackers.h"
 #include "pipelines/experiment/undegraded.h"
 #include "pipelines/json/json_file.h"
 
@@ -18,9 +19,7 @@ const TrackCell* FindUndegradedReference(const ExperimentPlan& plan, const GridC
   const TrackCell* reference = nullptr;
   for (const TrackCell& other : plan.cells) {
     if (!other.condition.IsDegraded() && other.condition.clip.name == clip.name &&
-        other.condition.seed == plan.seeds.front() &&
-        other.tracker.source == TrackSource::kTracker &&
-        other.tracker.options.tracker == TrackerKind::kKlt) {
+        other.condition.seed == plan.seeds.front() && IsPlainKlt(other.tracker)) {
       reference = &other;
     }
   }

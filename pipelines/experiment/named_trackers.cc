@@ -1,5 +1,6 @@
 #include "pipelines/experiment/named_trackers.h"
 
+#include <algorithm>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -35,6 +36,17 @@ std::set<std::string> OwnGroups(const GridTracker& tracker) {
       return {"dense_flow"};
   }
   return {};
+}
+
+// Does a name stand for something else in tables and folders?
+bool IsTaken(const std::string& name) {
+  if (name == "frames") return true;  // the degraded clip's folder
+  try {
+    NamedGridTracker(name, {}, SecondPassMode::kAuto);
+    return true;
+  } catch (const Error&) {
+    return false;
+  }
 }
 
 }  // namespace
@@ -102,13 +114,26 @@ GridTracker NamedGridTracker(const std::string& name,
   }
   tracker.options = NamedTracker(first_pass, base);
   // Of a file its name alone.
-  tracker.name = std::filesystem::path(first_pass).stem().string() + with_pass;
+  const std::string stem = std::filesystem::path(first_pass).stem().string();
+  if (stem != first_pass && IsTaken(stem)) {
+    ThrowUsageError("tracker '{}': '{}' is the name of another one: rename the file", name, stem);
+  }
+  tracker.name = stem + with_pass;
   return tracker;
 }
 
 bool HasSecondPass(const GridTracker& tracker) {
   return tracker.source == TrackSource::kTracker &&
          WantsSecondPass(tracker.second_pass, tracker.options);
+}
+
+bool IsPlainKlt(const GridTracker& tracker) {
+  constexpr std::string_view kFamily = "klt";
+  return tracker.source == TrackSource::kTracker && tracker.name.starts_with(kFamily) &&
+         std::all_of(tracker.name.begin() + kFamily.size(),
+                     tracker.name.end(),
+                     [](char c) { return c >= '0' && c <= '9'; }) &&
+         !HasSecondPass(tracker);
 }
 
 Json OwnOptions(const GridTracker& tracker) {

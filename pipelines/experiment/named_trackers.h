@@ -19,6 +19,9 @@ GridTracker NamedGridTracker(const std::string& name,
 // Does the tracker of `cohort track` have a second pass?
 bool HasSecondPass(const GridTracker& tracker);
 
+// Is it kltN, without a second pass?
+bool IsPlainKlt(const GridTracker& tracker);
+
 // The options that a tracker's tracks depend on: without those of the other trackers.
 nlohmann::ordered_json OwnOptions(const GridTracker& tracker);
 

@@ -154,7 +154,10 @@ Json EvaluateTrackFile(const std::string& path,
   ReinitializationOptions options;
   options.width_px = file.width_px;
   options.height_px = file.height_px;
-  const TrackEvaluation figures = EvaluateTracks(file.tracks, OracleOf(*truth, edge_px), options);
+  std::vector<FrameIndex> frames;
+  for (const FrameInfo& frame : file.frames) frames.push_back(frame.index);
+  const TrackEvaluation figures =
+      EvaluateTracks(file.tracks, frames, OracleOf(*truth, edge_px), options);
   return {{"tracks", figures.tracks},
           {"tracks_without_truth", figures.tracks_without_truth},
           {"mean_track_length", file.tracks.MeanObservedLength()},
@@ -233,16 +236,14 @@ std::vector<FrameIndex> FramesOfRefined(const Reconstruction& model, std::size_t
 // some, as other programs number images their own way, else by number.
 std::map<FrameIndex, Rigid3> PosesOfSameFrames(const Reconstruction& model,
                                                const Reconstruction& other) {
-  std::map<std::string, FrameIndex> frame_of_name;
-  for (const auto& [frame, name] : model.frame_names) {
-    frame_of_name[fs::path(name).filename().string()] = frame;
-  }
+  std::vector<FrameInfo> frames;
+  for (const auto& [frame, name] : model.frame_names) frames.push_back({frame, name, {}});
+  FrameNames names(frames);
   std::map<FrameIndex, Rigid3> poses;
   for (const auto& [frame, name] : other.frame_names) {
-    const auto named = frame_of_name.find(fs::path(name).filename().string());
     const auto pose = other.cam_from_world.find(frame);
-    if (named == frame_of_name.end() || pose == other.cam_from_world.end()) continue;
-    poses[named->second] = pose->second;
+    if (pose == other.cam_from_world.end()) continue;
+    if (const auto named = names.Find(name)) poses[*named] = pose->second;
   }
   if (!poses.empty()) return poses;
   spdlog::warn(
@@ -351,6 +352,12 @@ Json RunEvaluateJob(const EvaluateJobOptions& options) {
   if (!is_model && IsModelFolder(options.truth)) {
     ThrowUsageError("{} is a model, of which tracks cannot be judged: give a clip with truth",
                     options.truth);
+  }
+  if (is_model && options.edge_px != EvaluateJobOptions().edge_px) {
+    ThrowUsageError("--edge-px is for tracks: leave it out with the model {}", options.subject);
+  }
+  if (IsModelFolder(options.truth) && options.layout != Layout::kAuto) {
+    ThrowUsageError("--layout is of a clip: leave it out with the model {}", options.truth);
   }
   Json figures;
   if (is_model && IsModelFolder(options.truth)) {

@@ -39,6 +39,12 @@ std::string RatioText(const HeadlineRatio* ratio, std::size_t clips) {
   return text;
 }
 
+// Of how many clips each, where a rival did not run in all.
+std::string ClipsText(const HeadlineRuns& cohort, const HeadlineRuns& rival) {
+  if (cohort.clips == rival.clips) return fmt::format("{}", cohort.clips);
+  return fmt::format("{}/{}", cohort.clips, rival.clips);
+}
+
 void AppendFigures(const Headline& headline,
                    const HeadlineRuns& cohort,
                    const HeadlineRuns& rival,
@@ -49,7 +55,7 @@ void AppendFigures(const Headline& headline,
   }
   line.push_back(
       fmt::format("{:.0f}/{:.0f} %", 100.0 * cohort.registered, 100.0 * rival.registered));
-  line.push_back(fmt::format("{}/{} of {}", cohort.failed, rival.failed, cohort.clips));
+  line.push_back(fmt::format("{}/{} of {}", cohort.failed, rival.failed, ClipsText(cohort, rival)));
 }
 
 TextRows HeadedTable(std::vector<std::string> heading) {

@@ -33,7 +33,10 @@ std::optional<Eigen::Vector2d> TruePositionOf(std::span<const Observation> track
                                               FrameIndex frame,
                                               TrackTruth* truth) {
   if (truth == nullptr) return std::nullopt;
-  const auto anchor = truth->Pick(track.front().frame, track.front().xy);
+  // As EvaluateTracks does: predicted positions are no claim.
+  const auto first = std::ranges::find(track, ObservationState::kObserved, &Observation::state);
+  if (first == track.end()) return std::nullopt;
+  const auto anchor = truth->Pick(first->frame, first->xy);
   if (!anchor) return std::nullopt;
   const auto position = truth->Locate(*anchor, frame);
   if (!position) return std::nullopt;

@@ -216,8 +216,10 @@ std::vector<std::string> FilmAdvice(const FilmedClip& clip, const ClipMeasures& 
   const std::vector<Stretch> without_pose = Runs(file, [&](std::size_t i) {
     return !clip.model.cam_from_world.contains(file.frames[i].index);
   });
-  if (file.frames.size() < 2) {
-    advice.emplace_back("The clip has one frame: a model needs two, from different places.");
+  if (file.frames.size() < 3 && clip.model.cam_from_world.empty()) {
+    advice.push_back(
+        fmt::format("The clip has {}: a model needs three, better many, from different places.",
+                    file.frames.size() < 2 ? "one frame" : "two frames"));
   } else if (clip.model.cam_from_world.empty()) {
     advice.emplace_back(WhyNoModel(clip.termination));
   } else if (!without_pose.empty()) {

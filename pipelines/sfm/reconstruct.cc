@@ -1,12 +1,17 @@
 #include "pipelines/sfm/reconstruct.h"
 
+#include <algorithm>
 #include <cerrno>
 #include <cstdlib>
 #include <cstring>
 #include <nlohmann/json.hpp>
+#include <set>
 #include <string>
+#include <type_traits>
 #include <utility>
+#include <vector>
 
+#include "backend/colmap/database.h"
 #include "backend/colmap/model_io.h"
 #include "backend/scene/rolling_shutter.h"
 #include "backend/scene/working_model.h"
@@ -166,6 +171,46 @@ void WriteCovariances(const CeresFindings& findings, const fs::path& folder) {
   WriteBytes(folder / "point_covariances.csv", points);
 }
 
+// A model that was read as if its images were numbered by frame, with the frames that `of_image` has
+// for them: [image id, frame] each.
+Reconstruction WithFrames(Reconstruction model, const Json& of_image, const fs::path& summary) {
+  std::map<FrameIndex, FrameIndex> frames;  // by that of the number
+  try {
+    for (const auto& [image, frame] :
+         of_image.get<std::vector<std::pair<ColmapImageId, std::uint32_t>>>()) {
+      frames[FrameOfColmapImage(image)] = FrameIndex{frame};
+    }
+  } catch (const Json::exception&) {
+    frames.clear();
+  }
+  std::set<FrameIndex> apart;
+  for (const auto& [number, frame] : frames) apart.insert(frame);
+  for (const auto& [number, pose] : model.cam_from_world) {
+    if (!frames.contains(number) || apart.size() < frames.size()) {
+      ThrowError("{}: frame_of_image has not one frame for every image of the model: make it again",
+                 summary.string());
+    }
+  }
+  const auto renumber = [&frames](auto& map) {
+    std::remove_reference_t<decltype(map)> by_frame;
+    for (auto& [number, value] : map) by_frame.emplace(frames.at(number), std::move(value));
+    map = std::move(by_frame);
+  };
+  // trajectory.tum has its times in the order of the frames.
+  std::vector<std::int64_t> times;
+  for (const auto& [number, time] : model.timestamps_ns) times.push_back(time);
+  renumber(model.cam_from_world);
+  renumber(model.frame_names);
+  renumber(model.timestamps_ns);
+  auto time = times.begin();
+  for (auto& [frame, ns] : model.timestamps_ns) ns = *time++;
+  for (auto& [feature, point] : model.points) {
+    for (PointView& view : point.views) view.frame = frames.at(view.frame);
+    std::ranges::sort(point.views, {}, &PointView::frame);
+  }
+  return model;
+}
+
 }  // namespace
 
 ReconstructResult ToReconstructResult(MapperResult model) {
@@ -221,6 +266,9 @@ Reconstruction ReadModelFolder(const fs::path& folder) {
   const fs::path summary = folder / "summary.json";
   if (!fs::exists(summary)) return model;
   const Json json = ReadJsonFile(summary);
+  if (json.contains("frame_of_image")) {
+    model = WithFrames(std::move(model), json["frame_of_image"], summary);
+  }
   if (json.contains("readout") && json["readout"].is_number()) {
     model.readout = json["readout"].get<double>();
   }

@@ -153,7 +153,12 @@ nlohmann::ordered_json SummaryToJson(const RefinedModel& refined,
   json["points_before"] = refined.before.points;
   json["observations_before"] = refined.before.observations;
   json["mean_reprojection_before_px"] = refined.before.mean_reprojection_px;
+  json["frame_range"] = RangeOf(refined.frames);
   json["refined_from"] = AbsolutePath(path);
+  // Its images keep the numbers that others gave them (ReadModelFolder).
+  for (const auto& [frame, pose] : refined.adjusted.reconstruction.cam_from_world) {
+    json["frame_of_image"].push_back({refined.image_ids.at(frame), ToInt(frame)});
+  }
   json["camera_refined"] = refined.camera_refined;
   json["tracks_measured_again"] = refined.found.replaced;
   json["tracks_not_found_again"] = refined.found.left;
@@ -230,8 +235,10 @@ RefinedModel RefineModel(const ColmapModel& model,
   constexpr int kMostRounds = 3;
   SecondPassOptions measurement = options.second_pass;
   measurement.measurement.patch.max_distance_px = options.model_max_distance_px;
-  ModelOfClip clip = ReadModelOfClip(model, ReadFrames(sequence, progress), path);
   RefinedModel refined;
+  refined.frames = ReadFrames(sequence, progress);
+  ModelOfClip clip = ReadModelOfClip(model, refined.frames, path);
+  refined.image_ids = clip.image_ids;
   NoteWhatIsLeftOut(clip, path, sequence, refined.notes);
   if (clip.reconstruction.points.empty()) {
     ThrowError("{}: none of its points is seen in {}", path.string(), sequence.Name());
@@ -278,7 +285,8 @@ RefinedModel RefineModel(const ColmapModel& model,
   refined.adjusted = ToReconstructResult(
       InWorldOf(clip.reconstruction, AdjustAndJudgeWithCeres(refined.file, now, with_covariances)));
   CheckPointsAreLeft(refined.adjusted.reconstruction, refined.before, path);
-  refined.camera_refined = !now.camera.known;
+  refined.camera_refined = !now.camera.known && (ceres.refine_focal || ceres.refine_radial ||
+                                                 ceres.refine_principal_point);
   refined.model =
       ReplaceInModel(model, clip, refined.adjusted.reconstruction, refined.camera_refined);
   refined.file.camera = refined.adjusted.reconstruction.camera;

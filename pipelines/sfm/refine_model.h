@@ -1,6 +1,7 @@
 #pragma once
 
 #include <filesystem>
+#include <map>
 #include <opencv2/core/mat.hpp>
 #include <string>
 #include <vector>
@@ -64,7 +65,9 @@ struct RefinedModel {
   SecondPassFigures found;       // of the input's tracks
   std::size_t contradicted = 0;  // points that were dropped
   bool camera_refined = false;
-  std::vector<std::string> notes;  // lines for whoever runs it
+  std::vector<FrameInfo> frames;                  // of the clip
+  std::map<FrameIndex, ColmapImageId> image_ids;  // of the frames that have an image
+  std::vector<std::string> notes;                 // lines for whoever runs it
 };
 
 // A COLMAP model of a clip, by whatever program, measured again where it says that its points are

@@ -225,11 +225,18 @@ double ScaleOf(const Reconstruction& model) {
   return median > 0.0 ? kDistance / median : 1.0;
 }
 
-std::string ImageName(FrameIndex frame) { return fmt::format("{:06}.jpg", ToInt(frame)); }
+// No frame of a clip is called so: 000001.png may be its frame 0.
+constexpr std::string_view kImagePrefix = "scene_";
+
+std::string ImageName(FrameIndex frame) {
+  return fmt::format("{}{:06}.jpg", kImagePrefix, ToInt(frame));
+}
 
 bool IsImageName(const std::string& name) {
-  return name.ends_with(".jpg") && name.size() > 4 &&
-         std::all_of(name.begin(), name.end() - 4, [](char c) { return c >= '0' && c <= '9'; });
+  const std::string_view number =
+      std::string_view(name).substr(name.starts_with(kImagePrefix) ? kImagePrefix.size() : 0);
+  return number.ends_with(".jpg") && number.size() > 4 &&
+         std::all_of(number.begin(), number.end() - 4, [](char c) { return c >= '0' && c <= '9'; });
 }
 
 // The model in the scene's world, seen by the undistorted camera in the chosen frames: points that

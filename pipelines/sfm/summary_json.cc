@@ -17,16 +17,6 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-// "first:end:stride", as FrameRange reads it: evaluation must know which frames are missing.
-std::string RangeOf(const std::vector<FrameInfo>& frames) {
-  if (frames.empty()) return "0:0";
-  const std::uint32_t first = ToInt(frames.front().index);
-  std::uint32_t stride = 0;  // the largest that meets all frames
-  for (const FrameInfo& frame : frames) stride = std::gcd(stride, ToInt(frame.index) - first);
-  stride = std::max(stride, 1U);
-  return fmt::format("{}:{}:{}", first, ToInt(frames.back().index) + 1, stride);
-}
-
 Json CameraToJson(const Camera& c) {
   return {{"model", NameOf(kCameraModelNames, c.model)},
           {"fx", c.fx},
@@ -70,6 +60,15 @@ Json ShutterToJson(const Reconstruction& reconstruction) {
 }
 
 }  // namespace
+
+std::string RangeOf(const std::vector<FrameInfo>& frames) {
+  if (frames.empty()) return "0:0";
+  const std::uint32_t first = ToInt(frames.front().index);
+  std::uint32_t stride = 0;  // the largest that meets all frames
+  for (const FrameInfo& frame : frames) stride = std::gcd(stride, ToInt(frame.index) - first);
+  stride = std::max(stride, 1U);
+  return fmt::format("{}:{}:{}", first, ToInt(frames.back().index) + 1, stride);
+}
 
 nlohmann::ordered_json SummaryToJson(const ReconstructionSummary& summary,
                                      const std::vector<FrameInfo>& frames) {

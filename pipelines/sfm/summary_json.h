@@ -1,6 +1,7 @@
 #pragma once
 
 #include <nlohmann/json_fwd.hpp>
+#include <string>
 #include <vector>
 
 #include "backend/scene/reconstruction.h"
@@ -8,6 +9,9 @@
 #include "pipelines/sfm/reconstruct.h"
 
 namespace cohort {
+
+// "first:end:stride", as FrameRange reads it: evaluation must know which frames are missing.
+std::string RangeOf(const std::vector<FrameInfo>& frames);
 
 // What summary.json says of any model: the summary, and which frames it was to have.
 nlohmann::ordered_json SummaryToJson(const ReconstructionSummary& summary,

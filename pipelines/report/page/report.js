@@ -185,7 +185,7 @@ const headlineTable = (id, names, lines) => {
       ['frames registered: cohort / rival', 'clips failed: cohort / rival'].map((title) => el('th', {}, title)))),
     el('tbody', {}, lines.map(([own, runs]) => el('tr', {},
       [own.level, own.backend, runs.tracker].slice(0, names.length).map((text) => el('td', {class: 'name'}, text)),
-      el('td', {}, String(own.clips)),
+      el('td', {}, own.clips === runs.clips ? String(own.clips) : `${own.clips} / ${runs.clips}`),
       metrics.map((metric) => el('td', {}, ratioSpan(headlineRow(own.level, own.backend, metric, runs.tracker), own))),
       el('td', {}, `${percent(own.registered)} / ${percent(runs.registered)}`),
       el('td', {}, `${own.failed} / ${runs.failed}`))))));

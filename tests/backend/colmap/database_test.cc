@@ -125,6 +125,14 @@ TEST(ColmapDatabase, TakesPredictedPositionsWhenAskedFor) {
   options.include_predicted = true;
   const ColmapDatabase database = BuildColmapDatabase(ThreeFrames(), options);
   EXPECT_EQ(database.images.at(2).keypoints.size(), 2u);
+
+  TrackFile far_off = ThreeFrames();
+  far_off.tracks = TrackSet::Build({{.feature = FeatureId{0},
+                                     .frame = FrameIndex{1},
+                                     .xy = {1e200, 4.0},
+                                     .state = ObservationState::kPredicted}});
+  EXPECT_THAT([&] { BuildColmapDatabase(far_off, options); },
+              ThrowsMessage<Error>(HasSubstr("track 0 is at 1.0e+200, 4.0e+00 in frame 1")));
 }
 
 TEST(ColmapDatabase, LeavesOutWhatIsMeasuredMuchWorseThanTheRest) {

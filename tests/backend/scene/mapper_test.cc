@@ -425,7 +425,7 @@ TEST(IncrementalMapper, SaysWhatIsMissing) {
          "tracks is observed in 3 frames");
   TrackFile one_frame = Changed(scene.file, [](Observation& o) { return ToInt(o.frame) == 0; });
   one_frame.frames.resize(1);
-  expect(one_frame, "the clip has 1 frame, at least 2 are needed");
+  expect(one_frame, "the clip has 1 frame, at least 3 are needed");
   expect(Changed(scene.file, [](Observation& o) { return ToInt(o.feature) < 30; }),
          "no two frames share 12 tracks");
 

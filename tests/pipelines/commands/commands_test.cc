@@ -22,6 +22,7 @@
 #include "frontend/core/statistics.h"
 #include "frontend/core/write_lock.h"
 #include "frontend/tracks/track_store.h"
+#include "pipelines/sfm/reconstruct.h"
 #include "tests/support/bal_errors.h"
 #include "tests/support/child_process.h"
 #include "tests/support/program.h"
@@ -943,7 +944,54 @@ TEST_F(Commands, RefinesAColmapModelIntoTheSameModelMeasuredAgain) {
   const double before = ate("first");
   EXPECT_DOUBLE_EQ(ate("sparse"), before) << "found by the names of the images";
   EXPECT_LT(ate("refined"), 0.7 * before);
+  ExpectFailure(
+      RunCohort("evaluate " + Path("first") + " --truth " + Path("clip") + " --edge-px 60"),
+      2,
+      HasSubstr("--edge-px is for tracks"));
   EXPECT_GT(ReadJson(Path("r.json"))["tracks_measured_again"], 100);
+  const Reconstruction by_frame = ReadModelFolder(dir_ / "refined");
+  ASSERT_EQ(by_frame.frame_names.size(), 24u);
+  std::int64_t last_ns = -1;
+  for (const auto& [frame, name] : by_frame.frame_names) {
+    EXPECT_EQ(name, first.images.at(ToInt(frame) + 1).name);
+    EXPECT_LT(last_ns, by_frame.timestamps_ns.at(frame)) << name;
+    last_ns = by_frame.timestamps_ns.at(frame);
+  }
+  // With their neighbours' cameras the points would not be where they are seen.
+  std::vector<double> distances_px;
+  for (const auto& [feature, point] : by_frame.points) {
+    for (const PointView& view : point.views) {
+      const auto xy =
+          by_frame.camera.Project(by_frame.cam_from_world.at(view.frame) * point.in_world);
+      ASSERT_TRUE(xy);
+      distances_px.push_back((*xy - view.xy).norm());
+    }
+  }
+  EXPECT_LT(Median(distances_px), 0.5);
+
+  // A model without the clip's last frames does not lose them by being refined.
+  ColmapModel cut = renumbered;
+  const auto is_gone = [](const auto& of_image) { return of_image.first < 1000 - 15; };
+  std::erase_if(cut.images, is_gone);
+  for (auto& [id, point] : cut.points) {
+    std::erase_if(point.track, is_gone);
+  }
+  std::erase_if(cut.points, [](const auto& point) { return point.second.track.size() < 3; });
+  for (auto& [id, image] : cut.images) {
+    for (auto& point2d : image.points2d) {
+      if (point2d.point3d && !cut.points.contains(*point2d.point3d)) point2d.point3d.reset();
+    }
+  }
+  fs::create_directory(dir_ / "cut");
+  WriteColmapModel(dir_ / "cut", cut, ColmapModelFormat::kBinary);
+  Run("refine --model " + Path("cut") + " --out " + Path("whole") + " --images " + Path("dark"));
+  Run("evaluate " + Path("whole") + " --truth " + Path("clip") + " --json " + Path("e.json"));
+  EXPECT_EQ(ReadJson(Path("e.json"))["registered"], 15);
+  EXPECT_EQ(ReadJson(Path("e.json"))["frames"], 24);
+  EXPECT_EQ(ReadJson(Path("e.json"))["why_failed"], "15 of 24 frames have a pose, fewer than 80 %");
+  ExpectFailure(RunCohort(refine + " --images " + Path("dark") + " --max-distance-px 4"),
+                2,
+                HasSubstr("--model-max-distance-px"));
 
   // Of every third frame: no more were to be had, and they are the clip's 0, 3, 6 ...
   fs::create_directory(dir_ / "thin");

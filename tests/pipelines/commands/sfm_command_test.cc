@@ -96,10 +96,10 @@ TEST_F(Sfm, MakesASceneThatOpens) {
     return Validate(*dir_ / "damaged").exit_code;
   };
   EXPECT_EQ(damage("true"), 0);
-  EXPECT_EQ(damage("rm images/000003.jpg; rm images/$(ls images | head -1)"), 1);
+  EXPECT_EQ(damage("rm images/scene_000003.jpg; rm images/$(ls images | head -1)"), 1);
   EXPECT_EQ(damage("truncate -s -5 sparse/0/images.bin"), 1);
   EXPECT_EQ(damage("sed -i 's/\"fl_x\": [0-9.]*/\"fl_x\": 7/' transforms.json"), 1);
-  EXPECT_EQ(damage("sed -i 's/images.0000/images\\/1000/' transforms.json"), 1);
+  EXPECT_EQ(damage("sed -i 's/images.scene_0000/images\\/scene_1000/' transforms.json"), 1);
   EXPECT_EQ(damage("truncate -s -15 sparse_pc.ply"), 1);
   EXPECT_EQ(damage("cp images/$(ls images | head -1) images/extra.jpg"), 1);
 }

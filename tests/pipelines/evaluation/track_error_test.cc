@@ -54,13 +54,20 @@ TrackSet Join(std::initializer_list<std::vector<Observation>> tracks) {
   return TrackSet::Build(std::move(all));
 }
 
+// In a clip that has a track in every frame.
+TrackEvaluation Evaluate(const TrackSet& tracks,
+                         const TrackTruthOracle& truth,
+                         const ReinitializationOptions& options) {
+  return EvaluateTracks(tracks, tracks.frames(), truth, options);
+}
+
 TEST(EvaluateTracks, ErrorIsTheDriftFromTheFirstPosition) {
   // Errors 1, 2, ... 10 px after the first; the second track begins off any corner, which is no
   // error, and stays true; the third has no truth.
   const auto tracks = Join({Track(1, 0, 11, {100, 100}, [](auto f) { return 1.0 * f; }),
                             Track(2, 5, 11, {200.3, 100.7}),
                             Track(3, 0, 11, {-50, 100})});
-  const auto e = EvaluateTracks(tracks, Moving(), kImage);
+  const auto e = Evaluate(tracks, Moving(), kImage);
   EXPECT_EQ(e.tracks, 3u);
   EXPECT_EQ(e.tracks_without_truth, 1u);
   ASSERT_TRUE(e.observed);
@@ -81,7 +88,7 @@ TEST(EvaluateTracks, PredictedPositionsAreJudgedByFramesHidden) {
   const auto tracks =
       Join({Track(1, 0, 30, {100, 300}, drift, hidden),
             Track(2, 0, 30, {200, 300}, drift, [](auto f) { return f >= 12 && f < 23; })});
-  const auto e = EvaluateTracks(tracks, Moving(hidden), kImage);
+  const auto e = Evaluate(tracks, Moving(hidden), kImage);
   ASSERT_EQ(e.predicted.size(), 4u);  // nothing is hidden for 20 frames
   EXPECT_EQ(e.predicted.at(1).count, 1u);
   EXPECT_NEAR(e.predicted.at(1).median_px, 0.1, 1e-9);
@@ -111,9 +118,9 @@ TEST(EvaluateTracks, HiddenFramesCountAcrossGapsAndNotWithoutTruth) {
       1, 0, 10, {100, 300}, [](auto) { return 0.0; }, hidden);
   gap.erase(gap.begin() + 5, gap.begin() + 9);  // frame 9 is the fifth hidden one
   const auto other = Track(2, 0, 10, {200, 300});
-  const auto e = EvaluateTracks(Join({gap, other}), Moving(hidden), kImage);
+  const auto e = Evaluate(Join({gap, other}), Moving(hidden), kImage);
   EXPECT_EQ(e.predicted.at(5).count, 1u);
-  const auto no_truth = EvaluateTracks(
+  const auto no_truth = Evaluate(
       Join({gap, other}),
       [](FrameIndex, const Eigen::Vector2d&) -> std::optional<TruePath> {
         return [](FrameIndex) { return std::optional<TrueSighting>(); };
@@ -144,7 +151,7 @@ TrackEvaluation WithClaimedCovariance(double factor) {
   const auto still_truth = [](FrameIndex, const Eigen::Vector2d& xy) -> std::optional<TruePath> {
     return [xy](FrameIndex) { return TrueSighting{.xy = xy, .visible = true}; };
   };
-  return EvaluateTracks(Join({track}), still_truth, kImage);
+  return Evaluate(Join({track}), still_truth, kImage);
 }
 
 TEST(Calibration, RightCovariancesMakeErrorsStandardNormal) {
@@ -187,7 +194,7 @@ TEST(Calibration, TenthsTellWhetherALargeCovarianceMeansALargeError) {
     const auto still_truth = [](FrameIndex, const Eigen::Vector2d& xy) -> std::optional<TruePath> {
       return [xy](FrameIndex) { return TrueSighting{.xy = xy, .visible = true}; };
     };
-    return EvaluateTracks(TrackSet::Build(std::move(all)), still_truth, kImage).calibration->tenths;
+    return Evaluate(TrackSet::Build(std::move(all)), still_truth, kImage).calibration->tenths;
   };
   const auto right = evaluate(true);
   ASSERT_EQ(right.size(), 10u);
@@ -206,7 +213,19 @@ TEST(Calibration, TenthsTellWhetherALargeCovarianceMeansALargeError) {
 }
 
 TEST(Calibration, TracksWithoutCovarianceHaveNone) {
-  EXPECT_FALSE(EvaluateTracks(Join({Track(1, 0, 9, {100, 100})}), Moving(), kImage).calibration);
+  EXPECT_FALSE(Evaluate(Join({Track(1, 0, 9, {100, 100})}), Moving(), kImage).calibration);
+}
+
+std::vector<FrameIndex> FramesUpTo(std::uint32_t count) {
+  std::vector<FrameIndex> frames;
+  for (std::uint32_t i = 0; i < count; ++i) frames.push_back(FrameIndex{i});
+  return frames;
+}
+
+ReinitializationFigure MeasureIn(std::uint32_t frames,
+                                 const TrackSet& tracks,
+                                 const TrackTruthOracle& truth) {
+  return MeasureReinitializations(tracks, FramesUpTo(frames), truth, kImage);
 }
 
 TEST(Reinitializations, AreCountedWhenATrackLeavesTheTruthOrGivesUp) {
@@ -218,8 +237,8 @@ TEST(Reinitializations, AreCountedWhenATrackLeavesTheTruthOrGivesUp) {
   const auto lost = Track(3, 0, 11, {200, 300});
   const auto alive = Track(4, 0, 40, {300, 300});
   const auto leaves = Track(5, 0, 11, {602, 300});  // then at (624, 289): within the border
-  const auto figure = MeasureReinitializations(
-      Join({wanders, wanders_from_start, lost, alive, leaves}), Moving(), kImage);
+  const auto figure =
+      MeasureIn(40, Join({wanders, wanders_from_start, lost, alive, leaves}), Moving());
   EXPECT_EQ(figure.frames, 39u + 14u + 10u + 39u + 10u);
   EXPECT_EQ(figure.reinitializations, 2u);
   EXPECT_NEAR(*figure.mean_frames_between, 112.0 / 2.0, 1e-12);
@@ -228,15 +247,21 @@ TEST(Reinitializations, AreCountedWhenATrackLeavesTheTruthOrGivesUp) {
   const auto excused =
       Track(6, 0, 40, {100, 300}, [](auto f) { return f >= 10 && f < 20 ? 50.0 : 0.0; });
   const auto ends_hidden = Track(7, 0, 15, {200, 300});
-  const auto none = MeasureReinitializations(Join({excused, ends_hidden}), Moving(hidden), kImage);
+  const auto none = MeasureIn(40, Join({excused, ends_hidden}), Moving(hidden));
   EXPECT_EQ(none.frames, 29u + 9u);
   EXPECT_EQ(none.reinitializations, 0u);
   EXPECT_FALSE(none.mean_frames_between);
+
+  // The clip goes on where no track does.
+  const auto all_lost = MeasureIn(12, Join({lost}), Moving());
+  EXPECT_EQ(all_lost.frames, 10u);
+  EXPECT_EQ(all_lost.reinitializations, 1u);
+  EXPECT_EQ(MeasureIn(11, Join({lost}), Moving()).reinitializations, 0u);
 }
 
 TEST(TrajectoryL1, IsSummedOverTheFramesAndGivingUpWinsNothing) {
   const auto steady = Track(1, 0, 40, {100, 300}, [](auto f) { return f == 0 ? 0.0 : -0.5; });
-  auto figure = MeasureTrajectoryL1(Join({steady}), Moving());
+  auto figure = MeasureTrajectoryL1(Join({steady}), FramesUpTo(40), Moving());
   ASSERT_TRUE(figure);
   EXPECT_EQ(figure->tracks, 1u);
   EXPECT_NEAR(figure->mean_px, 30 * 0.5, 1e-9);
@@ -245,13 +270,18 @@ TEST(TrajectoryL1, IsSummedOverTheFramesAndGivingUpWinsNothing) {
   const auto lost = Track(2, 0, 29, {200, 300});
   const auto late = Track(3, 1, 40, {300, 300}, [](auto) { return 5.0; });  // not of frame 0
   const auto leaves = Track(4, 0, 15, {610, 300});  // its point leaves the image
-  figure = MeasureTrajectoryL1(Join({steady, lost, late, leaves}), Moving());
+  figure = MeasureTrajectoryL1(Join({steady, lost, late, leaves}), FramesUpTo(40), Moving());
   ASSERT_TRUE(figure);
   EXPECT_EQ(figure->tracks, 2u);
   EXPECT_NEAR(figure->mean_px, (15.0 + 3.0 + 6.0) / 2.0, 1e-9);
 
-  EXPECT_FALSE(MeasureTrajectoryL1(Join({Track(1, 0, 30, {100, 300})}), Moving()));
-  EXPECT_FALSE(MeasureTrajectoryL1(TrackSet(), Moving()));
+  // All are lost: two frames of 3 px each.
+  figure = MeasureTrajectoryL1(Join({lost}), FramesUpTo(31), Moving());
+  ASSERT_TRUE(figure);
+  EXPECT_NEAR(figure->mean_px, 3.0 + 6.0, 1e-9);
+
+  EXPECT_FALSE(MeasureTrajectoryL1(Join({Track(1, 0, 30, {100, 300})}), FramesUpTo(30), Moving()));
+  EXPECT_FALSE(MeasureTrajectoryL1(TrackSet(), FramesUpTo(40), Moving()));
 }
 
 }  // namespace

@@ -56,5 +56,26 @@ TEST(NamedGridTracker, OfAFileHasItsName) {
   EXPECT_EQ(refined.options.tracker, TrackerKind::kKlt);
 }
 
+TEST(NamedGridTracker, OfAFileThatIsCalledAsAnotherIsRefused) {
+  const test::TempDir dir;
+  for (const char* name : {"klt", "klt31-refined", "subspace", "ceiling", "sift", "frames"}) {
+    const std::string file = dir / (std::string(name) + ".json");
+    WriteBytes(file, R"({"tracker": "klt"})");
+    EXPECT_THAT([&] { NamedGridTracker(file, {}, SecondPassMode::kOff); },
+                ThrowsMessage<UsageError>(HasSubstr("rename the file")))
+        << name;
+  }
+}
+
+TEST(IsPlainKlt, IsOfAnyWindowAndOnePass) {
+  const auto is_plain = [](const char* name) {
+    return IsPlainKlt(NamedGridTracker(name, {}, SecondPassMode::kAuto));
+  };
+  for (const char* name : {"klt", "klt21", "klt31"}) EXPECT_TRUE(is_plain(name)) << name;
+  for (const char* name : {"klt31-refined", "anchored-klt21", "subspace", "ceiling"}) {
+    EXPECT_FALSE(is_plain(name)) << name;
+  }
+}
+
 }  // namespace
 }  // namespace cohort
