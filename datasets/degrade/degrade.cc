@@ -85,6 +85,13 @@ cv::Mat SensorSignal(cv::Mat image,
                      const SensorLevel& level,
                      cv::Mat motion,
                      RandomStream& random) {
+  constexpr int kMostSidePx = 32766;  // of OpenCV's remap
+  if (std::max(image.cols, image.rows) > kMostSidePx) {
+    ThrowError("pictures of {}x{}: the recipes sensor and phone take sides of up to {} px",
+               image.cols,
+               image.rows,
+               kMostSidePx);
+  }
   cv::pow(image, kGamma, image);
   const double angle = random.Uniform(0.0, 2.0 * std::numbers::pi);
   const double hand_px = kHandMotionPx * random.Uniform();

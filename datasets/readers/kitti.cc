@@ -56,8 +56,27 @@ Matrix34 ReadProjection(const fs::path& file, std::size_t camera) {
   ThrowError("{} has no projection matrix of camera {}", file.string(), camera);
 }
 
-std::map<FrameIndex, Rigid3> ReadCam0FromWorld(const fs::path& file, std::size_t images) {
+// Row i is image i. Where there are more rows, and images are missing between, it would be another's.
+void CheckRowsAreImages(const fs::path& file, std::size_t rows, const ImageList& list) {
+  if (rows <= list.images.size()) return;
+  for (std::size_t i = 0; i < list.images.size(); ++i) {
+    const std::string number = fs::path(list.images[i].name).stem().string();
+    const bool is_number =
+        number.size() <= 9 && number.find_first_not_of("0123456789") == std::string::npos;
+    if (!is_number || std::stoul(number) == i) continue;
+    ThrowError("{} has {} rows, there are {} images, of which number {} is {}: give one for each",
+               file.string(),
+               rows,
+               list.images.size(),
+               i,
+               list.images[i].name);
+  }
+}
+
+std::map<FrameIndex, Rigid3> ReadCam0FromWorld(const fs::path& file, const ImageList& list) {
   const TextTable table(file);
+  const std::size_t images = list.images.size();
+  CheckRowsAreImages(file, table.rows(), list);
   std::map<FrameIndex, Rigid3> poses;
   for (std::size_t row = 0; row < std::min(table.rows(), images); ++row) {
     const auto world_from_cam0 = RigidFromMatrix(ReadMatrix(table, row, 0));
@@ -92,6 +111,7 @@ ImageList ReadKitti(const fs::path& folder) {
                  table.rows(),
                  list.images.size());
     }
+    CheckRowsAreImages(file, table.rows(), list);
     for (std::size_t i = 0; i < list.images.size(); ++i) {
       list.images[i].timestamp_ns = table.SecondsAsNs(i, 0);
     }
@@ -111,7 +131,7 @@ ImageList ReadKitti(const fs::path& folder) {
     poses = fs::weakly_canonical(folder / "../../poses") / (list.name + ".txt");
   }
   if (fs::exists(poses)) {
-    for (const auto& [frame, cam0_from_world] : ReadCam0FromWorld(poses, list.images.size())) {
+    for (const auto& [frame, cam0_from_world] : ReadCam0FromWorld(poses, list)) {
       list.cam_from_world.emplace(frame, cam_from_cam0 * cam0_from_world);
     }
   }

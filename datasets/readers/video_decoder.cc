@@ -257,10 +257,20 @@ RowOrder VideoDecoder::SensorRows() const {
   return orientation_.mirrored_y ? RowOrder::kUp : RowOrder::kDown;
 }
 
+bool VideoDecoder::CountsFrames() const { return format_->streams[stream_]->nb_frames > 0; }
+
 std::optional<std::size_t> VideoDecoder::PromisedFrames() const {
   const AVStream& stream = *format_->streams[stream_];
   double frames = static_cast<double>(stream.nb_frames);
-  if (stream.nb_frames <= 0 && format_->duration != AV_NOPTS_VALUE) {
+  const bool may_have_edits =
+      std::string_view(format_->iformat->name).find("mp4") != std::string_view::npos;
+  if (CountsFrames() && may_have_edits && stream.duration > 0) {
+    // An edit list hides some: of a piece that was cut out without coding it again.
+    const double seconds = static_cast<double>(stream.duration) * seconds_per_tick_;
+    constexpr double kRounding = 0.01;
+    frames = std::min(frames, std::floor(seconds * frames_per_second_ + kRounding));
+  }
+  if (!CountsFrames() && format_->duration != AV_NOPTS_VALUE) {
     const double seconds = static_cast<double>(format_->duration) / AV_TIME_BASE;
     frames = std::round(seconds * frames_per_second_);
   }

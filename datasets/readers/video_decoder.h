@@ -53,6 +53,7 @@ class VideoDecoder {
   // When it is shown [s]; the first frame at 0. By the file's times, which need not be even; 1 / fps
   // after the frame before it where the file gives none or one that is not later.
   double Seconds() const { return seconds_; }
+  double FramesPerSecond() const { return frames_per_second_; }
 
   // Where Picture() has the later rows of the pictures that the file stores, which are the sensor's.
   RowOrder SensorRows() const;
@@ -60,6 +61,8 @@ class VideoDecoder {
   // What the header says, or its duration times its frames a second; none if that is no number of
   // frames.
   std::optional<std::size_t> PromisedFrames() const;
+  // Is that a count? A duration is that of the longest stream, be it the sound.
+  bool CountsFrames() const;
 
  private:
   struct Delete {

@@ -11,9 +11,12 @@
 namespace cohort {
 namespace {
 
-// Headers are often wrong by one frame, and a sound track that outlasts the picture makes
-// containers that store only a duration promise too much: in a long clip one frame is no news.
-bool EndsEarly(std::size_t decoded, std::size_t promised) {
+// Headers are often wrong by one frame: in a long clip that is no news. A sound track that outlasts
+// the picture makes containers that store only a duration promise up to a second too much.
+bool EndsEarly(std::size_t decoded, std::size_t promised, double slack_frames) {
+  if (slack_frames > 0.0) {
+    return decoded + slack_frames < promised && decoded * 1.02 < promised;
+  }
   return decoded + 2 <= promised || decoded * 1.02 < promised;
 }
 
@@ -81,7 +84,8 @@ class VideoSequence final : public Sequence {
   }
 
   std::optional<Frame> End() {
-    if (source_frames_ && EndsEarly(grabbed_, *source_frames_)) {
+    const double slack_frames = decoder_->CountsFrames() ? 0.0 : decoder_->FramesPerSecond();
+    if (source_frames_ && EndsEarly(grabbed_, *source_frames_, slack_frames)) {
       warning_ = fmt::format(
           "decoded {} frames of about {}: {} is cut short or damaged, or its header promises too "
           "many; the last frame may be incomplete",

@@ -238,7 +238,10 @@ std::unique_ptr<TrackTruth> OpenTrackTruth(const Sequence& sequence,
   }
   const auto camera = sequence.KnownCamera();
   const auto& poses = sequence.TrueCamFromWorld();
-  if (!camera || poses.empty() || !sequence.TrueDepth(poses.begin()->first)) return nullptr;
+  const auto has_depth = [&](const auto& pose) {
+    return sequence.TrueDepth(pose.first).has_value();
+  };
+  if (!camera || std::ranges::none_of(poses, has_depth)) return nullptr;
   return std::make_unique<DepthTruth>(sequence, *camera);
 }
 

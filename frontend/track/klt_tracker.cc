@@ -1,5 +1,6 @@
 #include "frontend/track/klt_tracker.h"
 
+#include <algorithm>
 #include <map>
 
 #include "frontend/track/frame_to_frame.h"
@@ -92,7 +93,8 @@ class AnchoredKltMover final : public FeatureMover {
   };
 
   Picture Prepare(const Pyramid& current) const {
-    return {LkPyramid(current, options_.window_px, options_.guide_max_level), current.levels[0]};
+    const int levels = std::max(options_.guide_max_level, options_.anchor_max_level);
+    return {LkPyramid(current, options_.window_px, levels), current.levels[0]};
   }
 
   // The features, which stand at their guides, where they look as in the picture they were born in.

@@ -19,13 +19,15 @@ class RlofMover final : public FrameToFrameMover {
     parameters_->setUseMEstimator(true);  // Hampel's norm in place of least squares
     // Gain and offset of every patch are two more unknowns for what little a dark patch tells.
     parameters_->setUseIlluminationModel(false);
-    parameters_->setUseGlobalMotionPrior(true);
   }
 
  private:
   std::vector<Step> Flow(const std::vector<cv::Mat>& from,
                          const std::vector<cv::Mat>& to,
                          const std::vector<cv::Point2f>& starts) const override {
+    // In narrower pictures OpenCV's takes memory without end.
+    constexpr int kLeastWidthPx = 64;
+    parameters_->setUseGlobalMotionPrior(from[0].cols >= kLeastWidthPx);
     std::vector<cv::Point2f> ends;
     std::vector<std::uint8_t> found;
     cv::optflow::calcOpticalFlowSparseRLOF(

@@ -263,7 +263,8 @@ std::vector<FeatureId> ReadTrackIds(TracksReader& reader) {
 
 std::optional<PixelCovariance> CovarianceOf(const TracksReader& reader,
                                             const std::vector<double>& covariances,
-                                            std::size_t cell) {
+                                            std::size_t cell,
+                                            const Eigen::Array2d& scale) {
   const double xx = covariances[3 * cell];
   const double xy = covariances[3 * cell + 1];
   const double yy = covariances[3 * cell + 2];
@@ -272,7 +273,12 @@ std::optional<PixelCovariance> CovarianceOf(const TracksReader& reader,
     reader.Fail("covariance",
                 fmt::format("xx {}, xy {}, yy {} is no positive definite covariance", xx, xy, yy));
   }
-  return PixelCovariance::From(Eigen::Matrix2d{{xx, xy}, {xy, yy}});
+  const Eigen::Matrix2d scaled = scale.matrix().asDiagonal() * Eigen::Matrix2d{{xx, xy}, {xy, yy}} *
+                                 scale.matrix().asDiagonal();
+  if (!PixelCovariance::IsOne(scaled(0, 0), scaled(0, 1), scaled(1, 1))) {
+    reader.Fail("covariance", "it is beyond all numbers in the size of the pictures");
+  }
+  return PixelCovariance::From(scaled);
 }
 
 }  // namespace
@@ -322,7 +328,7 @@ ImportedTracks ReadTracksNpz(const fs::path& path,
       if (is_visible && !inside) ++result.left_out;
       if (!is_visible || !inside) o.state = ObservationState::kPredicted;
       if (!residuals.empty() && std::isfinite(residuals[cell])) o.residual = residuals[cell];
-      if (!covariances.empty()) o.covariance = CovarianceOf(reader, covariances, cell);
+      if (!covariances.empty()) o.covariance = CovarianceOf(reader, covariances, cell, scale);
       observations.push_back(o);
     }
   }

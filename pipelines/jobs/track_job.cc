@@ -110,17 +110,21 @@ EarlierRun FindEarlierRun(const fs::path& out, const TrackFile& header) {
 }
 
 // Into the file and the log.
-void TellCuts(const std::vector<FrameIndex>& cuts, const FrameIndex& first, TrackWriter& writer) {
+void TellCuts(const std::vector<FrameIndex>& cuts,
+              FrameIndex first,
+              std::uint32_t stride,
+              TrackWriter& writer) {
   if (cuts.empty()) return;
   std::map<std::string, std::string> meta;
   NoteCuts(cuts, meta);
   writer.SetMeta(kCutsMeta, meta.at(kCutsMeta));
   spdlog::warn(
-      "the clip is cut at {}: all tracks end there. Give its scenes one by one: --frames {}:{} is "
-      "the first",
+      "the clip is cut at {}: all tracks end there. Give its scenes one by one: --frames {}:{}{} "
+      "is the first",
       CutsText(cuts),
       ToInt(first),
-      ToInt(cuts.front()));
+      ToInt(cuts.front()),
+      stride > 1 ? fmt::format(":{}", stride) : "");
 }
 
 // To --json, if it is given. Where all was done already there are no times.
@@ -165,6 +169,7 @@ bool TrackFrames(SequenceTracker& tracker,
   Worker worker;
   FrameIndex first{};
   FrameIndex last{};
+  std::uint32_t stride = 1;
   const auto finish = [&] {
     const Stopwatch stopwatch;
     if (written.valid()) written.get();
@@ -174,6 +179,7 @@ bool TrackFrames(SequenceTracker& tracker,
     TrackedFrame frame = tracker.TrackNext();
     finish();
     if (figures.frames == 0) first = frame.info.index;
+    if (figures.frames == 1) stride = ToInt(frame.info.index) - ToInt(first);
     last = frame.info.index;
     if (frame.result.cut) figures.cuts.push_back(frame.info.index);
     ++figures.frames;
@@ -199,7 +205,7 @@ bool TrackFrames(SequenceTracker& tracker,
         "goes on");
   }
   if (tracker.HasNext()) ThrowInterrupted(figures.frames);
-  TellCuts(figures.cuts, first, writer);
+  TellCuts(figures.cuts, first, stride, writer);
   return !interrupt.Requested();
 }
 

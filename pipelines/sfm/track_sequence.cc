@@ -57,6 +57,7 @@ SequenceTracker::SequenceTracker(Sequence& sequence, const TrackSequenceOptions&
                   {"options", ToJson(options.tracker).dump()}};
   if (WantsCompanion(options.second_pass, options.tracker)) header_.meta["companion"] = "klt";
   if (second_pass) header_.meta["second_pass_options"] = SecondPassOptionsText(options.second_pass);
+  NoteSensorRows(sequence, header_);
 }
 
 bool SequenceTracker::HasNext() {
@@ -88,7 +89,9 @@ TrackFile TrackFirstPass(Sequence& sequence,
   std::vector<Observation> observations;
   std::vector<TrackEnd> ends;
   std::vector<FrameIndex> cuts;
-  if (progress) progress("track", 0, sequence.FrameCount());
+  // Asked before the frames are read ahead by another thread.
+  const std::optional<std::size_t> promised = sequence.FrameCount();
+  if (progress) progress("track", 0, promised);
   while (tracker.HasNext()) {
     TrackedFrame frame = tracker.TrackNext();
     if (frame.result.cut) cuts.push_back(frame.info.index);
@@ -96,8 +99,10 @@ TrackFile TrackFirstPass(Sequence& sequence,
     observations.insert(
         observations.end(), frame.result.observations.begin(), frame.result.observations.end());
     ends.insert(ends.end(), frame.result.ends.begin(), frame.result.ends.end());
-    if (progress) progress("track", file.frames.size(), sequence.FrameCount());
+    if (progress) progress("track", file.frames.size(), promised);
   }
+  const std::size_t count = file.frames.size();
+  if (progress && promised != count) progress("track", count, count);
   file.tracks = TrackSet::Build(std::move(observations), std::move(ends));
   NoteCuts(cuts, file.meta);
   return file;

@@ -502,6 +502,22 @@ TEST_F(Kitti, SaysWhatIsWrong) {
   EXPECT_THAT(open, ThrowsMessage<Error>(HasSubstr("poses.txt line 2")));
 }
 
+TEST_F(Kitti, RowsOfMissingImagesAreNoOthers) {
+  WriteImages("image_0");
+  fs::remove(sequence_ / "image_0/000001.png");
+  const auto open = [this] { OpenSequence(sequence_); };
+  const auto is_said =
+      ThrowsMessage<Error>(HasSubstr("3 rows, there are 2 images, of which number "
+                                     "1 is 000002.png"));
+  WriteText(sequence_ / "times.txt", "0\n0.1\n0.2\n");
+  EXPECT_THAT(open, is_said);
+  WriteText(sequence_ / "times.txt", "0\n0.2\n");
+  WriteText(sequence_ / "poses.txt", kPoses);
+  EXPECT_THAT(open, is_said);
+  fs::remove(sequence_ / "poses.txt");
+  EXPECT_EQ(test::ReadAll(*OpenSequence(sequence_))[1].timestamp_ns, 200'000'000);
+}
+
 TEST(SharedSequences, OpensTheKitchenInTumLayout) {
   const fs::path folder = test::SharedData("7scenes_redkitchen_000_299");
   COHORT_SKIP_WITHOUT(folder);

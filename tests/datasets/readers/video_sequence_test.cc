@@ -12,6 +12,7 @@
 #include "frontend/core/output.h"
 #include "tests/datasets/fixtures.h"
 #include "tests/support/shared_data.h"
+#include "tests/support/shell.h"
 #include "tests/support/temp_dir.h"
 
 namespace cohort {
@@ -163,6 +164,25 @@ TEST(Video, AnMp4WithItsIndexInFrontKeepsWhatCanBeDecoded) {
   EXPECT_GT(frames, 5u);
   EXPECT_LT(frames, 25u);
   EXPECT_THAT(sequence->Warning(), HasSubstr(fmt::format("decoded {} frames of about 30", frames)));
+}
+
+// FFmpeg hides what lies before the cut, which the header counts; and a sound that goes on.
+TEST(Video, APieceOfAVideoAndALongerSoundAreNotCutShort) {
+  const TempDir dir;
+  WriteVideo(dir / "clip.mp4", "mp4v");
+  const std::string ffmpeg =
+      fmt::format("cd {} && ffmpeg -nostdin -loglevel error ", dir.path().string());
+  for (const char* make :
+       {"-ss 0.5 -i clip.mp4 -c copy made.mp4",
+        "-i clip.mp4 -f lavfi -i sine=d=1.6 -c:v copy -c:a pcm_s16le made.mkv"}) {
+    SCOPED_TRACE(make);
+    const test::ProgramEnd end = test::RunShell(ffmpeg + make);
+    ASSERT_EQ(end.exit_code, 0) << end.err;
+    const std::string name = std::string(make).substr(std::string(make).rfind(' ') + 1);
+    const auto sequence = OpenSequence(dir / name);
+    EXPECT_GT(test::ReadAll(*sequence).size(), 15u);
+    EXPECT_EQ(sequence->Warning(), "");
+  }
 }
 
 TEST(Video, AnMp4ThatLostItsIndexIsAnError) {

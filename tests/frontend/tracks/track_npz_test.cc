@@ -102,6 +102,17 @@ TEST(TracksNpz, ReadsThemAsUsersOfPointTrackersSaveThem) {
                   ways.back());
 }
 
+TEST(TracksNpz, CovariancesAreOfThePicturesSizeToo) {
+  const Saved saved(
+      {"np.savez('a.npz', tracks=tracks, vis=vis, "
+       "covariance=np.full((4, 3, 3), [0.5, 0.125, 0.25]))"});
+  const ImportedTracks imported =
+      saved.Read(0, {.size = fmt::format("{}x{}", kWidth / 2, kHeight)});
+  const Observation* o = imported.tracks.Find(FeatureId{1}, FrameIndex{1});
+  ASSERT_TRUE(o != nullptr && o->covariance);
+  EXPECT_EQ(o->covariance->Matrix(), (Eigen::Matrix2d{{2.0, 0.25}, {0.25, 0.25}}));
+}
+
 TEST(TracksNpz, ThresholdsAreOptions) {
   const Saved saved({"np.savez('a.npz', tracks=tracks, vis=0.2 + 0.6 * vis, conf=0.3 * vis)"});
   EXPECT_EQ(saved.Read(0, {.min_confidence = 0.1}).tracks.CountObserved(), 11u);
