@@ -1,6 +1,5 @@
 #include "pipelines/experiment/named_trackers.h"
 
-#include <algorithm>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -127,12 +126,19 @@ bool HasSecondPass(const GridTracker& tracker) {
          WantsSecondPass(tracker.second_pass, tracker.options);
 }
 
+bool IsOfFamily(std::string_view tracker, std::string_view family) {
+  constexpr std::string_view kRefined = "-refined";
+  if (tracker.ends_with(kRefined) != family.ends_with(kRefined)) return false;
+  if (family.ends_with(kRefined)) {
+    tracker.remove_suffix(kRefined.size());
+    family.remove_suffix(kRefined.size());
+  }
+  return tracker.starts_with(family) &&
+         tracker.find_first_not_of("0123456789", family.size()) == std::string_view::npos;
+}
+
 bool IsPlainKlt(const GridTracker& tracker) {
-  constexpr std::string_view kFamily = "klt";
-  return tracker.source == TrackSource::kTracker && tracker.name.starts_with(kFamily) &&
-         std::all_of(tracker.name.begin() + kFamily.size(),
-                     tracker.name.end(),
-                     [](char c) { return c >= '0' && c <= '9'; }) &&
+  return tracker.source == TrackSource::kTracker && IsOfFamily(tracker.name, "klt") &&
          !HasSecondPass(tracker);
 }
 

@@ -2,6 +2,7 @@
 
 #include <nlohmann/json_fwd.hpp>
 #include <string>
+#include <string_view>
 
 #include "pipelines/experiment/cells.h"
 
@@ -18,6 +19,9 @@ GridTracker NamedGridTracker(const std::string& name,
 
 // Does the tracker of `cohort track` have a second pass?
 bool HasSecondPass(const GridTracker& tracker);
+
+// klt21 is of the family klt, klt21-refined of klt-refined.
+bool IsOfFamily(std::string_view tracker, std::string_view family);
 
 // Is it kltN, without a second pass?
 bool IsPlainKlt(const GridTracker& tracker);

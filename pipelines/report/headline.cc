@@ -3,24 +3,13 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
-#include <string_view>
+
+#include "pipelines/experiment/named_trackers.h"
 
 namespace cohort {
 namespace {
 
 constexpr const char* kMetrics[] = {kCameraErrorMetric, kPointErrorMetric, kTrackLengthMetric};
-
-// klt21 is of the family klt, klt21-refined of klt-refined.
-bool IsOfFamily(std::string_view tracker, std::string_view family) {
-  constexpr std::string_view kRefined = "-refined";
-  if (tracker.ends_with(kRefined) != family.ends_with(kRefined)) return false;
-  if (family.ends_with(kRefined)) {
-    tracker.remove_suffix(kRefined.size());
-    family.remove_suffix(kRefined.size());
-  }
-  return tracker.starts_with(family) &&
-         tracker.find_first_not_of("0123456789", family.size()) == std::string_view::npos;
-}
 
 std::optional<std::string> FindCohort(const std::vector<std::string>& trackers) {
   std::optional<std::string> first;

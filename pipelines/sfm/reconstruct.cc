@@ -185,11 +185,11 @@ Reconstruction WithFrames(Reconstruction model, const Json& of_image, const fs::
   }
   std::set<FrameIndex> apart;
   for (const auto& [number, frame] : frames) apart.insert(frame);
-  for (const auto& [number, pose] : model.cam_from_world) {
-    if (!frames.contains(number) || apart.size() < frames.size()) {
-      ThrowError("{}: frame_of_image has not one frame for every image of the model: make it again",
-                 summary.string());
-    }
+  const bool has_all = std::ranges::all_of(
+      model.cam_from_world, [&](const auto& camera) { return frames.contains(camera.first); });
+  if (!has_all || apart.size() < frames.size()) {
+    ThrowError("{}: frame_of_image has not one frame for every image of the model: make it again",
+               summary.string());
   }
   const auto renumber = [&frames](auto& map) {
     std::remove_reference_t<decltype(map)> by_frame;
