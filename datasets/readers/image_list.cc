@@ -1,8 +1,10 @@
 #include "datasets/readers/image_list.h"
 
 #include <algorithm>
+#include <cmath>
 #include <functional>
 #include <iterator>
+#include <opencv2/imgproc.hpp>
 #include <utility>
 
 #include "datasets/readers/gray_image.h"
@@ -15,6 +17,16 @@ namespace cohort {
 namespace {
 
 constexpr double kDepthUnitsPerMetre = 5000.0;
+constexpr double kWhite = 65535.0;  // of 16 bits
+
+// Of all colours, but not of what is transparent.
+double Brightest(const cv::Mat& picture) {
+  cv::Mat colors = picture;
+  if (picture.channels() == 4) cv::cvtColor(picture, colors, cv::COLOR_BGRA2BGR);
+  double brightest = 0.0;
+  cv::minMaxLoc(colors.reshape(1), nullptr, &brightest);
+  return brightest;
+}
 
 class ImageListSequence final : public Sequence {
  public:
@@ -46,7 +58,9 @@ class ImageListSequence final : public Sequence {
                       std::next(back)->name,
                       back->name));
     }
-    size_ = ReadImage(ImageFile(range.first)).size();
+    const cv::Mat first = ReadImage(ImageFile(range.first));
+    size_ = first.size();
+    if (first.depth() == CV_16U) white_ = WhiteOfClip();
     if (Camera* camera = list_.camera ? &*list_.camera : nullptr) {
       if (camera->width_px == 0) {
         camera->width_px = size_.width;
@@ -80,6 +94,7 @@ class ImageListSequence final : public Sequence {
       return std::nullopt;
     }
     RequireSize(picture.size(), size_, file);
+    if (picture.depth() == CV_16U) SpreadToWhite(picture, file);
     ++read_;
     Frame frame{FrameIndex(i), list_.images[i].timestamp_ns, list_.images[i].name, {}};
     SetPicture(std::move(picture), file, frame);
@@ -132,11 +147,49 @@ class ImageListSequence final : public Sequence {
     return list_.root / list_.images[image].name;
   }
 
+  // Sensors of 10 to 14 bits often store their pictures as they are, with the upper of 16 bits
+  // empty: taken for black, as all that has 8 bits would take them. By some pictures of the whole
+  // clip, whatever its range.
+  double WhiteOfClip() const {
+    constexpr std::size_t kPictures = 8;
+    const std::size_t last = list_.images.size() - 1;
+    double brightest = 0.0;
+    for (std::size_t i = 0; i < kPictures; ++i) {
+      try {
+        const cv::Mat picture = ReadImage(ImageFile(i * last / (kPictures - 1)));
+        if (picture.depth() == CV_16U) brightest = std::max(brightest, Brightest(picture));
+      } catch (const SystemError&) {
+        throw;
+      } catch (const Error&) {  // Next tells of it, where it is in the range
+      }
+      if (2.0 * brightest > kWhite) break;
+    }
+    for (const int bits : {8, 10, 12, 14}) {
+      if (const double white = std::exp2(bits) - 1.0; brightest <= white) return white;
+    }
+    return kWhite;
+  }
+
+  void SpreadToWhite(cv::Mat& picture, const std::string& file) {
+    if (white_ == kWhite) return;
+    if (!warned_of_white_ && Brightest(picture) > white_) {
+      warned_of_white_ = true;
+      Warn(fmt::format(
+          "{} is brighter than {}, which by other pictures of the clip is white: brighter "
+          "pixels are cut off; spread the clip's pictures over 16 bits",
+          file,
+          white_));
+    }
+    picture.convertTo(picture, -1, kWhite / white_);
+  }
+
   ImageList list_;
   FrameRange range_;
   std::size_t count_;     // frames of the range
   std::size_t read_ = 0;  // of them
   cv::Size size_;
+  double white_ = kWhite;  // of pictures of 16 bits
+  bool warned_of_white_ = false;
   std::string warning_;
 };
 

@@ -79,9 +79,7 @@ std::optional<int> FirstVideo(const AVFormatContext& format) {
   return std::nullopt;
 }
 
-void CheckPixels(const AVStream& stream, const std::string& name) {
-  const int width_px = stream.codecpar->width;
-  const int height_px = stream.codecpar->height;
+void CheckPixels(int width_px, int height_px, const std::string& name) {
   if (std::int64_t{width_px} * height_px > VideoDecoder::kMaxPixels) {
     ThrowError("cannot read {}: its frames are {}x{}, and {} pixels are the most: make it smaller",
                name,
@@ -94,6 +92,15 @@ void CheckPixels(const AVStream& stream, const std::string& name) {
 double RateOf(AVRational rate) {
   const double value = rate.den == 0 ? 0.0 : av_q2d(rate);
   return value >= kLeastFramesPerSecond && value <= kMostFramesPerSecond ? value : 0.0;
+}
+
+// Of a stored pixel, width / height.
+double AspectOf(AVRational told) {
+  constexpr double kNone = 0.02;  // nearer to 1 it is a rounding, of a size that was scaled
+  constexpr double kMost = 4.0;
+  const double aspect = told.num > 0 && told.den > 0 ? av_q2d(told) : 1.0;
+  const bool is_told = std::abs(aspect - 1.0) > kNone && aspect <= kMost && aspect >= 1.0 / kMost;
+  return is_told ? aspect : 1.0;
 }
 
 // On every stream, also while FFmpeg looks for what they are.
@@ -192,7 +199,10 @@ void VideoDecoder::OpenFile() {
   if (opened >= 0) {
     format_.reset(format);
     // FFmpeg forgets a size that it does not take.
-    if (const auto stream = FirstVideo(*format)) CheckPixels(*format->streams[*stream], name_);
+    if (const auto stream = FirstVideo(*format)) {
+      const AVCodecParameters& parameters = *format->streams[*stream]->codecpar;
+      CheckPixels(parameters.width, parameters.height, name_);
+    }
     CheckMemory(avformat_find_stream_info(format, DecoderOptions(format->nb_streams).data()),
                 name_);
     stream_ = FirstVideo(*format).value_or(-1);
@@ -213,7 +223,9 @@ void VideoDecoder::OpenFile() {
 void VideoDecoder::OpenStream() {
   AVStream& stream = *format_->streams[stream_];
   const AVCodecParameters& parameters = *stream.codecpar;
-  CheckPixels(stream, name_);
+  pixel_aspect_ = AspectOf(av_guess_sample_aspect_ratio(format_.get(), &stream, nullptr));
+  CheckPixels(parameters.width, parameters.height, name_);
+  CheckPixels(ShownWidth(parameters.width), parameters.height, name_);
   const AVCodec* decoder = avcodec_find_decoder(parameters.codec_id);
   if (decoder == nullptr) {
     ThrowError("cannot open {} as a video: FFmpeg has no decoder of its codec, {}",
@@ -255,6 +267,10 @@ RowOrder VideoDecoder::SensorRows() const {
     return orientation_.mirrored_x ? RowOrder::kLeft : RowOrder::kRight;
   }
   return orientation_.mirrored_y ? RowOrder::kUp : RowOrder::kDown;
+}
+
+int VideoDecoder::ShownWidth(int stored_width_px) const {
+  return std::max(1, static_cast<int>(std::lround(pixel_aspect_ * stored_width_px)));
 }
 
 bool VideoDecoder::CountsFrames() const { return format_->streams[stream_]->nb_frames > 0; }
@@ -339,7 +355,7 @@ void VideoDecoder::MakeConverter() {
   }
   bgr_.reset(Allocated(av_frame_alloc()));
   bgr_->format = AV_PIX_FMT_BGR24;
-  bgr_->width = frame.width;
+  bgr_->width = ShownWidth(frame.width);
   bgr_->height = frame.height;
   CheckMemory(av_frame_get_buffer(bgr_.get(), 0), name_);
   converter_.reset(Allocated(sws_alloc_context()));
@@ -347,7 +363,7 @@ void VideoDecoder::MakeConverter() {
                                       std::pair("srch", frame.height),
                                       std::pair("src_format", frame.format),
                                       std::pair("src_range", full_range ? 1 : 0),
-                                      std::pair("dstw", frame.width),
+                                      std::pair("dstw", bgr_->width),
                                       std::pair("dsth", frame.height),
                                       std::pair("dst_format", int{AV_PIX_FMT_BGR24}),
                                       std::pair("sws_flags", SWS_BICUBIC)}) {
@@ -371,8 +387,11 @@ cv::Mat VideoDecoder::Picture() {
   MakeConverter();
   sws_scale(
       converter_.get(), frame_->data, frame_->linesize, 0, height_px_, bgr_->data, bgr_->linesize);
-  const cv::Mat stored(
-      height_px_, width_px_, CV_8UC3, bgr_->data[0], static_cast<std::size_t>(bgr_->linesize[0]));
+  const cv::Mat stored(bgr_->height,
+                       bgr_->width,
+                       CV_8UC3,
+                       bgr_->data[0],
+                       static_cast<std::size_t>(bgr_->linesize[0]));
   cv::Mat picture;
   if (orientation_.transposed) {
     cv::transpose(stored, picture);

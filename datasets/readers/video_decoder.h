@@ -45,10 +45,15 @@ class VideoDecoder {
   bool Next();
 
   // The frame that Next has decoded, CV_8UC3 (BGR), turned and mirrored as the file's display
-  // matrix says: a phone's portrait video stands upright. Limited range is spread to 0..255; the
-  // matrix is always BT.601's, so that grey of the picture is the file's own luma. Throws Error if
-  // the frame is of a kind that cannot be converted.
+  // matrix says: a phone's portrait video stands upright. Pixels that are not square are made so by
+  // the width, as players do. Limited range is spread to 0..255; the matrix is always BT.601's, so
+  // that grey of the picture is the file's own luma. Throws Error if the frame is of a kind that
+  // cannot be converted.
   cv::Mat Picture();
+
+  // Width / height of the pixels that the file stores, as it or its codec says; 1 of nearly square
+  // ones, and where it says nothing or what is no pixel of a camera.
+  double PixelAspect() const { return pixel_aspect_; }
 
   // When it is shown [s]; the first frame at 0. By the file's times, which need not be even; 1 / fps
   // after the frame before it where the file gives none or one that is not later.
@@ -91,6 +96,7 @@ class VideoDecoder {
 
   static int Read(void* source, std::uint8_t* bytes, int count);
   static std::int64_t Seek(void* source, std::int64_t offset, int whence);
+  int ShownWidth(int stored_width_px) const;
   void CheckSource() const;
   void OpenFile();
   void OpenStream();
@@ -114,6 +120,7 @@ class VideoDecoder {
   int pixel_format_ = -1;
   bool full_range_ = false;
   Orientation orientation_;
+  double pixel_aspect_ = 1.0;
   double frames_per_second_ = 0.0;
   double seconds_per_tick_ = 0.0;
   std::optional<std::int64_t> first_tick_;

@@ -25,6 +25,15 @@ class VideoSequence final : public Sequence {
   VideoSequence(const std::filesystem::path& file, const FrameRange& range)
       : file_(file.string()), name_(file.filename().string()), range_(range) {
     Rewind();
+    if (const double aspect = decoder_->PixelAspect(); aspect != 1.0) {
+      Warn(fmt::format(
+          "the pixels of {} are not square, {:.3g} times as wide as high: its frames are read "
+          "as {}x{}, of square ones",
+          file_,
+          aspect,
+          size_.width,
+          size_.height));
+    }
   }
 
   // Seeking is not exact in every container: opening again is.
@@ -70,6 +79,8 @@ class VideoSequence final : public Sequence {
   const std::string& Warning() const override { return warning_; }
 
  private:
+  void Warn(const std::string& what) { warning_ += (warning_.empty() ? "" : "; ") + what; }
+
   std::optional<Frame> Decode() {
     if (range_.end && next_ >= *range_.end) return std::nullopt;
     for (; grabbed_ <= next_; ++grabbed_) {  // frames before the next one are not converted
@@ -86,12 +97,12 @@ class VideoSequence final : public Sequence {
   std::optional<Frame> End() {
     const double slack_frames = decoder_->CountsFrames() ? 0.0 : decoder_->FramesPerSecond();
     if (source_frames_ && EndsEarly(grabbed_, *source_frames_, slack_frames)) {
-      warning_ = fmt::format(
-          "decoded {} frames of about {}: {} is cut short or damaged, or its header promises too "
-          "many; the last frame may be incomplete",
-          grabbed_,
-          *source_frames_,
-          file_);
+      Warn(
+          fmt::format("decoded {} frames of about {}: {} is cut short or damaged, or its header "
+                      "promises too many; the last frame may be incomplete",
+                      grabbed_,
+                      *source_frames_,
+                      file_));
     }
     source_frames_ = grabbed_;
     range_.end = static_cast<std::uint32_t>(grabbed_);

@@ -14,11 +14,11 @@ Pyramid BuildPyramid(const cv::Mat& gray, int num_levels) {
   Pyramid pyramid;
   cv::Mat full;
   switch (gray.depth()) {
-    case CV_8U:
-      gray.convertTo(full, CV_32F, 1.0 / 255.0);
-      break;
     case CV_16U:
-      gray.convertTo(full, CV_32F, 1.0 / 65535.0);
+      pyramid.step = 1.0 / 65535.0;
+      [[fallthrough]];
+    case CV_8U:
+      gray.convertTo(full, CV_32F, pyramid.step);
       break;
     default:
       Check(gray.depth() == CV_32F, "BuildPyramid takes 8-bit, 16-bit or float pictures");

@@ -9,6 +9,7 @@ namespace cohort {
 // halves both sides (paper 3.3). Pixel (x, y) of level k lies at (2^k x, 2^k y) of level 0.
 struct Pyramid {
   std::vector<cv::Mat> levels;
+  double step = 1.0 / 255.0;  // of the picture's intensities; of CV_32FC1 as if it came of 8 bits
 
   int width() const { return levels.empty() ? 0 : levels.front().cols; }
   int height() const { return levels.empty() ? 0 : levels.front().rows; }

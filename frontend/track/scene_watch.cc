@@ -101,13 +101,13 @@ double Flow(const cv::Mat& before, const cv::Mat& now) {
 
 // Shows `small` nothing, beside one that it has nothing in common with? `blank`: what was blank
 // before it, or empty. A dim scene has less contrast too, but matches itself in the next frame.
-bool IsBlank(const cv::Mat& small, const cv::Mat& last, const cv::Mat& blank) {
-  constexpr double kLeastContrast = 0.002;  // half a step of 8 bits: nothing is seen by less
+// `step`: of the picture's intensities, by less than half of which nothing is seen.
+bool IsBlank(const cv::Mat& small, const cv::Mat& last, const cv::Mat& blank, double step) {
   constexpr double kLess = 0.1;
   const auto contrast = [](const cv::Mat& picture) {
     return cv::norm(picture) / std::sqrt(static_cast<double>(picture.total()));
   };
-  if (contrast(small) < kLeastContrast) return true;
+  if (contrast(small) < 0.5 * step) return true;
   if (contrast(small) > kLess * contrast(last)) return false;
   return blank.empty() || Match(blank, small) < kSame;
 }
@@ -123,7 +123,7 @@ SceneChange SceneWatch::Follow(const Pyramid& picture) {
   if (!last_.empty()) {
     match = Match(last_, small);
     if (match_ >= kSame && match < kDrop * match_ && Flow(last_, small) < kFlow) {
-      if (IsBlank(small, last_, blank_)) {
+      if (IsBlank(small, last_, blank_, picture.step)) {
         blank_ = std::move(small);
         return SceneChange::kBlank;
       }

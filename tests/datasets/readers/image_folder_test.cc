@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <cmath>
 #include <fstream>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
@@ -135,6 +136,62 @@ TEST(ImageFolder, ConvertsColourAlphaAnd16BitsToGrey) {
   EXPECT_EQ(frames[2].gray.at<std::uint16_t>(3, 4), 54321);
   EXPECT_EQ(frames[3].gray.type(), CV_16UC1);
   EXPECT_NEAR(frames[3].gray.at<std::uint16_t>(3, 4), 13648, 1);
+}
+
+cv::Mat Deep(int value, int type = CV_16UC1) {
+  return {48, 64, type, cv::Scalar(value, value, value, 65535)};
+}
+
+std::vector<int> DeepValues(Sequence& sequence) {
+  std::vector<int> values;
+  for (const Frame& frame : test::ReadAll(sequence)) {
+    EXPECT_EQ(frame.gray.type(), CV_16UC1);
+    values.push_back(frame.gray.at<std::uint16_t>(3, 4));
+  }
+  return values;
+}
+
+TEST(ImageFolder, BitsThatASensorLeavesEmptyAreNoDarkness) {
+  struct Sensor {
+    int brightest;
+    int white;
+  };
+  for (const auto& [brightest, white] : {Sensor{250, 255},
+                                         Sensor{256, 1023},
+                                         Sensor{4095, 4095},
+                                         Sensor{16000, 16383},
+                                         Sensor{16384, 65535},
+                                         Sensor{65535, 65535}}) {
+    for (const int type : {CV_16UC1, CV_16UC4}) {
+      const TempDir dir;
+      for (const int i : {0, 1, 2}) {
+        cv::imwrite(dir / fmt::format("{}.png", i), Deep(i == 1 ? brightest : brightest / 2, type));
+      }
+      const auto spread = [white = white](int value) {
+        return static_cast<int>(std::lround(65535.0 / white * value));
+      };
+      EXPECT_THAT(DeepValues(*OpenSequence(dir.path())),
+                  ElementsAre(spread(brightest / 2), spread(brightest), spread(brightest / 2)))
+          << brightest;
+      // As bright as in the whole clip.
+      EXPECT_THAT(DeepValues(*OpenSequence(dir.path(), Layout::kAuto, FrameRange::Parse("2:"))),
+                  ElementsAre(spread(brightest / 2)));
+    }
+  }
+}
+
+TEST(ImageFolder, APictureBrighterThanTheWhiteOfOthersIsTold) {
+  const TempDir dir;
+  constexpr int kImages = 40;  // of which the second is not looked at for the white
+  for (int i = 0; i < kImages; ++i) {
+    cv::imwrite(dir / fmt::format("{}.png", i), Deep(i == 1 ? 1100 : 900));
+  }
+  const auto sequence = OpenSequence(dir.path());
+  const std::vector<int> values = DeepValues(*sequence);
+  ASSERT_EQ(values.size(), kImages);
+  EXPECT_EQ(values[0], 57655);  // 900 of 1023
+  EXPECT_EQ(values[1], 65535);
+  EXPECT_THAT(sequence->Warning(), AllOf(HasSubstr("1.png is brighter"), HasSubstr("1023")));
 }
 
 TEST(ImageFolder, RefusesFloatingPointImages) {

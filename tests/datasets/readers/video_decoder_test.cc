@@ -203,6 +203,44 @@ TEST_F(Decoder, APhonesPortraitVideoStandsUpright) {
   }
 }
 
+// As HDV, DV and DVDs store them.
+TEST_F(Decoder, PixelsThatAreNotSquareAreMadeSo) {
+  const auto film = [&](const std::string& name, const std::string& aspect) {
+    Film(name, "-c:v mpeg4", "setsar=" + aspect);
+  };
+  film("hdv.mp4", "4/3");
+  film("dv.mkv", "8/9");
+  for (const auto& [name, size] :
+       {std::pair("hdv.mp4", cv::Size(213, 120)), std::pair("dv.mkv", cv::Size(142, 120))}) {
+    SCOPED_TRACE(name);
+    Ffmpeg(
+        fmt::format("-i {} -vf scale={}:{}:flags=bicubic,setsar=1 -c:v ffv1 -pix_fmt bgr24 s.mkv",
+                    name,
+                    size.width,
+                    size.height));
+    ExpectEqual(Pictures(name), PicturesOfFfmpeg("s.mkv", size));
+    const auto clip = OpenSequence(Path(name));
+    EXPECT_EQ(test::ReadAll(*clip)[0].gray.size(), size);
+    EXPECT_THAT(clip->Warning(),
+                AllOf(HasSubstr(name),
+                      HasSubstr("not square"),
+                      HasSubstr(fmt::format("{}x{}", size.width, size.height))));
+  }
+  // Upright: what is stored as the width is shown as the height.
+  ChangeBytes(
+      "hdv.mp4", Find("hdv.mp4", "tkhd") + 44, {"\0\0\0\0\0\1\0\0\0\0\0\0\377\377\0\0", 16});
+  EXPECT_EQ(Pictures("hdv.mp4")[0].size(), cv::Size(120, 213));
+}
+
+TEST_F(Decoder, APixelAspectThatNoCameraHasIsNone) {
+  for (const char* aspect : {"1/1", "161/160", "8/1", "1/8"}) {
+    Film("a.mkv", "-c:v ffv1", fmt::format("setsar={}", aspect));
+    const auto clip = OpenSequence(Path("a.mkv"));
+    EXPECT_EQ(test::ReadAll(*clip)[0].gray.size(), cv::Size(160, 120)) << aspect;
+    EXPECT_EQ(clip->Warning(), "") << aspect;
+  }
+}
+
 TEST_F(Decoder, TimesAreTheFiles) {
   // A phone in the dark: frames 3 to 5 were not exposed in time.
   Film("a.mp4", "-c:v mpeg4", "select='not(between(n,3,5))'");

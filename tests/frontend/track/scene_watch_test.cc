@@ -54,6 +54,15 @@ TEST(SceneWatch, FindsACutIntoNearlyNothing) {
               ElementsAre(kNone, kNone, kNone, kNone, kBlank, kCut, kNone));
 }
 
+// Pictures of 16 bits show what is less than a step of 8.
+TEST(SceneWatch, FindsACutIntoADarknessOfSixteenBits) {
+  Pictures clip = test::Joined(OneScene(), AnotherScene());
+  for (std::size_t i = 0; i < clip.size(); ++i) {
+    clip[i].convertTo(clip[i], CV_16U, i < OneScene().size() ? 257.0 : 2.0);
+  }
+  EXPECT_THAT(Watch(clip), ElementsAre(kNone, kNone, kNone, kNone, kBlank, kCut, kNone));
+}
+
 TEST(SceneWatch, FastMotionIsNoCut) {
   Pictures clip;
   for (int t = 0; t < 6; ++t) {  // from the fourth on by a third of the picture
