@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <map>
+#include <set>
 
 #include "frontend/tracks/text_rows.h"
 
@@ -26,15 +27,19 @@ std::vector<std::string_view> SplitAtTabs(std::string_view line) {
 
 }  // namespace
 
-void WriteOpenSfmTracks(const fs::path& path, const TrackFile& file, bool include_predicted) {
+std::size_t WriteOpenSfmTracks(const fs::path& path,
+                               const TrackFile& file,
+                               bool include_predicted) {
   Check(file.width_px > 0 && file.height_px > 0, "the image size is known");
   const double longer_px = std::max(file.width_px, file.height_px);
+  std::set<FeatureId> written;
   TextOutput out(path);
   out.Text(kHeader).Text("2").EndLine();
   for (const FrameInfo& frame : file.frames) {
     int feature_in_image = 0;
     for (const Observation* o : file.tracks.InFrame(frame.index)) {
       if (o->state != ObservationState::kObserved && !include_predicted) continue;
+      written.insert(o->feature);
       out.Text(frame.name).Text("\t").Number(ToInt(o->feature)).Text("\t");
       out.Number(feature_in_image++).Text("\t");
       out.Number((o->xy.x() + 0.5 - 0.5 * file.width_px) / longer_px).Text("\t");
@@ -43,6 +48,7 @@ void WriteOpenSfmTracks(const fs::path& path, const TrackFile& file, bool includ
     }
   }
   out.Commit();
+  return written.size();
 }
 
 ImportedTracks ReadOpenSfmTracks(const fs::path& path,

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <filesystem>
 
 #include "frontend/tracks/imported_tracks.h"
@@ -14,10 +15,10 @@ namespace cohort {
 //   OPENSFM_TRACKS_VERSION_v1 that names the version.
 
 // Version 2, scale = 1 px / D. Colours are black, segmentation and instance -1 (none). Whole or not
-// at all.
-void WriteOpenSfmTracks(const std::filesystem::path& path,
-                        const TrackFile& file,
-                        bool include_predicted = false);
+// at all. How many tracks have a row.
+std::size_t WriteOpenSfmTracks(const std::filesystem::path& path,
+                               const TrackFile& file,
+                               bool include_predicted = false);
 
 // Of all versions. Images are found among the frames by name; all frames are of the same size. The
 // rows of images that are none are left out and counted. Throws Error naming path and line.

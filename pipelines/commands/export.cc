@@ -106,8 +106,9 @@ void RunExport(const ExportCommandOptions& options) {
               counts.keypoints);
   }
   if (!options.opensfm.empty()) {
-    WriteOpenSfmTracks(options.opensfm, file, options.database.include_predicted);
-    PrintLine("{}: {} tracks", options.opensfm, file.tracks.features().size());
+    const std::size_t tracks =
+        WriteOpenSfmTracks(options.opensfm, file, options.database.include_predicted);
+    PrintLine("{}: {} tracks", options.opensfm, tracks);
   }
   if (!options.bal.empty()) {
     if (model->readout != 0.0 && !options.global_shutter) {

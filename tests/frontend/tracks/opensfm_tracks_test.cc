@@ -27,14 +27,18 @@ TEST(OpenSfmTracks, NormalisesByTheLongerSideAboutTheCentre) {
                        {.feature = FeatureId{3},
                         .frame = FrameIndex{5},
                         .xy = {319.5, 239.5},
+                        .state = ObservationState::kPredicted},
+                       {.feature = FeatureId{9},
+                        .frame = FrameIndex{5},
+                        .xy = {319.5, 239.5},
                         .state = ObservationState::kPredicted}});
-  WriteOpenSfmTracks(dir / "tracks.csv", file);
+  EXPECT_EQ(WriteOpenSfmTracks(dir / "tracks.csv", file), 2u);
   EXPECT_EQ(ReadBytes(dir / "tracks.csv"),
             "OPENSFM_TRACKS_VERSION_v2\n"
             "a.png\t3\t0\t0\t0\t0.0015625\t0\t0\t0\t-1\t-1\n"
             "a.png\t8\t1\t0.5\t-0.375\t0.0015625\t0\t0\t0\t-1\t-1\n"
             "b.png\t8\t0\t-0.5\t0.375\t0.0015625\t0\t0\t0\t-1\t-1\n");
-  WriteOpenSfmTracks(dir / "tracks.csv", file, true);
+  EXPECT_EQ(WriteOpenSfmTracks(dir / "tracks.csv", file, true), 3u);
   EXPECT_THAT(ReadBytes(dir / "tracks.csv"), HasSubstr("b.png\t3\t0\t0\t0\t"));
 }
 
