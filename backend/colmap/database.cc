@@ -428,6 +428,20 @@ void WriteColmapDatabase(const std::filesystem::path& path, const ColmapDatabase
   out.Commit();
 }
 
+std::int64_t CountDescribedImages(const std::filesystem::path& path) {
+  try {
+    auto db = SqliteDatabase::Open(path, SqliteDatabase::Mode::kRead);
+    if (!db.HasTable("descriptors")) return 0;
+    auto count = db.Prepare("SELECT COUNT(*) FROM descriptors WHERE rows > 0");
+    count.Step();
+    return count.Int(0);
+  } catch (const SystemError&) {
+    throw;
+  } catch (const Error&) {
+    return 0;
+  }
+}
+
 ColmapDatabase ReadColmapDatabase(const std::filesystem::path& path) {
   auto db = SqliteDatabase::Open(path, SqliteDatabase::Mode::kRead);
   CheckSchema(db, path);

@@ -78,11 +78,15 @@ struct ColmapDatabase {
 // old file and its -wal and -shm are replaced. Throws Error naming the path.
 void WriteColmapDatabase(const std::filesystem::path& path, const ColmapDatabase& database);
 
+// Of how many images a file is a database with features that somebody described, as COLMAP's SIFT:
+// which take long to make again, and we write none. 0 where it is no database.
+std::int64_t CountDescribedImages(const std::filesystem::path& path);
+
 // Reads the schemas of COLMAP 3.8 to 4.x: rigs, frames and pose priors of newer ones say nothing of
 // what stands here and are left out; a geometry that COLMAP wrote as "unset" (zero matrices, the
 // identity as a pose) is none. Cameras that are alike in all (size, model, parameters, whether the
-// focal length is a prior) are one, and a keypoint may be matched twice. Throws Error naming the path
-// on a file that is damaged or has several cameras.
+// focal length is a prior) are one, and a keypoint may be matched twice. Throws Error naming the
+// path on a file that is damaged or has several cameras.
 ColmapDatabase ReadColmapDatabase(const std::filesystem::path& path);
 
 }  // namespace cohort

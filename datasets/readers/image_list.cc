@@ -17,7 +17,8 @@ namespace cohort {
 namespace {
 
 constexpr double kDepthUnitsPerMetre = 5000.0;
-constexpr double kWhite = 65535.0;  // of 16 bits
+constexpr double kWhite = 65535.0;     // of 16 bits
+constexpr double kMostOfFew = 4095.0;  // of the most that are few
 
 // Of all colours, but not of what is transparent.
 double Brightest(const cv::Mat& picture) {
@@ -147,11 +148,11 @@ class ImageListSequence final : public Sequence {
     return list_.root / list_.images[image].name;
   }
 
-  // Sensors of 10 to 14 bits often store their pictures as they are, with the upper of 16 bits
+  // Sensors of up to 12 bits often store their pictures as they are, with the upper of 16 bits
   // empty: taken for black, as all that has 8 bits would take them. By some pictures of the whole
-  // clip, whatever its range.
+  // clip, whatever its range. Not said of more bits, which a dark clip of 16 may have.
   double WhiteOfClip() const {
-    constexpr std::size_t kPictures = 8;
+    constexpr std::size_t kPictures = 16;
     const std::size_t last = list_.images.size() - 1;
     double brightest = 0.0;
     for (std::size_t i = 0; i < kPictures; ++i) {
@@ -162,9 +163,9 @@ class ImageListSequence final : public Sequence {
         throw;
       } catch (const Error&) {  // Next tells of it, where it is in the range
       }
-      if (2.0 * brightest > kWhite) break;
+      if (brightest > kMostOfFew) break;
     }
-    for (const int bits : {8, 10, 12, 14}) {
+    for (const int bits : {8, 10, 12}) {
       if (const double white = std::exp2(bits) - 1.0; brightest <= white) return white;
     }
     return kWhite;
@@ -175,8 +176,9 @@ class ImageListSequence final : public Sequence {
     if (!warned_of_white_ && Brightest(picture) > white_) {
       warned_of_white_ = true;
       Warn(fmt::format(
-          "{} is brighter than {}, which by other pictures of the clip is white: brighter "
-          "pixels are cut off; spread the clip's pictures over 16 bits",
+          "{} is brighter than {}, which by other pictures of the clip is white: brighter pixels "
+          "are cut "
+          "off; give the clip with its pictures made brighter by one factor, so that none is",
           file,
           white_));
     }

@@ -275,6 +275,17 @@ int VideoDecoder::ShownWidth(int stored_width_px) const {
 
 bool VideoDecoder::CountsFrames() const { return format_->streams[stream_]->nb_frames > 0; }
 
+bool VideoDecoder::HasOtherStreams() const { return format_->nb_streams > 1; }
+
+double VideoDecoder::SecondsLeft() const {
+  if (format_->duration == AV_NOPTS_VALUE) return 0.0;
+  // Some durations count from the first frame's time, others from zero: then less is left.
+  const double first =
+      first_tick_ ? std::max(0.0, static_cast<double>(*first_tick_) * seconds_per_tick_) : 0.0;
+  const double end = first + seconds_ + 1.0 / frames_per_second_;
+  return std::max(0.0, static_cast<double>(format_->duration) / AV_TIME_BASE - end);
+}
+
 std::optional<std::size_t> VideoDecoder::PromisedFrames() const {
   const AVStream& stream = *format_->streams[stream_];
   double frames = static_cast<double>(stream.nb_frames);

@@ -33,8 +33,8 @@ class VideoDecoder {
   static constexpr std::int64_t kMaxPixels = std::int64_t{1} << 26;
 
   // Throws Error naming the file if there is no video in it that can be decoded, its header has
-  // more than kMaxPixels, or it is a list of other files; SystemError, also of Next, where the system
-  // does not give the file's bytes.
+  // more than kMaxPixels, or it is a list of other files; SystemError, also of Next, where the
+  // system does not give the file's bytes.
   explicit VideoDecoder(const std::filesystem::path& file);
   VideoDecoder(const VideoDecoder&) = delete;
   VideoDecoder& operator=(const VideoDecoder&) = delete;
@@ -55,12 +55,13 @@ class VideoDecoder {
   // ones, and where it says nothing or what is no pixel of a camera.
   double PixelAspect() const { return pixel_aspect_; }
 
-  // When it is shown [s]; the first frame at 0. By the file's times, which need not be even; 1 / fps
-  // after the frame before it where the file gives none or one that is not later.
+  // When it is shown [s]; the first frame at 0. By the file's times, which need not be even; 1 /
+  // fps after the frame before it where the file gives none or one that is not later.
   double Seconds() const { return seconds_; }
   double FramesPerSecond() const { return frames_per_second_; }
 
-  // Where Picture() has the later rows of the pictures that the file stores, which are the sensor's.
+  // Where Picture() has the later rows of the pictures that the file stores, which are the
+  // sensor's.
   RowOrder SensorRows() const;
 
   // What the header says, or its duration times its frames a second; none if that is no number of
@@ -68,6 +69,10 @@ class VideoDecoder {
   std::optional<std::size_t> PromisedFrames() const;
   // Is that a count? A duration is that of the longest stream, be it the sound.
   bool CountsFrames() const;
+  // How long the file is, by its header, after the frame that Next has decoded [s]; 0 without a
+  // duration.
+  double SecondsLeft() const;
+  bool HasOtherStreams() const;  // such as sound
 
  private:
   struct Delete {

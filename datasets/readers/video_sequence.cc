@@ -11,13 +11,14 @@
 namespace cohort {
 namespace {
 
-// Headers are often wrong by one frame: in a long clip that is no news. A sound track that outlasts
-// the picture makes containers that store only a duration promise up to a second too much.
-bool EndsEarly(std::size_t decoded, std::size_t promised, double slack_frames) {
-  if (slack_frames > 0.0) {
-    return decoded + slack_frames < promised && decoded * 1.02 < promised;
-  }
-  return decoded + 2 <= promised || decoded * 1.02 < promised;
+// Headers are often wrong by one frame: in a long clip that is no news. Where they do not count
+// frames, the time tells; but a sound track that outlasts the picture makes them promise up to a
+// second too much.
+bool EndsEarly(std::size_t decoded, std::size_t promised, const VideoDecoder& decoder) {
+  if (decoder.CountsFrames()) return decoded + 2 <= promised || decoded * 1.02 < promised;
+  const double frames_left = decoder.SecondsLeft() * decoder.FramesPerSecond();
+  const double slack_frames = decoder.HasOtherStreams() ? decoder.FramesPerSecond() : 1.5;
+  return frames_left > slack_frames && frames_left > 0.02 * static_cast<double>(decoded);
 }
 
 class VideoSequence final : public Sequence {
@@ -95,8 +96,7 @@ class VideoSequence final : public Sequence {
   }
 
   std::optional<Frame> End() {
-    const double slack_frames = decoder_->CountsFrames() ? 0.0 : decoder_->FramesPerSecond();
-    if (source_frames_ && EndsEarly(grabbed_, *source_frames_, slack_frames)) {
+    if (source_frames_ && EndsEarly(grabbed_, *source_frames_, *decoder_)) {
       Warn(
           fmt::format("decoded {} frames of about {}: {} is cut short or damaged, or its header "
                       "promises too many; the last frame may be incomplete",

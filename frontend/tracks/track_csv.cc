@@ -15,6 +15,8 @@ namespace fs = std::filesystem;
 
 constexpr std::string_view kColumns = "track_id,frame,x,y,observed,residual";
 constexpr std::size_t kNoColumn = static_cast<std::size_t>(-1);
+constexpr std::string_view kOccluded = "occluded";
+constexpr std::string_view kObservedNames[] = {"observed", "visible", "visibility", kOccluded};
 
 // Splits at commas that are not within double quotes; quotes around a field are dropped.
 class FieldSplitter {
@@ -42,7 +44,9 @@ class FieldSplitter {
 
 // Where the columns are.
 struct Columns {
-  std::size_t track_id, frame, x, y, observed, residual;
+  std::size_t track_id, frame, x, y, residual;
+  std::size_t observed;
+  std::string_view observed_name;  // of kObservedNames
   std::size_t count;
 };
 
@@ -60,23 +64,38 @@ Columns ReadHeader(const LineReader& reader) {
     }
     return it == names.end() ? kNoColumn : static_cast<std::size_t>(it - names.begin());
   };
-  return {.track_id = find("track_id", true),
-          .frame = find("frame", true),
-          .x = find("x", true),
-          .y = find("y", true),
-          .observed = find("observed", false),
-          .residual = find("residual", false),
-          .count = names.size()};
+  Columns columns{.track_id = find("track_id", true),
+                  .frame = find("frame", true),
+                  .x = find("x", true),
+                  .y = find("y", true),
+                  .residual = find("residual", false),
+                  .observed = kNoColumn,
+                  .observed_name = {},
+                  .count = names.size()};
+  for (const std::string_view name : kObservedNames) {
+    columns.observed = find(name, false);
+    columns.observed_name = name;
+    if (columns.observed != kNoColumn) break;
+  }
+  return columns;
 }
 
-ObservationState ParseObserved(const LineReader& reader, std::string_view text) {
+bool ParseFlag(const LineReader& reader, std::string_view name, std::string_view text) {
   for (const std::string_view yes : {"1", "true", "True"}) {
-    if (text == yes) return ObservationState::kObserved;
+    if (text == yes) return true;
   }
   for (const std::string_view no : {"0", "false", "False"}) {
-    if (text == no) return ObservationState::kPredicted;
+    if (text == no) return false;
   }
-  reader.Throw("observed is '{}', neither 1 nor 0", text);
+  if (name == kObservedNames[0]) reader.Throw("observed is '{}', neither 1 nor 0", text);
+  return ParseFinite(reader, name, text) >= 0.5;
+}
+
+ObservationState ParseObserved(const LineReader& reader,
+                               std::string_view name,
+                               std::string_view text) {
+  const bool is_observed = ParseFlag(reader, name, text) != (name == kOccluded);
+  return is_observed ? ObservationState::kObserved : ObservationState::kPredicted;
 }
 
 }  // namespace
@@ -108,7 +127,7 @@ TracksCsv ReadTracksCsv(const fs::path& path) {
     row.xy = {ParseFinite(reader, "x", fields[columns.x]),
               ParseFinite(reader, "y", fields[columns.y])};
     if (const auto text = optional(columns.observed); !text.empty()) {
-      row.state = ParseObserved(reader, text);
+      row.state = ParseObserved(reader, columns.observed_name, text);
     }
     if (const auto text = optional(columns.residual); !text.empty()) {
       row.residual = ParseFinite(reader, "residual", text);

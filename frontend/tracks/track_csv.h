@@ -21,7 +21,9 @@ struct TracksCsv {
 };
 
 // Columns are found by their names, in any order; observed (default 1) and residual (default 0) may
-// be missing, other columns are skipped. Throws Error naming path and line on what it cannot use.
+// be missing, other columns are skipped. Without observed, a column visible or visibility is taken
+// for it, or occluded for its contrary, of which numbers from 0.5 on are true. Throws Error naming
+// path and line on what it cannot use.
 TracksCsv ReadTracksCsv(const std::filesystem::path& path);
 
 // Sorted by (track_id, frame), numbers in the fewest digits that read back the same. Whole or not

@@ -12,6 +12,7 @@ below the line `import bpy`.
 import json
 import math
 import os
+import re
 import sys
 from collections import namedtuple
 
@@ -79,7 +80,7 @@ def read_model(path):
         return read_transforms(path)
     if os.path.isfile(os.path.join(path, "cameras.txt")):
         # A model's world is its first camera; a scene's is upright.
-        return upright(read_colmap(path, os.path.join(path, "trajectory.tum"), None))
+        return upright(near(read_colmap(path, os.path.join(path, "trajectory.tum"), None)))
     sparse = os.path.join(path, "sparse", "0")
     if os.path.isfile(os.path.join(sparse, "cameras.txt")):
         trajectory = os.path.join(path, "model", "trajectory.tum")
@@ -114,7 +115,7 @@ def parse_colmap(folder, trajectory, images):
     frames = []
     used = set()
     for line in image_lines(folder):
-        words = line.split(maxsplit=9)
+        words = split_image(line)
         cam_from_world = rigid(*(float(word) for word in words[1:8]))
         frames.append(Frame(int(words[0]), words[9], world_from_blender(cam_from_world)))
         used.add(cameras[words[8]])
@@ -122,6 +123,8 @@ def parse_colmap(folder, trajectory, images):
         raise ImportFailed(f"{folder} has {len(used)} different cameras: cohort's models have one")
     if not frames:
         raise ImportFailed(f"{folder} has no camera with a pose")
+    numbers = numbers_of(folder, {frame.number: frame.name for frame in frames})
+    frames = [frame._replace(number=numbers[frame.number]) for frame in frames]
     frames.sort(key=lambda frame: frame.number)
 
     points = [
@@ -132,6 +135,34 @@ def parse_colmap(folder, trajectory, images):
     return Model(
         used.pop(), frames, table[:, :3], table[:, 3:], fps_of(trajectory), images
     )
+
+
+def numbers_of(folder, names):
+    """The frame's number by the id of an image, of the images' `names` by their ids.
+
+    cohort's images are numbered by frame, but not those of another program's model that it refined, of
+    which summary.json has the frames. Ids that are not in the order of the names, as COLMAP gives them
+    that works on several threads, are no frames: what is left is that order.
+    """
+    summary = os.path.join(folder, "summary.json")
+    if os.path.isfile(summary):
+        with open(summary, encoding="utf-8") as file:
+            frame_of_image = json.load(file).get("frame_of_image")
+        return {image: frame + 1 for image, frame in frame_of_image or ((i, i - 1) for i in names)}
+    by_name = sorted(names, key=lambda image: natural(names[image]))
+    if by_name == sorted(names):
+        return {image: image for image in names}
+    return {image: i + 1 for i, image in enumerate(by_name)}
+
+
+def natural(name):
+    """Runs of digits as numbers: frame2 comes before frame10."""
+    return [(int(run), run) if run.isdecimal() else (-1, run) for run in re.split(r"(\d+)", name)]
+
+
+def split_image(line):
+    """id, rotation, translation, camera and name, which may hold spaces."""
+    return line.split(maxsplit=9)
 
 
 def image_lines(folder):
@@ -227,12 +258,28 @@ def fps_of(trajectory):
         return None
     times = [float(line.split()[0]) for line in data_lines(trajectory) if line]
     # Of the clip, of which the tracks may have every n-th frame, and the model fewer.
-    numbers = sorted(int(line.split()[0]) for line in image_lines(folder))
+    names = {int(words[0]): words[9] for words in map(split_image, image_lines(folder))}
+    numbers = sorted(numbers_of(folder, names).values())
     if len(times) != len(numbers):
         return None
     steps = np.stack([np.diff(times), np.diff(numbers)])
     seconds, frames = steps[:, (steps > 0).all(axis=0)]
     return float(np.median(frames / seconds)) if seconds.size else None
+
+
+def near(model):
+    """The same about the middle of the cameras, where that is so far from the origin, as on a map, that
+    Blender's numbers, of seven digits, are too few."""
+    middle = np.mean([frame.world_from_blender[:3, 3] for frame in model.frames], axis=0)
+    if np.linalg.norm(middle) < 1000 * distance_of(model):
+        return model
+    shift = np.eye(4)
+    shift[:3, 3] = -middle
+    frames = [
+        frame._replace(world_from_blender=shift @ frame.world_from_blender)
+        for frame in model.frames
+    ]
+    return model._replace(frames=frames, points=model.points - middle)
 
 
 def upright(model):

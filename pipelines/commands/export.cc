@@ -4,10 +4,12 @@
 
 #include <optional>
 
+#include "backend/colmap/database.h"
 #include "backend/colmap/keypoint_covariances.h"
 #include "backend/scene/bal.h"
 #include "backend/scene/mapper.h"
 #include "backend/scene/rolling_shutter.h"
+#include "frontend/core/input_record.h"
 #include "frontend/core/output.h"
 #include "frontend/tracks/opensfm_tracks.h"
 #include "frontend/tracks/track_csv.h"
@@ -22,6 +24,19 @@ namespace cohort {
 namespace {
 
 namespace fs = std::filesystem;
+
+// Before the inputs are read. To have looked into it makes it none.
+void CheckHoldsNoDescriptors(const std::string& database) {
+  if (!fs::is_regular_file(database) || InputRecord::Holds(database)) return;
+  const std::int64_t images = CountDescribedImages(database);
+  InputRecord::Forget(database);
+  if (images == 0) return;
+  ThrowError(
+      "{} has features of {} images with descriptors, as COLMAP finds them: give another name, or "
+      "remove it",
+      database,
+      images);
+}
 
 void ExportColmapDatabase(const TrackFile& file, const ExportCommandOptions& options) {
   fs::path images = file.image_root;
@@ -74,6 +89,7 @@ void RunExport(const ExportCommandOptions& options) {
                         {"--covariances", options.covariances},
                         {"--opensfm", options.opensfm},
                         {"--bal", options.bal}});
+  CheckHoldsNoDescriptors(options.colmap_database);
   std::optional<Reconstruction> model;
   if (!options.model.empty()) model = ReadModelFolder(options.model);
   TrackFile read = ReadTrackFile(options.tracks);

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <fstream>
+#include <nlohmann/json.hpp>
 
 #include "backend/colmap/colmap_tracks.h"
 #include "frontend/core/input_file.h"
@@ -16,6 +17,7 @@
 #include "pipelines/console/progress_bar.h"
 #include "pipelines/console/version.h"
 #include "pipelines/jobs/track_doubts.h"
+#include "pipelines/json/option_list.h"
 #include "pipelines/sfm/doubts.h"
 
 namespace cohort {
@@ -135,6 +137,10 @@ ImportedTracks ReadTracks(TracksForm form,
 
 void RunImport(const ImportCommandOptions& options) {
   const TracksForm form = options.from == TracksForm::kAuto ? FormOf(options.tracks) : options.from;
+  if (form != TracksForm::kNpz && ToJson(options.npz) != ToJson(NpzTracksOptions())) {
+    ThrowUsageError("--npz.* is for NumPy files: leave it out with {}, which is none",
+                    options.tracks);
+  }
   CheckOutputsGiven({options.out});
   TrackFile file = ReadFrames(options.input);
   ImportedTracks imported = ReadTracks(form, options, file);

@@ -54,9 +54,18 @@ void RefineTracks(const RefineCommandOptions& options) {
   const auto of_tracks = file.meta.find("mask");  // that they were made with
   const std::string mask =
       options.mask.empty() && of_tracks != file.meta.end() ? of_tracks->second : options.mask;
+  if (options.mask.empty()) WarnOf(DoubtOfMask(file, options.tracks));
   SecondPass second = MeasureAgain(
       file, model, *sequence, ReadMask(mask), options.of_model.second_pass, ProgressBars());
+  if (second.figures.replaced + second.figures.left == 0 && second.figures.masked > 0) {
+    ThrowError(
+        "the mask {} leaves none of the {} tracks that have a point: give one that is white "
+        "where they are",
+        mask,
+        second.figures.masked);
+  }
   second.file.meta["refined_from"] = AbsolutePath(options.tracks);
+  NoteMask(mask, second.file);
   WriteTrackFile(options.out, second.file);
 
   const SecondPassFigures& figures = second.figures;
@@ -67,6 +76,7 @@ void RefineTracks(const RefineCommandOptions& options) {
                    {"kept", figures.kept},
                    {"dropped", figures.before - figures.kept},
                    {"regained", figures.regained},
+                   {"masked_tracks", figures.masked},
                    {"options", ToJson(options)}});
   }
   fmt::print("{}",
@@ -74,7 +84,8 @@ void RefineTracks(const RefineCommandOptions& options) {
                            {"observations before", fmt::format("{}", figures.before)},
                            {"measured again", fmt::format("{}", figures.kept)},
                            {"dropped", fmt::format("{}", figures.before - figures.kept)},
-                           {"regained", fmt::format("{}", figures.regained)}}));
+                           {"regained", fmt::format("{}", figures.regained)},
+                           {"tracks that the mask covers", fmt::format("{}", figures.masked)}}));
 }
 
 void RefineColmapModel(const RefineCommandOptions& options) {
@@ -95,7 +106,7 @@ void RefineColmapModel(const RefineCommandOptions& options) {
   const RefinedModel refined = RefineModelIntoFolder(options.model,
                                                      *sequence,
                                                      options.images,
-                                                     ReadMask(options.mask),
+                                                     options.mask,
                                                      options.of_model,
                                                      options.out,
                                                      ProgressBars());
@@ -114,6 +125,7 @@ void RefineColmapModel(const RefineCommandOptions& options) {
            {"points before", fmt::format("{}", refined.before.points)},
            {"points", fmt::format("{}", summary.points)},
            {"measured again", fmt::format("{}", refined.found.replaced)},
+           {"dropped: masked", fmt::format("{}", refined.found.masked)},
            {"dropped: contradicted by the pictures", fmt::format("{}", refined.contradicted)},
            {"observations before", fmt::format("{}", refined.before.observations)},
            {"observations", fmt::format("{}", summary.observations)},

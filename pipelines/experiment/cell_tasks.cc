@@ -57,6 +57,9 @@ Json BackendOptions(const ExperimentOptions& options, const TrackCell& cell, Gri
       Json colmap{{"colmap", ToJson(ColmapOptionsOf(options, cell))}};
       if (cell.tracker.source == TrackSource::kSift) {
         colmap["sift"] = ToJson(SiftOptionsOf(options));
+      } else {
+        colmap["ceres"] =
+            ToJson(options.ceres);  // it helps: camera, shutter, a model to begin with
       }
       return colmap;
   }

@@ -69,7 +69,8 @@ ExperimentResults CollectResults(const ExperimentOptions& options, const Experim
       collected.is_tracked = true;
       UseJsonFile(cell.Result(), [&](const Json& json) { AddTrackRows(cell, json, results); });
     }
-    for (const GridBackend backend : plan.backends) {  // what is not there is another shard's
+    if (options.protocol == Protocol::kPaper) continue;  // models that lie there are of the other
+    for (const GridBackend backend : plan.backends) {    // what is not there is another shard's
       if (!HasResult(ModelTask(options, cell, backend))) continue;
       collected.modelled.push_back(backend);
       UseJsonFile(cell.Result(backend), [&](const Json& result) {

@@ -105,7 +105,7 @@ struct ExperimentOptions {
     v.Flag("resume",
            o.resume,
            "Keep the finished cells of an earlier run. What depends on an option, a file of the "
-           "clip or a program that has changed since is done again.",
+           "clip or a cohort that has changed since is done again; another COLMAP is not noticed.",
            Tier::kCommon);
     v.Flag("collect",
            o.collect,

@@ -10,6 +10,7 @@
 
 #include "frontend/core/statistics.h"
 #include "pipelines/console/table.h"
+#include "pipelines/experiment/named_trackers.h"
 
 namespace cohort {
 namespace {
@@ -101,7 +102,7 @@ std::string FigureTable(const Grid& grid, const Grid& reinitializations) {
 void AddBestKlt(Grid& grid, bool high_is_good) {
   std::vector<std::string> windows;
   for (const std::string& tracker : grid.trackers) {
-    if (tracker.starts_with("klt")) windows.push_back(tracker);
+    if (IsOfFamily(tracker, "klt")) windows.push_back(tracker);
   }
   if (windows.size() < 2) return;
   const std::string name = "klt, best window";

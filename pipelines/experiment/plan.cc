@@ -79,8 +79,17 @@ void CheckDistinctCells(const ExperimentOptions& options, const ExperimentPlan& 
 void CheckTracker(const ExperimentOptions& options,
                   const ExperimentPlan& plan,
                   const GridTracker& tracker) {
-  if (tracker.source != TrackSource::kTracker && options.protocol == Protocol::kPaper) {
-    ThrowUsageError("--trackers {}: not with --protocol paper", tracker.name);
+  if (options.protocol == Protocol::kPaper) {
+    if (tracker.source != TrackSource::kTracker) {
+      ThrowUsageError("--trackers {}: not with --protocol paper", tracker.name);
+    }
+    if (tracker.second_pass != options.second_pass.mode ||
+        tracker.second_pass == SecondPassMode::kOn) {
+      ThrowUsageError(
+          "--trackers {}: --protocol paper is of trackers without a second pass: give "
+          "no NAME-refined or NAME-online, and --second-pass.mode auto",
+          tracker.name);
+    }
   }
   if (tracker.source == TrackSource::kSift &&
       std::find(plan.backends.begin(), plan.backends.end(), GridBackend::kColmap) ==

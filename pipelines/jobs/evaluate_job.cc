@@ -3,12 +3,16 @@
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstdint>
 #include <cstdlib>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <span>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "backend/colmap/model_io.h"
 #include "backend/colmap/model_tracks.h"
@@ -78,7 +82,8 @@ Json CalibrationToJson(const CalibrationFigure& figure) {
           {"tenths", tenths}};
 }
 
-// Throws Error where the clip ends before the last frame of `what`; `kind`: "tracks are", "model is".
+// Throws Error where the clip ends before the last frame of `what`; `kind`: "tracks are", "model
+// is".
 void CheckHasFrame(Sequence& sequence, FrameIndex last, const std::string& what, const char* kind) {
   const auto frames = sequence.FrameCount();
   if (!frames || ToInt(last) < *frames) return;
@@ -90,32 +95,63 @@ void CheckHasFrame(Sequence& sequence, FrameIndex last, const std::string& what,
              kind);
 }
 
-// The time between the tracks' first two frames is another one in the clip: then their numbers are of
-// other frames, as those of a clip that was thinned out.
-void WarnIfOtherTimes(const TrackFile& file, const std::string& tracks, Sequence& sequence) {
+// Frames without times of their own are a thirtieth of a second apart.
+bool AreTimesCounted(std::span<const FrameInfo> frames) {
+  return std::ranges::all_of(frames, [](const FrameInfo& frame) {
+    constexpr std::int64_t kSameNs = 1'000'000;
+    return std::abs(frame.timestamp_ns - std::llround(ToInt(frame.index) * 1e9 / 30.0)) < kSameNs;
+  });
+}
+
+// Frames are compared by their numbers. Where those are of other frames, as of a clip that was
+// thinned out or of some of its pictures, names or times may tell. `of_subject`: ascending.
+void WarnIfOtherFrames(std::span<const FrameInfo> of_subject,
+                       const std::string& subject,
+                       Sequence& sequence) {
   constexpr std::int64_t kSameNs = 20'000'000;  // as of true poses
-  if (file.frames.size() < 2) return;
-  const FrameInfo& a = file.frames[0];
-  const FrameInfo& b = file.frames[1];
-  std::map<FrameIndex, std::int64_t> times;
+  if (of_subject.empty()) return;
+  std::vector<FrameInfo> of_clip;
   while (const auto frame = sequence.Next()) {
-    times[frame->index] = frame->timestamp_ns;
-    if (frame->index >= b.index) break;
+    of_clip.push_back({frame->index, frame->name, frame->timestamp_ns});
+    if (frame->index >= of_subject.back().index) break;
   }
   sequence.Rewind();
-  if (!times.contains(a.index) || !times.contains(b.index)) return;
-  const std::int64_t in_tracks = b.timestamp_ns - a.timestamp_ns;
-  const std::int64_t in_clip = times[b.index] - times[a.index];
-  if (in_tracks <= 0 || in_clip <= 0 || std::abs(in_tracks - in_clip) <= kSameNs) return;
-  spdlog::warn(
-      "between frames {} and {} are {:.0f} ms in {}, and {:.0f} ms in {}: are they the same "
-      "frames?",
-      ToInt(a.index),
-      ToInt(b.index),
-      1e-6 * static_cast<double>(in_tracks),
-      tracks,
-      1e-6 * static_cast<double>(in_clip),
-      sequence.Name());
+  FrameNames names(of_clip);
+  for (const FrameInfo& frame : of_subject) {
+    const auto named = names.Find(frame.name);
+    if (!named || *named == frame.index) continue;
+    spdlog::warn(
+        "frame {} of {} is called {}, which is frame {} of {}: frames are compared by their "
+        "numbers, "
+        "so give the truth of the same pictures",
+        ToInt(frame.index),
+        subject,
+        frame.name,
+        ToInt(*named),
+        sequence.Name());
+    return;
+  }
+  if (AreTimesCounted(of_subject)) return;
+  std::map<FrameIndex, std::int64_t> times;
+  for (const FrameInfo& frame : of_clip) times[frame.index] = frame.timestamp_ns;
+  for (std::size_t i = 1; i < of_subject.size(); ++i) {
+    const FrameInfo& a = of_subject[i - 1];
+    const FrameInfo& b = of_subject[i];
+    if (!times.contains(a.index) || !times.contains(b.index)) continue;
+    const std::int64_t in_subject = b.timestamp_ns - a.timestamp_ns;
+    const std::int64_t in_clip = times[b.index] - times[a.index];
+    if (in_subject <= 0 || in_clip <= 0 || std::abs(in_subject - in_clip) <= kSameNs) continue;
+    spdlog::warn(
+        "between frames {} and {} are {:.0f} ms in {}, and {:.0f} ms in {}: are they the same "
+        "frames?",
+        ToInt(a.index),
+        ToInt(b.index),
+        1e-6 * static_cast<double>(in_subject),
+        subject,
+        1e-6 * static_cast<double>(in_clip),
+        sequence.Name());
+    return;
+  }
 }
 
 // Throws Error where the tracks cannot be of the clip.
@@ -135,7 +171,7 @@ void CheckIsClipOf(const TrackFile& file, const std::string& tracks, Sequence& s
   if (!file.frames.empty()) {
     CheckHasFrame(sequence, file.frames.back().index, tracks, "tracks are");
   }
-  WarnIfOtherTimes(file, tracks, sequence);
+  WarnIfOtherFrames(file.frames, tracks, sequence);
 }
 
 Json EvaluateTrackFile(const std::string& path,
@@ -214,15 +250,15 @@ std::vector<FrameIndex> FramesOfModel(const fs::path& folder, const ModelTruth& 
   return frames;
 }
 
-// Does a model number its images as we do, by frame? Another program's does not, nor what was made of
-// one.
+// Does a model number its images as we do, by frame? Another program's does not, nor what was made
+// of one.
 bool IsNumberedByFrame(const fs::path& folder) {
   const fs::path summary = folder / "summary.json";
   return fs::exists(summary) && !ReadJsonFile(summary).contains("refined_from");
 }
 
-// The frames that a refined model was to have, under the clip's: those that it has, and as many others
-// as it says that there were besides, which count as missing.
+// The frames that a refined model was to have, under the clip's: those that it has, and as many
+// others as it says that there were besides, which count as missing.
 std::vector<FrameIndex> FramesOfRefined(const Reconstruction& model, std::size_t count) {
   std::vector<FrameIndex> frames;
   for (const auto& [frame, pose] : model.cam_from_world) frames.push_back(frame);
@@ -276,14 +312,22 @@ ModelTruth TruthOfPoses(const Sequence& sequence, TrackTruth* truth) {
   return model_truth;
 }
 
-// A model under the frames of a clip: by the names of its images where they are its frames', else by
-// number.
+// A model under the frames of a clip: by the names of its images where they are its frames', else
+// by number.
 Reconstruction ReadModelOf(const fs::path& folder, Sequence& sequence) {
   if (IsNumberedByFrame(folder)) {
     Reconstruction model = ReadReconstruction(folder);
     if (!model.cam_from_world.empty()) {
       CheckHasFrame(sequence, model.cam_from_world.rbegin()->first, folder.string(), "model is");
     }
+    std::vector<FrameInfo> frames;
+    for (const auto& [frame, pose] : model.cam_from_world) {
+      const auto name = model.frame_names.find(frame);
+      const auto time = model.timestamps_ns.find(frame);
+      if (name == model.frame_names.end() || time == model.timestamps_ns.end()) continue;
+      frames.push_back({frame, name->second, time->second});
+    }
+    WarnIfOtherFrames(frames, folder.string(), sequence);
     const auto picture = sequence.Next();
     if (picture && (picture->gray.cols != model.camera.width_px ||
                     picture->gray.rows != model.camera.height_px)) {
@@ -306,7 +350,19 @@ Reconstruction ReadModelOf(const fs::path& folder, Sequence& sequence) {
   const bool named = std::any_of(model.images.begin(), model.images.end(), [&](const auto& image) {
     return names.Find(image.second.name).has_value();
   });
-  if (named) return ReadModelOfClip(model, frames, folder).reconstruction;
+  if (named) {
+    ModelOfClip clip = ReadModelOfClip(model, frames, folder);
+    if (clip.unknown_images > 0) {
+      spdlog::warn(
+          "{}: {} of its images are no frame of {} and are left out, {} for one: where that is the "
+          "first or the last, names are numbers that are off by one",
+          folder.string(),
+          clip.unknown_images,
+          sequence.Name(),
+          clip.an_unknown_image);
+    }
+    return std::move(clip.reconstruction);
+  }
   spdlog::warn(
       "no image of {} has the name of a frame of {}: they are matched by their numbers, image 1 "
       "with frame 0",

@@ -45,8 +45,7 @@ TrackFile DescribeJob(const TrackJobOptions& options,
   TrackFile header = tracker.Header();
   DescribeInput(options.input, sequence, header);
   header.meta["program"] = fmt::format("cohort {}", kVersion);
-  header.meta["mask"] = AbsolutePath(options.mask);
-  if (!options.mask.empty()) header.meta["mask_fingerprint"] = FingerprintOfBytes(options.mask);
+  NoteMask(options.mask, header);
   return header;
 }
 
@@ -69,8 +68,8 @@ bool SecondPassEnded(const TrackFile& file) {
   return second_pass == file.meta.end() || second_pass->second != kSecondPassAsked;
 }
 
-// Was the file made of the same, with the same options? What a run found does not count, nor how far
-// it came.
+// Was the file made of the same, with the same options? What a run found does not count, nor how
+// far it came.
 bool IsOfJob(const TrackFile& file, const TrackFile& header) {
   std::map<std::string, std::string> meta = file.meta;
   const std::string& asked = header.meta.at("second_pass");

@@ -7,6 +7,7 @@
 #include <pybind11/stl.h>
 #include <pybind11/stl/filesystem.h>
 
+#include <algorithm>
 #include <chrono>
 #include <filesystem>
 #include <memory>
@@ -23,6 +24,7 @@
 #include "backend/colmap/colmap_tracks.h"
 #include "backend/colmap/model_io.h"
 #include "backend/colmap/tracks_to_database.h"
+#include "datasets/readers/image_folder.h"
 #include "frontend/core/interruption.h"
 #include "frontend/core/output.h"
 #include "frontend/geometry/camera_fault.h"
@@ -105,7 +107,8 @@ std::string DefaultOptions(const std::string& function) {
                   function);
 }
 
-// As os.fsdecode has it: names of files may be of any bytes, so what is no UTF-8 becomes surrogates.
+// As os.fsdecode has it: names of files may be of any bytes, so what is no UTF-8 becomes
+// surrogates.
 py::str ToStr(const std::string& text) {
   PyObject* const decoded =
       PyUnicode_DecodeFSDefaultAndSize(text.data(), static_cast<py::ssize_t>(text.size()));
@@ -113,8 +116,8 @@ py::str ToStr(const std::string& text) {
   return py::reinterpret_steal<py::str>(decoded);
 }
 
-// While one lives, OpenCV has as many threads as asked for; 0: as before. Of several calls at once the
-// last that was asked counts, and the last that ends puts back what was before all of them.
+// While one lives, OpenCV has as many threads as asked for; 0: as before. Of several calls at once
+// the last that was asked counts, and the last that ends puts back what was before all of them.
 class ThreadsOfOpenCv {
  public:
   explicit ThreadsOfOpenCv(int threads) {
@@ -135,8 +138,9 @@ class ThreadsOfOpenCv {
   static inline int before = 0;
 };
 
-// Throws KeyboardInterrupt after Ctrl-C, or what else a signal's handler raises. May be called as often
-// as one likes: it asks Python, which other threads may keep busy, a hundred times a second at most.
+// Throws KeyboardInterrupt after Ctrl-C, or what else a signal's handler raises. May be called as
+// often as one likes: it asks Python, which other threads may keep busy, a hundred times a second
+// at most.
 void RaiseOfSignals() {
   static thread_local std::chrono::steady_clock::time_point asked;
   const auto now = std::chrono::steady_clock::now();
@@ -171,18 +175,6 @@ cv::Mat MaskOf(const std::optional<py::object>& array, const std::string& path) 
   return mask;
 }
 
-// Throws Error unless it is of pictures of that size.
-Camera CameraOfPictures(const Camera& camera, int width_px, int height_px) {
-  if (camera.width_px != width_px || camera.height_px != height_px) {
-    ThrowError("the camera is of pictures of {}x{}, these are {}x{}: give that of these",
-               camera.width_px,
-               camera.height_px,
-               width_px,
-               height_px);
-  }
-  return camera;
-}
-
 TrackFile Track(const ClipArgument& clip,
                 const std::string& options,
                 bool rgb,
@@ -207,16 +199,14 @@ TrackFile Track(const ClipArgument& clip,
   TrackFile file = TrackFirstPass(*opened,
                                   {.tracker = arguments.tracker,
                                    .second_pass = arguments.second_pass,
+                                   .camera = camera,
                                    .mask = mask,
                                    .source = arguments.input.input},
                                   progress);
   DescribeInput(arguments.input, *opened, file);
   file.meta["program"] = fmt::format("cohort {}", kVersion);
-  file.meta["mask"] = AbsolutePath(arguments.mask);
-  if (!arguments.mask.empty()) {
-    file.meta["mask_fingerprint"] = FingerprintOfBytes(arguments.mask);
-  }
-  if (camera) file.camera = CameraOfPictures(*camera, file.width_px, file.height_px);
+  NoteMask(arguments.mask, file);
+  if (camera) file.camera = camera;  // and not what the clip or its options say
   if (second_pass) {
     file = WithSecondPass(std::move(file), *opened, mask, arguments.second_pass, progress).file;
   }
@@ -249,9 +239,11 @@ std::pair<TrackFile, std::vector<std::string>> Refine(const TrackFile& file,
                                            : clip   ? OpenSequence(std::get<fs::path>(*clip))
                                                     : OpenSource(file, kTracks);
   if (!clip) doubts.push_back(DoubtOfClip(file, kTracks, *opened));
+  if (!mask_array && as_before) doubts.push_back(DoubtOfMask(file, kTracks));
   SecondPass second = MeasureAgain(file, model, *opened, mask, arguments.second_pass, progress);
   doubts.push_back(DoubtOfMeasuring(second.figures));
   std::erase(doubts, "");
+  if (!mask_array) NoteMask(as_before ? of_tracks->second : mask_path.string(), second.file);
   return {std::move(second.file), std::move(doubts)};
 }
 
@@ -296,40 +288,71 @@ py::array_t<T> AsArray(const std::vector<T>& values) {
   return py::array_t<T>(static_cast<py::ssize_t>(values.size()), values.data());
 }
 
-// The frames that observations are of, or as many as said; named as a video's are.
-TrackFile MakeTracks(const py::array_t<ObservationRow>& rows,
-                     std::uint32_t frames,
-                     int width_px,
-                     int height_px,
-                     const std::optional<Camera>& camera) {
+constexpr std::uint32_t kMostFrames = 10'000'000;
+
+// Ascending, all that observations are of.
+std::vector<FrameInfo> FramesNumbered(const py::array_t<std::uint32_t>& numbers,
+                                      const TrackSet& tracks) {
+  std::vector<FrameInfo> frames;
+  for (py::ssize_t i = 0; i < numbers.size(); ++i) {
+    const std::uint32_t number = numbers.at(i);
+    if (number >= kMostFrames) {
+      ThrowUsageError("frame {}: up to {} are taken, counted from 0", number, kMostFrames);
+    }
+    if (!frames.empty() && number <= ToInt(frames.back().index)) {
+      ThrowUsageError("frame {} comes after frame {}: give the frames in order, each once",
+                      number,
+                      ToInt(frames.back().index));
+    }
+    frames.push_back({FrameIndex{number}, NumberedFrameName(FrameIndex{number}), 0});
+  }
+  for (const FrameIndex frame : tracks.frames()) {
+    if (!std::ranges::binary_search(frames, frame, {}, &FrameInfo::index)) {
+      ThrowError("there is an observation in frame {}, which is none of the {} frames",
+                 ToInt(frame),
+                 frames.size());
+    }
+  }
+  return frames;
+}
+
+// Named as a video's are. And what there is to doubt of them.
+std::pair<TrackFile, std::string> MakeTracks(const py::array_t<ObservationRow>& rows,
+                                             const py::array_t<std::uint32_t>& frames,
+                                             int width_px,
+                                             int height_px,
+                                             const std::optional<Camera>& camera) {
   if (width_px < 1 || height_px < 1 || width_px > kMaxPictureSidePx ||
       height_px > kMaxPictureSidePx) {
     ThrowUsageError(
         "no picture has {} x {} px: give width_px and height_px of the clip", width_px, height_px);
   }
-  constexpr std::uint32_t kMostFrames = 10'000'000;
-  if (frames > kMostFrames) {
-    ThrowUsageError("a clip of {} frames: up to {} are taken, counted from 0", frames, kMostFrames);
-  }
   TrackFile file;
   file.width_px = width_px;
   file.height_px = height_px;
-  if (camera) file.camera = CameraOfPictures(*camera, width_px, height_px);
+  if (camera) CheckCameraSize(*camera, width_px, height_px);
+  file.camera = camera;
   file.meta = {{"program", fmt::format("cohort {}", kVersion)}, {"tracker", "import"}};
   file.tracks = ToTracks(rows);
-  if (!file.tracks.frames().empty() && ToInt(file.tracks.frames().back()) >= frames) {
-    ThrowError("there is an observation in frame {}, but there are {} frames",
-               ToInt(file.tracks.frames().back()),
-               frames);
-  }
-  for (std::uint32_t i = 0; i < frames; ++i) {
-    file.frames.push_back({FrameIndex{i}, NumberedFrameName(FrameIndex{i}), 0});
-  }
-  return file;
+  file.frames = FramesNumbered(frames, file.tracks);
+  std::string doubt = PredictOutside(file, "the tracks", "that size", file.tracks);
+  return {std::move(file), std::move(doubt)};
 }
 
-// All of a database: its images are the frames.
-TrackFile ReadDatabaseTracks(const fs::path& path) {
+// Where the images of a database are not numbered in the order of their names, as COLMAP leaves
+// them that looked for features on several threads; else empty.
+std::string DoubtOfOrder(const ColmapDatabase& database, const fs::path& path) {
+  std::vector<std::string> names;
+  for (const auto& [id, image] : database.images) names.push_back(image.name);
+  if (std::ranges::is_sorted(names, NaturalLess)) return "";
+  return fmt::format(
+      "{}: its images are not numbered in the order of their names, but the numbers are taken for "
+      "frames: 'cohort import' with the clip puts them in order",
+      path.string());
+}
+
+// All of a database: its images are the frames. And what there is to doubt of them.
+std::pair<TrackFile, std::string> ReadDatabaseTracks(const fs::path& path) {
   const ColmapDatabase database = ReadColmapDatabase(path);
   TrackFile file;
   for (const auto& [id, image] : database.images) {
@@ -343,7 +366,7 @@ TrackFile ReadDatabaseTracks(const fs::path& path) {
                {"tracker", "import"},
                {"imported_from", AbsolutePath(path)}};
   file.tracks = std::move(imported.tracks);
-  return file;
+  return {std::move(file), DoubtOfOrder(database, path)};
 }
 
 std::vector<std::tuple<std::uint32_t, std::uint32_t, std::string>> EndsOf(const TrackFile& file) {
@@ -606,7 +629,7 @@ void BindModel(py::module_& module) {
   module.def(
       "write_model",
       [](const fs::path& folder, const Model& model) {
-        WriteReconstruction(folder, model.reconstruction);
+        WriteModelFolder(model.reconstruction, model.summary, folder);
       },
       py::arg("folder"),
       py::arg("model"),

@@ -173,13 +173,23 @@ class PointColours {
   std::map<FeatureId, Sum> sums_;
 };
 
-Json CamerasOf(const ClipReport& report) {
+// The middle of the cameras, from which the page has all positions: five digits are few for a world
+// that is far from its origin, as on a map.
+Eigen::Vector3d MiddleOf(const Reconstruction& model) {
+  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+  for (const auto& [frame, cam_from_world] : model.cam_from_world) {
+    sum += cam_from_world.Inverse().translation;
+  }
+  return sum / std::max<double>(1.0, static_cast<double>(model.cam_from_world.size()));
+}
+
+Json CamerasOf(const ClipReport& report, const Eigen::Vector3d& middle) {
   Json cameras = Json::array();
   const Camera& c = report.model.camera;
   for (const auto& [frame, cam_from_world] : report.model.cam_from_world) {
     const Rigid3 world_from_cam = cam_from_world.Inverse();
     Json camera{{"frame", ToInt(frame)}, {"center", Json::array()}, {"corners", Json::array()}};
-    Append(world_from_cam.translation, camera["center"]);
+    Append(world_from_cam.translation - middle, camera["center"]);
     for (const auto& [x, y] : {std::pair{0.0, 0.0},
                                {c.width_px - 1.0, 0.0},
                                {c.width_px - 1.0, c.height_px - 1.0},
@@ -195,14 +205,16 @@ Json CamerasOf(const ClipReport& report) {
   return cameras;
 }
 
-Json PointsOf(const ClipReport& report, const PointColours& colours) {
+Json PointsOf(const ClipReport& report,
+              const PointColours& colours,
+              const Eigen::Vector3d& middle) {
   Json points{{"xyz", Json::array()}, {"rgb", Json::array()}, {"covariances", Json::array()}};
   const std::size_t every =
       std::max<std::size_t>(1, (report.model.points.size() + kMostPoints - 1) / kMostPoints);
   std::size_t i = 0;
   for (const auto& [feature, point] : report.model.points) {
     if (i++ % every != 0) continue;
-    Append(point.in_world, points["xyz"]);
+    Append(point.in_world - middle, points["xyz"]);
     for (const double value : colours.Of(feature)) points["rgb"].push_back(std::lround(value));
     points["covariances"].push_back(TriangleOf(report.point_covariances, feature));
   }
@@ -342,6 +354,7 @@ void WriteClipReport(const fs::path& path,
                       {"picture", JpegDataUri(Brightened(pictures[i], ranges[i]), kPictureQuality)},
                       {"positions", PositionsIn(file.tracks, shown[i].index, features, scale)}});
   }
+  const Eigen::Vector3d middle = MiddleOf(report.model);
   Json facts = Json::array();
   for (const auto& [name, value] : report.facts) facts.push_back({name, value});
   WritePage(path,
@@ -354,8 +367,8 @@ void WriteClipReport(const fs::path& path,
              {"frames", frames},
              {"tracks", {{"all", file.tracks.features().size()}, {"shown", features.size()}}},
              {"per_frame", PerFrame(file, report.model)},
-             {"cameras", CamerasOf(report)},
-             {"points", PointsOf(report, colours)},
+             {"cameras", CamerasOf(report, middle)},
+             {"points", PointsOf(report, colours, middle)},
              {"points_in_all", report.model.points.size()}});
 }
 

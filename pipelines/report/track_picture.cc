@@ -11,7 +11,7 @@
 namespace cohort {
 namespace {
 
-constexpr std::uint32_t kTailFrames = 8;
+constexpr std::ptrdiff_t kTailFrames = 8;
 constexpr double kNearPx = 1.0;
 constexpr double kFarPx = 3.0;
 // Blue, green, red; told apart by the colour-blind too.
@@ -51,6 +51,10 @@ TrackPicture DrawTracks(const cv::Mat& picture,
                         TrackTruth* truth) {
   TrackPicture result;
   result.picture = picture.clone();
+  // Of the tracks' own frames, which may be every n-th of the clip.
+  const auto& frames = tracks.frames();
+  const auto here = std::ranges::lower_bound(frames, frame);
+  const auto tail = std::min<std::ptrdiff_t>(kTailFrames, here - frames.begin());
   for (const Observation* o : tracks.InFrame(frame)) {
     const auto track = tracks.Track(o->feature);
     const auto true_xy = TruePositionOf(track, frame, truth);
@@ -67,7 +71,7 @@ TrackPicture DrawTracks(const cv::Mat& picture,
     const Observation* before = nullptr;
     for (const Observation& other : track) {
       if (other.frame > frame) break;
-      const bool is_recent = ToInt(other.frame) + kTailFrames >= ToInt(frame);
+      const bool is_recent = other.frame >= *(here - tail);
       if (before != nullptr && is_recent) {
         cv::line(result.picture,
                  FixedPoint(before->xy),

@@ -8,6 +8,7 @@
 
 #include "frontend/core/error.h"
 #include "frontend/core/statistics.h"
+#include "pipelines/sfm/fingerprint.h"
 #include "pipelines/sfm/input.h"
 
 namespace cohort {
@@ -66,6 +67,15 @@ std::string DoubtOfClip(const TrackFile& file,
   return fmt::format("{} is not what it was when {} was made of it: tracks and pictures may differ",
                      file.source,
                      tracks_name);
+}
+
+std::string DoubtOfMask(const TrackFile& file, const std::string& tracks_name) {
+  const auto mask = file.meta.find("mask");
+  const auto was = file.meta.find("mask_fingerprint");
+  if (mask == file.meta.end() || mask->second.empty() || was == file.meta.end()) return "";
+  if (FingerprintOfBytes(mask->second) == was->second) return "";
+  return fmt::format(
+      "the mask {} is not what it was when {} was made with it", mask->second, tracks_name);
 }
 
 std::string DoubtOfModel(const Reconstruction& model,

@@ -10,13 +10,15 @@
 
 namespace cohort {
 
-// What there is to doubt of tracks before they are used: a sentence that says what to do; empty where
-// all is as it should be. The names are for the sentence.
+// What there is to doubt of tracks before they are used: a sentence that says what to do; empty
+// where all is as it should be. The names are for the sentence.
 
 // The clip is not what it was when they were made of it.
 std::string DoubtOfClip(const TrackFile& file,
                         const std::string& tracks_name,
                         const Sequence& clip);
+// The mask that they were made with, of the same name, is not what it was.
+std::string DoubtOfMask(const TrackFile& file, const std::string& tracks_name);
 // The model was made of others: the same ids were seen elsewhere. Throws Error where it cannot be
 // theirs at all: its camera is of another size, or it has a frame or a point that they do not have.
 std::string DoubtOfModel(const Reconstruction& model,

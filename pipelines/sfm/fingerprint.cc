@@ -33,7 +33,8 @@ class Fnv1a {
   std::uint64_t hash_ = 14695981039346656037ULL;
 };
 
-// A file's size and, spread over it, some of its bytes: of a list all. Nothing of one that cannot be read.
+// A file's size and, spread over it, some of its bytes: of a list all. Nothing of one that cannot
+// be read.
 void AddFile(const fs::path& path, Fnv1a& hash) {
   constexpr std::uint64_t kBlocks = 8;
   constexpr std::uint64_t kBlockBytes = 1024;
@@ -96,6 +97,8 @@ std::string FingerprintOfClip(const Sequence& sequence,
     hash << file.lexically_relative(folder).string();
     AddFile(file, hash);
   }
+  // Those of a folder that is a link, too, which was not gone into: it may lead anywhere.
+  hash << FingerprintOfFrames(sequence);
   return hash.Digits();
 }
 

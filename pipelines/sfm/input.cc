@@ -73,6 +73,15 @@ void DescribeInput(const InputOptions& options, const Sequence& sequence, TrackF
   NoteSensorRows(sequence, file);
 }
 
+void NoteMask(const std::string& mask, TrackFile& file) {
+  file.meta["mask"] = AbsolutePath(mask);
+  if (mask.empty()) {
+    file.meta.erase("mask_fingerprint");
+  } else {
+    file.meta["mask_fingerprint"] = FingerprintOfBytes(mask);
+  }
+}
+
 void NoteSensorRows(const Sequence& sequence, TrackFile& file) {
   if (sequence.SensorRows() == RowOrder::kDown) return;
   file.meta[kRowOrderMeta] = NameOf(kRowOrderNames, sequence.SensorRows());
@@ -81,6 +90,15 @@ void NoteSensorRows(const Sequence& sequence, TrackFile& file) {
 bool IsStillTheClip(const TrackFile& file, const Sequence& sequence) {
   const auto was = file.meta.find("fingerprint");
   return was == file.meta.end() || was->second == FingerprintOfFrames(sequence);
+}
+
+void CheckCameraSize(const Camera& camera, int width_px, int height_px) {
+  if (camera.width_px == width_px && camera.height_px == height_px) return;
+  ThrowError("the camera is of pictures of {}x{}, these are {}x{}: give that of these",
+             camera.width_px,
+             camera.height_px,
+             width_px,
+             height_px);
 }
 
 void CheckPictureSize(const TrackFile& file, const Frame& frame, const std::string& clip_name) {

@@ -48,8 +48,8 @@ struct InputOptions {
 };
 
 std::unique_ptr<Sequence> OpenInput(const InputOptions& options);
-// The clip that the tracks were made of, opened as it was then; `tracks` names them. Throws Error where
-// their pictures came from no file.
+// The clip that the tracks were made of, opened as it was then; `tracks` names them. Throws Error
+// where their pictures came from no file.
 std::unique_ptr<Sequence> OpenSource(const TrackFile& file, const std::string& tracks);
 
 // The camera given, else the sequence's own, else none. Throws UsageError on another text.
@@ -62,16 +62,22 @@ std::optional<Camera> KnownCamera(const InputOptions& options,
 // camera, meta["frames"], meta["layout"] and, of files, meta["fingerprint"] (FingerprintOfFrames).
 void DescribeInput(const InputOptions& options, const Sequence& sequence, TrackFile& file);
 
+// Notes the mask, by its path, that tracks were made with: those of a refined file are by default,
+// too. Empty: none.
+void NoteMask(const std::string& mask, TrackFile& file);
+
 // Notes how the clip's pictures were turned (RowOrderOf), as DescribeInput does.
 void NoteSensorRows(const Sequence& sequence, TrackFile& file);
 
 // Are the files of the clip those that `file` was made of? Where it does not know it may be.
 bool IsStillTheClip(const TrackFile& file, const Sequence& sequence);
+// Throws Error unless a camera is of pictures of that size.
+void CheckCameraSize(const Camera& camera, int width_px, int height_px);
 // Throws Error where a frame of a clip has not the size of those that `file` was made of.
 void CheckPictureSize(const TrackFile& file, const Frame& frame, const std::string& clip_name);
-// What lies outside the pictures of `file` no image confirms: of tracks of others it becomes predicted.
-// Returns what to say of that; empty: there was nothing. Throws Error where they are most of the
-// observed ones: then `tracks`, so named, are of another clip than `clip`.
+// What lies outside the pictures of `file` no image confirms: of tracks of others it becomes
+// predicted. Returns what to say of that; empty: there was nothing. Throws Error where they are
+// most of the observed ones: then `tracks`, so named, are of another clip than `clip`.
 std::string PredictOutside(const TrackFile& file,
                            const std::string& name,
                            const std::string& clip,

@@ -29,6 +29,7 @@ class ModelPredictions {
   std::vector<ModelPrediction> InSight(FrameIndex frame) const;
   // Are both the feature's point and the frame's camera in the model?
   bool Knows(FeatureId feature, FrameIndex frame) const;
+  bool HasMask() const { return !mask_.empty(); }
   bool IsMasked(const Eigen::Vector2d& xy) const;  // of a position in the picture
   // Where the model has the point of a feature that it knows; none off the picture or the mask.
   std::optional<Eigen::Vector2d> InPicture(FeatureId feature, FrameIndex frame) const;

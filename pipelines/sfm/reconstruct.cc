@@ -171,8 +171,8 @@ void WriteCovariances(const CeresFindings& findings, const fs::path& folder) {
   WriteBytes(folder / "point_covariances.csv", points);
 }
 
-// A model that was read as if its images were numbered by frame, with the frames that `of_image` has
-// for them: [image id, frame] each.
+// A model that was read as if its images were numbered by frame, with the frames that `of_image`
+// has for them: [image id, frame] each.
 Reconstruction WithFrames(Reconstruction model, const Json& of_image, const fs::path& summary) {
   std::map<FrameIndex, FrameIndex> frames;  // by that of the number
   try {
@@ -277,6 +277,17 @@ Reconstruction ReadModelFolder(const fs::path& folder) {
         ValueOf(kRowOrderNames, json["row_order"].get<std::string>()).value_or(RowOrder::kDown);
   }
   return model;
+}
+
+void WriteModelFolder(const Reconstruction& model,
+                      const std::string& summary,
+                      const fs::path& folder) {
+  OutputFolder out(folder, ModelFolderNames());
+  if (!model.cam_from_world.empty()) WriteReconstructionFiles(out.partial(), model);
+  Json json = Json::parse(summary);
+  json.erase("frame_of_image");  // what is written has images numbered by frame
+  if (!json.empty()) WriteJsonFile(out.partial() / "summary.json", json);
+  out.Commit();
 }
 
 ReconstructResult ReconstructIntoFolder(const TrackFile& file,

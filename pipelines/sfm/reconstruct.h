@@ -94,6 +94,12 @@ ReconstructResult Reconstruct(const TrackFile& file,
 // A model folder's model, with the readout that its summary.json says; another program's has none.
 Reconstruction ReadModelFolder(const std::filesystem::path& folder);
 
+// What ReadModelFolder reads, whole or not at all; `summary`: JSON of the model's summary.json, {}:
+// none.
+void WriteModelFolder(const Reconstruction& model,
+                      const std::string& summary,
+                      const std::filesystem::path& folder);
+
 // The same into a model folder: the model's files and summary.json (docs/files.md), and of Ceres
 // tracks_without_point.csv and the covariances. Whole or not at all. `summary_options`: JSON that
 // summary.json is to have as its options; empty: `options`.

@@ -61,6 +61,11 @@ const ColmapCamera& CameraOf(const ColmapModel& model) {
 void CheckFound(const SecondPassFigures& figures, const fs::path& path, const Sequence& sequence) {
   constexpr double kLeastFound = 0.1;
   const std::size_t points = figures.replaced + figures.left;
+  if (points == 0 && figures.masked > 0) {
+    ThrowError("{}: the mask leaves none of its {} points: give one that is white where they are",
+               path.string(),
+               figures.masked);
+  }
   if (static_cast<double>(figures.replaced) >= kLeastFound * static_cast<double>(points) &&
       figures.replaced > 0) {
     return;
@@ -230,7 +235,8 @@ RefinedModel RefineModel(const ColmapModel& model,
                          const cv::Mat& mask,
                          const RefineModelOptions& options,
                          const StageProgress& progress) {
-  // Points of a model that did not move gain too: the second time their templates are of all sightings.
+  // Points of a model that did not move gain too: the second time their templates are of all
+  // sightings.
   constexpr int kLeastRounds = 2;
   constexpr int kMostRounds = 3;
   SecondPassOptions measurement = options.second_pass;
@@ -297,7 +303,7 @@ RefinedModel RefineModel(const ColmapModel& model,
 RefinedModel RefineModelIntoFolder(const fs::path& model,
                                    Sequence& sequence,
                                    const std::string& source,
-                                   const cv::Mat& mask,
+                                   const std::string& mask,
                                    const RefineModelOptions& options,
                                    const fs::path& folder,
                                    const StageProgress& progress) {
@@ -305,7 +311,8 @@ RefinedModel RefineModelIntoFolder(const fs::path& model,
   names.emplace_back(kTracksName);
   OutputFolder out(folder, names);
   RefinedModel refined =
-      RefineModel(ReadColmapModel(model), model, sequence, mask, options, progress);
+      RefineModel(ReadColmapModel(model), model, sequence, ReadMask(mask), options, progress);
+  NoteMask(mask, refined.file);
   refined.file.source = AbsolutePath(source);
   refined.file.image_root = AbsolutePath(sequence.ImageRoot());
   refined.file.meta["imported_from"] = AbsolutePath(model);

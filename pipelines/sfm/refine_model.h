@@ -90,7 +90,7 @@ MapperResult InWorldOf(const Reconstruction& world, MapperResult model);
 RefinedModel RefineModelIntoFolder(const std::filesystem::path& model,
                                    Sequence& sequence,
                                    const std::string& source,
-                                   const cv::Mat& mask,
+                                   const std::string& mask,
                                    const RefineModelOptions& options,
                                    const std::filesystem::path& folder,
                                    const StageProgress& progress = {});

@@ -92,6 +92,11 @@ std::set<FeatureId> FoundAgain(const TrackFile& file,
   }
   std::set<FeatureId> found;
   for (const auto& [feature, count] : counts) {
+    if (count.before == 0 && count.regained == 0) {
+      if (predictions.HasMask()) ++figures.masked;
+      found.insert(feature);
+      continue;
+    }
     if (static_cast<double>(count.kept) < min_confirmed * static_cast<double>(count.before)) {
       ++figures.left;
       continue;
@@ -176,10 +181,10 @@ std::vector<double> DistancesBetween(const Reconstruction& before, const Reconst
   return distances_px;
 }
 
-// May an adjustment tell where the model of new tracks would be, in place of a reconstruction, which
-// takes several times as long? Where the model is whole and nothing but poses and points moves. (Not
-// where the tracker lost its features somewhere: across such a seam a model may have two scales,
-// which no adjustment mends.)
+// May an adjustment tell where the model of new tracks would be, in place of a reconstruction,
+// which takes several times as long? Where the model is whole and nothing but poses and points
+// moves. (Not where the tracker lost its features somewhere: across such a seam a model may have
+// two scales, which no adjustment mends.)
 bool CanBeAdjusted(std::span<const Reconstruction> models, const TrackFile& file) {
   return models.size() == 1 && models.front().cam_from_world.size() == file.frames.size() &&
          models.front().readout == 0.0 && file.KnowsCamera();
@@ -407,6 +412,7 @@ void SecondPassFigures::Add(const SecondPassFigures& other) {
   regained += other.regained;
   replaced += other.replaced;
   left += other.left;
+  masked += other.masked;
   movers += other.movers;
 }
 

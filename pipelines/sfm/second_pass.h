@@ -69,6 +69,7 @@ struct SecondPassFigures {
   std::size_t regained = 0;  // observations where there were none
   std::size_t replaced = 0;  // tracks
   std::size_t left = 0;      // tracks that have a point, but were not found again
+  std::size_t masked = 0;    // tracks of which the mask leaves nothing: dropped
   std::size_t movers = 0;    // tracks dropped
 
   double Confirmed() const;  // kept, as a share
@@ -117,8 +118,8 @@ bool HaveMoved(std::span<const Reconstruction> models,
                const Reconstruction& now,
                const SecondPassOptions& options);
 
-// One set of the tracks of a first pass and of KLT's where that one loses its features, as the second
-// pass takes them: without those that are twins of others or not needed. As it is, where no
+// One set of the tracks of a first pass and of KLT's where that one loses its features, as the
+// second pass takes them: without those that are twins of others or not needed. As it is, where no
 // companion is wanted.
 TrackFile JoinCompanion(TrackFile first_pass, Sequence& sequence, const cv::Mat& mask);
 

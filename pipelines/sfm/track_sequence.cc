@@ -50,6 +50,7 @@ SequenceTracker::SequenceTracker(Sequence& sequence, const TrackSequenceOptions&
   header_.image_root = AbsolutePath(sequence.ImageRoot());
   header_.width_px = next_->gray.cols;
   header_.height_px = next_->gray.rows;
+  if (options.camera) CheckCameraSize(*options.camera, header_.width_px, header_.height_px);
   header_.camera = options.camera ? options.camera : sequence.KnownCamera();
   const bool second_pass = WantsSecondPass(options.second_pass.mode, options.tracker);
   header_.meta = {{"tracker", std::string(NameOf(kTrackerNames, options.tracker.tracker))},

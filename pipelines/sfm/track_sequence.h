@@ -17,7 +17,8 @@ namespace cohort {
 struct TrackSequenceOptions {
   TrackerOptions tracker = {};
   SecondPassOptions second_pass = {};
-  std::optional<Camera> camera = {};  // none: as the sequence says, else unknown
+  // Of pictures of the clip's size; none: as the sequence says, else unknown.
+  std::optional<Camera> camera = {};
   cv::Mat mask = {};  // empty, or CV_8UC1 of the frames' size, 0 where no feature may be
   // What the sequence was opened from. COLMAP asks for a video's frames, which are read again
   // there.
@@ -26,7 +27,8 @@ struct TrackSequenceOptions {
 
 // Clip -> tracks: the whole job of `cohort track` in memory. With a second pass (WantsSecondPass),
 // its tracks take the place of the first's if a reconstruction by Ceres succeeds;
-// meta["second_pass"] says what came of it. Throws Error on a clip without frames.
+// meta["second_pass"] says what came of it. Throws Error on a clip without frames or with a camera
+// of other pictures.
 //
 //   const auto clip = OpenSequence("night.mp4");
 //   const TrackFile file = TrackSequence(*clip, {.source = "night.mp4"});
@@ -63,8 +65,8 @@ class SequenceTracker {
   // Reads the first frame; throws Error without one. `sequence` must outlive this.
   SequenceTracker(Sequence& sequence, const TrackSequenceOptions& options);
 
-  // All of the file but frames and tracks, and where the clip is cut (cuts.h). meta: the tracker's name, its options as JSON, and
-  // whether a second pass is to come.
+  // All of the file but frames and tracks, and where the clip is cut (cuts.h). meta: the tracker's
+  // name, its options as JSON, and whether a second pass is to come.
   const TrackFile& Header() const { return header_; }
   bool HasNext();  // reads the next frame, if that has not been done
   TrackedFrame TrackNext();

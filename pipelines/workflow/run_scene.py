@@ -6,8 +6,9 @@ RECORD is JSON: exit_code (negative: the signal that killed it), error (its line
 began (by the clock of the file system, as the times of its files are).
 Ends with 0 however the command ended: a clip that fails stops no other. What kills the job as a
 whole leaves no record, so the scene is made again: with --resume, from where it was, if the command
-is the same. What outlives a killed job is waited for. Where somebody else writes the scene it ends
-with 1 and leaves no record: nothing is known of the clip.
+is the same; anew, if that cannot go on, as the clip has changed since. What outlives a killed job is
+waited for. Where somebody else writes the scene it ends with 1 and leaves no record: nothing is known
+of the clip.
 """
 
 import contextlib
@@ -60,6 +61,13 @@ def error_of(log, exit_code):
     return f"exit code {exit_code}, see {log}"
 
 
+def run(command, log, held):
+    """Its exit code, and its error or None."""
+    with open(log, "wb") as output:
+        exit_code = subprocess.call(command, stdout=output, stderr=subprocess.STDOUT, pass_fds=[held])
+    return exit_code, error_of(log, exit_code)
+
+
 def main():
     if len(sys.argv) < 4:
         sys.exit("usage: run_scene.py RECORD LOG COMMAND...")
@@ -73,11 +81,9 @@ def main():
         write(begun, command)
     began = os.path.getmtime(begun)
     start = time.monotonic()
-    with open(log, "wb") as output:
-        exit_code = subprocess.call(
-            command + resume, stdout=output, stderr=subprocess.STDOUT, pass_fds=[held]
-        )
-    error = error_of(log, exit_code)
+    exit_code, error = run(command + resume, log, held)
+    if error and "without --resume it is made anew" in error:
+        exit_code, error = run(command, log, held)
     if error and "another run is writing it" in error:
         sys.exit(f"run_scene: error: {error}")
     write(

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import json
 import logging
+import operator
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, Literal, NamedTuple, Optional, Union
@@ -53,6 +54,7 @@ Clip = Union[Path, Iterable[Array]]
 OBSERVATION: np.dtype[Any] = _cohort.OBSERVATION
 
 _log = logging.getLogger("cohort")
+_MOST_FRAMES = 10_000_000
 _ma: Any = np.ma  # its functions have no types
 
 # Options of the program that name files, or that only a program can have.
@@ -110,9 +112,10 @@ class Tracks:
         """The tracks that a database's verified matches make; its images are the frames.
 
         Of any program's database of COLMAP 3.8 to 4.x with one camera. Its names of pictures are
-        relative to COLMAP's image folder: refine() needs the clip.
+        relative to COLMAP's image folder: refine() needs the clip. Frames go by the ids of the
+        images; that they are not in the order of the names is said.
         """
-        return Tracks(_cohort.read_colmap_database(path))
+        return _with_doubt(*_cohort.read_colmap_database(path))
 
     @staticmethod
     def from_observations(
@@ -121,13 +124,14 @@ class Tracks:
         width_px: int,
         height_px: int,
         camera: Optional[Camera] = None,
-        frames: Optional[int] = None,
+        frames: Union[int, npt.ArrayLike, None] = None,
     ) -> Tracks:
         """Tracks of any tracker, a row an observation.
 
         `rows`: a structured array, or arrays by column, of frame, track_id, x, y and any of
         observed (True without), residual (0), cov_xx, cov_xy, cov_yy [px^2] (none). `frames`: how
-        many the clip has; without, up to the last one observed.
+        many the clip has, or which, ascending; without, up to the last one observed. What lies
+        outside the pictures counts as predicted.
         """
         table = rows if isinstance(rows, Mapping) else {n: rows[n] for n in rows.dtype.names or ()}
         columns = {name: _unmasked(name, column) for name, column in table.items()}
@@ -146,11 +150,12 @@ class Tracks:
             if column.shape != (count,):
                 raise UsageError(f"column {name} has the shape {column.shape}, frame ({count},)")
             if name in ("frame", "track_id"):
-                _require_ids(name, column)
+                _require_ids(f"column {name}", column)
             array[name] = _flags(name, column) if name == "observed" else column
         if frames is None:
             frames = int(array["frame"].max()) + 1 if count else 0
-        return Tracks(_cohort.make_tracks(array, frames, width_px, height_px, camera))
+        numbers = _numbers("frames", range(_count(frames)) if np.ndim(frames) == 0 else frames)
+        return _with_doubt(*_cohort.make_tracks(array, numbers, width_px, height_px, camera))
 
     @staticmethod
     def from_dense(
@@ -161,21 +166,32 @@ class Tracks:
         width_px: int,
         height_px: int,
         camera: Optional[Camera] = None,
+        frames: Optional[npt.ArrayLike] = None,
+        track_ids: Optional[npt.ArrayLike] = None,
     ) -> Tracks:
         """Tracks of any tracker: xy (T, N, 2), NaN where there is none.
 
         `observed` (T, N): which positions the image confirms, often called visibility, True or
         False; all without. Of a masked array what is masked is NaN.
-        `covariances` (T, N, 2, 2) [px^2], NaN where unknown.
+        `covariances` (T, N, 2, 2) [px^2], NaN where unknown. `frames` (T,): which of the clip
+        they are, ascending; `track_ids` (N,); both are counted from 0 without. What lies outside
+        the pictures counts as predicted.
         """
         positions = _ma.filled(_ma.asarray(xy, np.float64), np.nan)
         if positions.ndim != 3 or positions.shape[2] != 2:
             raise UsageError(f"xy has the shape {positions.shape}: give (frames, tracks, 2)")
         shape = positions.shape[:2]
+        frames = np.arange(shape[0]) if frames is None else _numbers("frames", frames)
+        track_ids = np.arange(shape[1]) if track_ids is None else _numbers("track_ids", track_ids)
+        if frames.shape != shape[:1] or track_ids.shape != shape[1:]:
+            raise UsageError(
+                f"there are {frames.size} frames and {track_ids.size} track_ids, xy has the shape "
+                f"{positions.shape}"
+            )
         frame, track_id = np.nonzero(~np.isnan(positions).any(axis=2))
         columns: dict[str, npt.ArrayLike] = {
-            "frame": frame,
-            "track_id": track_id,
+            "frame": frames[frame],
+            "track_id": track_ids[track_id],
             "x": positions[frame, track_id, 0],
             "y": positions[frame, track_id, 1],
         }
@@ -194,7 +210,7 @@ class Tracks:
             columns["cov_xy"] = matrices[frame, track_id, 0, 1]
             columns["cov_yy"] = matrices[frame, track_id, 1, 1]
         return Tracks.from_observations(
-            columns, width_px=width_px, height_px=height_px, camera=camera, frames=shape[0]
+            columns, width_px=width_px, height_px=height_px, camera=camera, frames=frames
         )
 
     @property
@@ -385,7 +401,7 @@ class Reconstruction:
         return list(self._summary.get("reasons", []))
 
     def write(self, folder: Path) -> None:
-        """Writes COLMAP's files, trajectory.tum and points.ply; the summary: reconstruct()."""
+        """Writes COLMAP's files, trajectory.tum, points.ply and summary.json."""
         _cohort.write_model(folder, self._model)
 
     def __repr__(self) -> str:
@@ -538,6 +554,12 @@ def _tracks(tracks: Tracks) -> Tracks:
     return tracks
 
 
+def _with_doubt(file: _cohort.TrackFile, doubt: str) -> Tracks:
+    if doubt:
+        _log.warning("%s", doubt)
+    return Tracks(file)
+
+
 def _mask(mask: Union[Path, Array, None]) -> tuple[Optional[Array], str]:
     """As an array, or as a path; neither."""
     if isinstance(mask, np.ndarray):
@@ -567,8 +589,23 @@ def _is_rgb(channels: str) -> bool:
     return channels == "rgb"
 
 
+def _count(frames: Any) -> int:
+    count = operator.index(frames)
+    if not 0 <= count <= _MOST_FRAMES:
+        raise UsageError(f"a clip of {count} frames: up to {_MOST_FRAMES} are taken")
+    return count
+
+
+def _numbers(name: str, values: npt.ArrayLike) -> Array:
+    numbers = _unmasked(name, values)
+    if numbers.ndim != 1:
+        raise UsageError(f"{name} has the shape {numbers.shape}: give a number each")
+    _require_ids(name, numbers)
+    return numbers.astype(np.uint32)
+
+
 def _require_ids(name: str, column: Array) -> None:
     if column.size and column.dtype.kind not in "iu":
-        raise UsageError(f"column {name} has {column.dtype} values: give integers")
+        raise UsageError(f"{name} has {column.dtype} values: give integers")
     if column.size and (column.min() < 0 or column.max() > 2**32 - 2):
-        raise UsageError(f"column {name} has values that no 32-bit id can have")
+        raise UsageError(f"{name} has values that no 32-bit id can have")

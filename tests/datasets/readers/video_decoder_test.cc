@@ -241,6 +241,25 @@ TEST_F(Decoder, APixelAspectThatNoCameraHasIsNone) {
   }
 }
 
+// Of Matroska only how long it is: a second of slack for the sound hid half of a short clip.
+TEST_F(Decoder, AMatroskaThatIsCutShortIsToldToTheFrame) {
+  const auto warning = [&](const std::string& name) {
+    const auto clip = OpenSequence(Path(name));
+    test::ReadAll(*clip);
+    return clip->Warning();
+  };
+  Film("whole.mkv", "-c:v mpeg4 -g 1");
+  EXPECT_EQ(warning("whole.mkv"), "");
+  const std::string bytes = ReadBytes(Path("whole.mkv"));
+  for (const double share : {0.3, 0.5, 0.7}) {
+    WriteBytes(Path("cut.mkv"), bytes.substr(0, static_cast<std::size_t>(share * bytes.size())));
+    EXPECT_THAT(warning("cut.mkv"), HasSubstr("cut short")) << share;
+  }
+  // Frames that were not exposed in time are none that are missing.
+  Film("dark.mkv", "-c:v mpeg4", "select='not(between(n,3,7))'");
+  EXPECT_EQ(warning("dark.mkv"), "");
+}
+
 TEST_F(Decoder, TimesAreTheFiles) {
   // A phone in the dark: frames 3 to 5 were not exposed in time.
   Film("a.mp4", "-c:v mpeg4", "select='not(between(n,3,5))'");
@@ -384,8 +403,8 @@ int DescriptorOf(const std::string& file) {
   return -1;
 }
 
-// It may be whole: it must not seem to be a shorter one. A descriptor that is not for reading stands
-// in for a bad disk.
+// It may be whole: it must not seem to be a shorter one. A descriptor that is not for reading
+// stands in for a bad disk.
 TEST_F(Decoder, AVideoThatTheSystemDoesNotGiveIsAnError) {
   for (const char* name : {"a.avi", "a.mkv"}) {
     Film(name, "-c:v mjpeg -q:v 1", "null", "640x480");

@@ -54,6 +54,25 @@ TEST(TracksCsv, ReadsBackWhatWasWrittenToTheLastBit) {
   }
 }
 
+// As point trackers call it.
+TEST(TracksCsv, AColumnOfVisibilityIsTakenForObserved) {
+  const auto observed = [](const std::string& column, const std::string& value) {
+    const std::string text = "track_id,frame,x,y," + column + "\n1,0,2,3," + value + "\n";
+    return Parse(text).tracks.observations()[0].state == ObservationState::kObserved;
+  };
+  for (const char* column : {"visible", "visibility"}) {
+    for (const char* value : {"1", "True", "0.5", "0.9"}) EXPECT_TRUE(observed(column, value));
+    for (const char* value : {"0", "false", "0.4"}) EXPECT_FALSE(observed(column, value));
+  }
+  EXPECT_FALSE(observed("occluded", "1"));
+  EXPECT_TRUE(observed("occluded", "0.2"));
+  EXPECT_THAT([&] { observed("visible", "yes"); }, ThrowsMessage<Error>(HasSubstr("visible")));
+  // What is called observed counts before them, and is 1 or 0.
+  EXPECT_THAT([&] { observed("observed", "0.9"); },
+              ThrowsMessage<Error>(HasSubstr("neither 1 nor 0")));
+  EXPECT_FALSE(observed("visible,observed", "1,0"));
+}
+
 TEST(TracksCsv, WritesTheColumnsOfTheContract) {
   const test::TempDir dir;
   WriteTracksCsv(

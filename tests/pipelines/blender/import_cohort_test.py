@@ -71,7 +71,7 @@ class WrittenByHand(unittest.TestCase):
     def test_points_are_where_they_were_observed(self):
         model = import_cohort.read(self.dir)
         self.assertEqual([frame.number for frame in model.frames], [1, 2, 5, 9])
-        self.assertEqual(model.frames[2].name, "a b 5.png")
+        self.assertEqual(model.frames[2].name, "5 a b.png")
         errors = errors_px(model, self.dir)
         self.assertEqual(len(errors), 80)
         self.assertLess(errors.max(), 1e-9)
@@ -96,6 +96,44 @@ class WrittenByHand(unittest.TestCase):
         self.assertAlmostEqual(scene.fps, 25)
         (model / "trajectory.tum").write_text(trajectory[:20])
         self.assertIsNone(import_cohort.read(self.dir / "scene").fps)
+
+    def test_images_of_another_programs_order_are_in_the_clips(self):
+        lines = (self.dir / "images.txt").read_text()
+        for was, name in (("1.png", 10), ("2.png", 9), ("5 a b.png", 1), ("9.png", 2)):
+            lines = lines.replace(f" {was}\n", f" name {name}\n")  # as COLMAP's threads leave them
+        (self.dir / "images.txt").write_text(lines)
+        frames = import_cohort.read(self.dir).frames
+        self.assertEqual([frame.name for frame in frames], ["name 1", "name 2", "name 9", "name 10"])
+        self.assertEqual([frame.number for frame in frames], [1, 2, 3, 4])
+        # cohort's own, of a clip whose pictures are listed in such an order.
+        (self.dir / "summary.json").write_text("{}")
+        self.assertEqual([frame.number for frame in import_cohort.read(self.dir).frames], [1, 2, 5, 9])
+        # What cohort refined says which frames they are.
+        of_image = [[1, 13], [2, 12], [5, 4], [9, 5]]
+        (self.dir / "summary.json").write_text(json.dumps({"frame_of_image": of_image}))
+        times = "".join(f"{frame / 25} 0 0 0 0 0 0 1\n" for frame in (4, 5, 12, 13))
+        (self.dir / "trajectory.tum").write_text(times)
+        model = import_cohort.read(self.dir)
+        self.assertEqual([frame.number for frame in model.frames], [5, 6, 13, 14])
+        self.assertEqual(model.frames[0].name, "name 1")
+        self.assertAlmostEqual(model.fps, 25)
+
+    def test_a_world_on_a_map_comes_near(self):
+        here = import_cohort.read(self.dir)
+        far = import_cohort.Model(*here)
+        shift = np.eye(4)
+        shift[:3, 3] = [456789, 5412345, 312]
+        far = far._replace(
+            frames=[f._replace(world_from_blender=shift @ f.world_from_blender) for f in far.frames],
+            points=far.points + shift[:3, 3],
+        )
+        near = import_cohort.near(far)
+        middle = np.mean([frame.world_from_blender[:3, 3] for frame in near.frames], axis=0)
+        self.assertLess(np.linalg.norm(middle), 1e-6)
+        before = np.linalg.norm(here.points - here.frames[0].world_from_blender[:3, 3], axis=1)
+        after = np.linalg.norm(near.points - near.frames[0].world_from_blender[:3, 3], axis=1)
+        np.testing.assert_allclose(after, before, atol=1e-6)
+        self.assertIs(import_cohort.near(here), here)
 
     def test_the_world_is_turned_upright(self):
         model = import_cohort.read(self.dir)
@@ -169,7 +207,7 @@ def write_by_hand(folder):
     fx, fy, cx, cy = 500.0, 620.0, 270.5, 290.25
     points = random.uniform(-1, 1, (20, 3))
     images = []
-    for number, name in ((9, "9.png"), (1, "1.png"), (2, "2.png"), (5, "a b 5.png")):
+    for number, name in ((9, "9.png"), (1, "1.png"), (2, "2.png"), (5, "5 a b.png")):
         quaternion = random.normal(size=4)
         pose = import_cohort.rigid(*quaternion, *random.uniform(-0.3, 0.3, 2), 5.0)
         x, y, z = pose[:3, :3] @ points.T + pose[:3, 3:]

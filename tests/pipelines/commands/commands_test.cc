@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <chrono>
 #include <csignal>
 #include <fstream>
@@ -741,6 +742,41 @@ TEST_F(Commands, SaysThatNothingOfImportedTracksIsObserved) {
   EXPECT_THAT(end.err, HasSubstr("none.csv: none of its 2 positions is observed"));
 }
 
+TEST_F(Commands, ImportRefusesOptionsOfOtherForms) {
+  const std::string images = WriteImages(Path("images"), 2);
+  WriteText(Path("a.csv"), "frame,track_id,x,y\n0,0,50,50\n1,0,51,50\n");
+  ExpectFailure(RunCohort("import " + Path("a.csv") + " --npz.origin pixel-corner --images " +
+                          images + " --quiet --out " + Path("a.tracks")),
+                2,
+                HasSubstr("--npz.* is for NumPy files"));
+}
+
+// Of some of the clip's pictures, and of images that begin with another number.
+TEST_F(Commands, SaysThatWhatIsEvaluatedHasOtherNamesThanTheTruth) {
+  Run("synth " + Path("clip") + kMedium + " --frames 16");
+  fs::create_directories(dir_ / "some");
+  for (const char* name :
+       {"000004.png", "000006.png", "000008.png", "000010.png", "000012.png", "000014.png"}) {
+    fs::copy(dir_ / "clip/rgb" / name, dir_ / "some");
+  }
+  Run("track " + Path("some") + " --tracker klt --features 100 --out " + Path("a.tracks"));
+  Run("reconstruct " + Path("a.tracks") + " --out " + Path("model"));
+  for (const char* subject : {"a.tracks", "model"}) {
+    EXPECT_THAT(
+        RunCohort("evaluate " + Path(subject) + " --quiet --truth " + Path("clip")).err,
+        HasSubstr("frame 0 of " + Path(subject) + " is called 000004.png, which is frame 4 of"));
+  }
+  fs::remove(dir_ / "model/summary.json");  // another program's: images go by their names
+  fs::create_directories(dir_ / "fewer/rgb");
+  for (const char* name : {"groundtruth.txt", "calibration.txt"})
+    fs::copy(dir_ / "clip" / name, dir_ / "fewer");
+  WriteText(dir_ / "fewer/rgb.txt",
+            "0 rgb/000004.png\n0.066666667 rgb/000006.png\n0.133333333 rgb/000008.png\n");
+  fs::copy(dir_ / "clip/rgb", dir_ / "fewer/rgb", fs::copy_options::recursive);
+  EXPECT_THAT(RunCohort("evaluate " + Path("model") + " --quiet --truth " + Path("fewer")).err,
+              HasSubstr("3 of its images are no frame of fewer"));
+}
+
 TEST_F(Commands, SaysThatTracksAreEvaluatedByOtherFrames) {
   Run("synth " + Path("clip") + kSmall + " --frames 9");
   Run("degrade " + Path("clip") + " " + Path("thin") + " --level clean --frames ::3");
@@ -907,6 +943,56 @@ TEST_F(Commands, RefineMeasuresTracksAgainWhereTheModelSaysTheyAre) {
   ExpectFailure(RunCohort(refine + " --model " + path("first") + " --ceres.covariances=off"),
                 2,
                 HasSubstr("--ceres.covariances is for a COLMAP model"));
+}
+
+// Nothing is measured in it, now or when the result is refined once more, and that is said.
+TEST_F(Commands, RefineDropsWhatTheMaskCoversAndNotesIt) {
+  Run("synth " + Path("clip") + kMedium + " --frames 12");
+  Run("track " + Path("clip") + " --features 100 --second-pass off --out " + Path("a.tracks"));
+  Run("reconstruct " + Path("a.tracks") + " --out " + Path("model"));
+  cv::Mat mask(240, 320, CV_8UC1, cv::Scalar(0));
+  cv::imwrite(Path("black.png"), mask);
+  mask.colRange(160, 320) = 255;
+  cv::imwrite(Path("half.png"), mask);
+  const std::string refine =
+      "refine " + Path("a.tracks") + " --model " + Path("model") + " --quiet";
+  ExpectFailure(RunCohort(refine + " --mask " + Path("black.png") + " --out " + Path("b.tracks")),
+                1,
+                AllOf(HasSubstr("black.png leaves none of the"), HasSubstr("tracks")));
+  EXPECT_FALSE(fs::exists(Path("b.tracks")));
+  Run(refine + " --mask " + Path("half.png") + " --json " + Path("r.json") + " --out " +
+      Path("b.tracks"));
+  EXPECT_GT(ReadJson(Path("r.json"))["masked_tracks"], 10);
+  EXPECT_EQ(ReadTrackFile(Path("b.tracks")).meta.at("mask"), Path("half.png"));
+  Run("reconstruct " + Path("b.tracks") + " --out " + Path("half"));
+  Run("refine " + Path("b.tracks") + " --model " + Path("half") + " --out " + Path("c.tracks"));
+  const TrackFile again = ReadTrackFile(Path("c.tracks"));
+  EXPECT_GT(again.tracks.CountObserved(), 100u);
+  EXPECT_TRUE(std::ranges::all_of(again.tracks.observations(),
+                                  [](const Observation& o) { return o.xy.x() > 157.0; }));
+
+  // As of a COLMAP model.
+  const std::string colmap = "refine --model " + Path("model") + " --images " + Path("clip") +
+                             " --quiet --out " + Path("refined") + " --mask ";
+  ExpectFailure(RunCohort(colmap + Path("black.png")), 1, HasSubstr("the mask leaves none of its"));
+  ASSERT_EQ(RunCohort(colmap + Path("half.png")).exit_code, 0);
+  EXPECT_EQ(ReadTrackFile(Path("refined/clip.tracks")).meta.at("mask"), Path("half.png"));
+}
+
+TEST_F(Commands, ExportReplacesNoDatabaseWithFeaturesOfColmaps) {
+  const std::string clip = WriteImages(Path("clip"), 5);
+  ASSERT_EQ(RunCohort(Track(clip)).exit_code, 0);
+  const std::string to_database =
+      "export " + Path("a.tracks") + " --quiet --colmap-database " + Path("a.db");
+  ASSERT_EQ(RunCohort(to_database).exit_code, 0);
+  ASSERT_EQ(RunCohort(to_database).exit_code, 0) << "its own is replaced";
+  SqliteDatabase::Open(Path("a.db"), SqliteDatabase::Mode::kWrite)
+      .Execute("INSERT INTO descriptors VALUES(1, 2, 128, zeroblob(256))");
+  const std::string before = ReadBytes(Path("a.db"));
+  ExpectFailure(RunCohort(to_database),
+                1,
+                AllOf(HasSubstr("a.db has features of 1 images"), HasSubstr("another name")));
+  EXPECT_EQ(ReadBytes(Path("a.db")), before);
 }
 
 // Whose images have other numbers than their frames.
@@ -1729,6 +1815,17 @@ TEST_F(Commands, ComparesAsThePaperDid) {
   const ProgramEnd second = RunCohort(compare + " --resume");
   EXPECT_EQ(second.out, first.out);
   EXPECT_THAT(second.err, HasSubstr("follow: 5 of 5 are done already"));
+
+  // A model of the other protocol that lies there is none of these.
+  const std::string grid =
+      "compare " + Path("clip") + " --levels medium --trackers klt7 --backends ceres --features 80";
+  ASSERT_EQ(RunCohort(grid + " --out " + Path("grid")).exit_code, 0);
+  ASSERT_EQ(
+      RunCohort(grid + " --protocol paper --paper.window-frames 4 --resume --out " + Path("grid"))
+          .exit_code,
+      0);
+  EXPECT_THAT(ReadBytes(Path("grid/results.csv")),
+              AllOf(HasSubstr("l1_error_4_frames"), Not(HasSubstr("ceres"))));
 
   WriteImages(Path("images"), 3);
   ExpectFailure(

@@ -11,6 +11,7 @@ namespace {
 
 using testing::ElementsAre;
 using testing::HasSubstr;
+using testing::Not;
 
 // Every feature drifts by the same step a frame and is lost after `life` of them.
 class DriftingMover final : public FeatureMover {
@@ -240,6 +241,16 @@ TEST(PaperTables, HaveThePapersLayoutAndSayHowManyTimesBetter) {
             "klt21             37.50   4.00    17.40\n"
             "klt, best window  37.50   3.00    14.50\n"
             "\n");
+}
+
+TEST(PaperTables, TheBestWindowIsOfKltAlone) {
+  ExperimentResults results;
+  for (const char* tracker : {"klt21", "klt-mine", "klt31-refined", "subspace"}) {
+    results.rows.push_back({"room", "hard", tracker, "", 1, "l1_error_30_frames", 9.0, "px"});
+  }
+  EXPECT_THAT(PaperTables(results), Not(HasSubstr("best window")));
+  results.rows.push_back({"room", "hard", "klt31", "", 1, "l1_error_30_frames", 9.0, "px"});
+  EXPECT_THAT(PaperTables(results), HasSubstr("klt, best window"));
 }
 
 TEST(PaperTables, AveragesRatiosAndWinsAreThoseOfTheTables) {

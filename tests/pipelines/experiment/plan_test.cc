@@ -6,12 +6,14 @@
 
 #include "frontend/core/error.h"
 #include "frontend/core/output.h"
+#include "pipelines/experiment/cell_tasks.h"
 #include "pipelines/experiment/named_trackers.h"
 #include "tests/support/temp_dir.h"
 
 namespace cohort {
 namespace {
 
+using testing::AllOf;
 using testing::HasSubstr;
 using testing::ThrowsMessage;
 
@@ -42,6 +44,34 @@ TEST(PlanWithoutClips, TakesTheLevelsOfOtherRecipesAndNoUnknownOnes) {
       [&] { PlanWithoutClips(options); },
       ThrowsMessage<UsageError>(
           AllOf(HasSubstr("'phone-dark'"), HasSubstr("clean"), HasSubstr("phone-medium, as-is"))));
+}
+
+TEST(PlanWithoutClips, OfTheProtocolPaperHasNoSecondPass) {
+  ExperimentOptions options;
+  options.protocol = Protocol::kPaper;
+  options.trackers = {"klt", "subspace"};
+  EXPECT_NO_THROW(PlanWithoutClips(options));
+  for (const char* name : {"klt-refined", "subspace-online"}) {
+    options.trackers = {"klt", name};
+    EXPECT_THAT([&] { PlanWithoutClips(options); },
+                ThrowsMessage<UsageError>(AllOf(HasSubstr(name), HasSubstr("second pass"))));
+  }
+  options.trackers = {"subspace"};
+  options.second_pass.mode = SecondPassMode::kOn;
+  EXPECT_THROW(PlanWithoutClips(options), UsageError);
+}
+
+TEST(ModelTask, OfColmapDependsOnTheOptionsOfCeresWhichHelpsIt) {
+  const auto depends_on = [](const char* tracker, double readout) {
+    ExperimentOptions options;
+    options.ceres.readout = readout;
+    TrackCell cell;
+    cell.tracker = NamedGridTracker(tracker, {}, SecondPassMode::kAuto);
+    return ModelTask(options, cell, GridBackend::kColmap).options;
+  };
+  EXPECT_EQ(depends_on("klt", 0.5), depends_on("klt", 0.5));
+  EXPECT_NE(depends_on("klt", 0.5), depends_on("klt", 0.0));
+  EXPECT_EQ(depends_on("sift", 0.5), depends_on("sift", 0.0)) << "it has no tracks for Ceres";
 }
 
 TEST(NamedGridTracker, OfAFileHasItsName) {

@@ -206,8 +206,11 @@ class Track(Clip):
         numbers = [260, 260, 159.5, 119.5]
         guess = cohort.Camera(320, 240, numbers, known=False)
         self.assertFalse(cohort.track(self.frames[:3], camera=guess, tracker="klt").camera.known)
+        seen = []
         with self.assertRaisesRegex(cohort.Error, "640x480, these are 320x240"):
-            cohort.track(self.frames[:3], camera=cohort.Camera(640, 480, numbers), tracker="klt")
+            cohort.track((seen.append(f) or f for f in self.frames), tracker="klt",
+                         camera=cohort.Camera(640, 480, numbers))
+        self.assertEqual(len(seen), 1, "before all the work")
 
     def test_a_camera_to_doubt_is_said(self):
         with self.assertLogs("cohort", "WARNING") as log:
@@ -393,8 +396,13 @@ class Reconstruct(Clip):
         read = cohort.Reconstruction.read(self.dir / "written")
         np.testing.assert_allclose(read.points, self.model.points, atol=1e-12)
         np.testing.assert_allclose(read.views["x"], self.model.views["x"], atol=1e-9)
-        self.assertIsNone(read.quality)
+        self.assertEqual(read.summary, self.model.summary)
         self.assertFalse(read.failed)
+        # Its shutter is in its summary alone.
+        rolling = cohort.reconstruct(self.program_tracks, ceres={"readout": 0.4})
+        rolling.write(self.dir / "written")
+        read = cohort.Reconstruction.read(self.dir / "written")
+        self.assertEqual((rolling.readout, read.readout), (0.4, 0.4))
 
     def test_a_clip_without_a_model_is_no_exception(self):
         still = cohort.track([self.frames[0]] * 4, detector=FEW, second_pass=ONE_PASS)
@@ -431,6 +439,13 @@ class Reconstruct(Clip):
             with self.assertLogs("cohort", "WARNING") as log:
                 cohort.refine(self.program_tracks, model)
             self.assertIn("made of other tracks than this Tracks object", log.output[0])
+            mask = pathlib.Path(folder) / "mask.pgm"
+            mask.write_bytes(b"P5 320 240 255\n" + bytes([255]) * 76800)
+            tracks = cohort.track(self.dir / "clip", camera=CAMERA, tracker="klt", mask=mask)
+            mask.write_bytes(b"P5 320 240 255\n" + bytes([255]) * 76000 + bytes(800))
+            with self.assertLogs("cohort", "WARNING") as log:
+                cohort.refine(tracks, cohort.reconstruct(tracks))
+            self.assertIn("mask.pgm is not what it was", log.output[0])
         narrow = cohort.track([frame[:200] for frame in self.frames], tracker="klt")
         with self.assertRaisesRegex(cohort.Error, "its pictures are 320x240, .* 320x200"):
             cohort.refine(narrow, self.model, self.frames)
@@ -524,10 +539,46 @@ class Files(Clip):
         np.testing.assert_array_equal(
             dense.track_ids[by_dense.observations["track_id"]], tracks.observations["track_id"]
         )
+        named = cohort.Tracks.from_dense(dense.xy, dense.observed, dense.covariances, **size,
+                                         frames=dense.frames, track_ids=dense.track_ids)
+        np.testing.assert_array_equal(
+            named.observations["track_id"], tracks.observations["track_id"]
+        )
         model = cohort.reconstruct(by_rows)
         np.testing.assert_array_equal(
             model.points, cohort.reconstruct(tracks).points
         )
+
+    def test_frames_that_are_not_all_of_the_clip_go_both_ways(self):
+        size = dict(width_px=320, height_px=240)
+        tracks = cohort.track(self.dir / "clip", tracker="klt", detector=FEW, frames="4:16:2")
+        dense = tracks.dense()
+        again = cohort.Tracks.from_dense(dense.xy, dense.observed, frames=dense.frames, **size)
+        np.testing.assert_array_equal(again.frames, [4, 6, 8, 10, 12, 14])
+        np.testing.assert_array_equal(again.observations["frame"], tracks.observations["frame"])
+        rows = cohort.Tracks.from_observations(tracks.observations, frames=[4, 6, 8, 10, 12, 14, 16], **size)
+        self.assertEqual(rows.frame_names[-1], "frame_000016.png")
+        for frames, what in (
+            ([4, 6], "there are 2 frames"),
+            ([4, 6, 8, 10, 14, 12], "frame 12 comes after frame 14"),
+            ([4, 6, 8, 10, 12, -1], "no 32-bit id"),
+            ([4, 6, 8, 10, 12, 0.5], "give integers"),
+            ([4, 6, 8, 10, 12, 10**7], "up to 10000000"),
+        ):
+            with self.subTest(frames), self.assertRaisesRegex(cohort.UsageError, what):
+                cohort.Tracks.from_dense(dense.xy, frames=frames, **size)
+        with self.assertRaisesRegex(cohort.Error, "in frame 6, which is none of the 5"):
+            cohort.Tracks.from_observations(tracks.observations, frames=[4, 8, 10, 12, 14], **size)
+
+    def test_what_lies_outside_the_pictures_is_predicted(self):
+        xy = np.full((3, 2, 2), 5.0)
+        xy[1, 0] = [320, 5]
+        with self.assertLogs("cohort", "WARNING") as log:
+            tracks = cohort.Tracks.from_dense(xy, width_px=320, height_px=240)
+        self.assertIn("1 observed positions lie outside", log.output[0])
+        self.assertEqual(tracks.observations["observed"].sum(), 5)
+        with self.assertRaisesRegex(cohort.Error, "6 of 6 observed positions lie outside"):
+            cohort.Tracks.from_dense(xy + 400, width_px=320, height_px=240)
 
     def test_a_dense_array_says_where_each_track_is(self):
         tracks = self.program_tracks
@@ -594,6 +645,11 @@ class Files(Clip):
         self.assertFalse(cohort.reconstruct(read).failed)
         with self.assertRaisesRegex(cohort.Error, "no_such.db"):
             cohort.Tracks.read_colmap_database("no_such.db")
+        with sqlite3.connect(self.dir / "ours.db") as database:  # as COLMAP's threads leave it
+            database.execute("UPDATE images SET name = 'rgb/x' || name WHERE image_id = 1")
+        with self.assertLogs("cohort", "WARNING") as log:
+            cohort.Tracks.read_colmap_database(self.dir / "ours.db")
+        self.assertIn("not numbered in the order of their names", log.output[0])
 
     def test_tables_that_are_no_tracks_are_refused(self):
         xy = np.zeros((3, 2, 2))
@@ -631,7 +687,7 @@ class Files(Clip):
             cohort.Tracks.from_observations({**good, **covariance}, **size)
         with self.assertRaisesRegex(cohort.UsageError, "no column y"):
             cohort.Tracks.from_observations({"frame": [], "track_id": [], "x": []}, **size)
-        with self.assertRaisesRegex(cohort.Error, "frame 1, but there are 1 frames"):
+        with self.assertRaisesRegex(cohort.Error, "frame 1, which is none of the 1 frames"):
             cohort.Tracks.from_observations(good, frames=1, **size)
         with self.assertRaisesRegex(cohort.UsageError, r"give \(frames, tracks, 2\)"):
             cohort.Tracks.from_dense(np.zeros((3, 4)), **size)

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <opencv2/imgcodecs.hpp>
@@ -13,10 +14,13 @@
 #include <opencv2/videoio.hpp>
 #include <set>
 #include <string>
+#include <string_view>
 #include <vector>
 
+#include "datasets/open_sequence.h"
 #include "frontend/core/output.h"
 #include "frontend/tracks/track_store.h"
+#include "pipelines/report/clip_report.h"
 #include "tests/support/browser.h"
 #include "tests/support/program.h"
 #include "tests/support/temp_dir.h"
@@ -330,8 +334,8 @@ TEST_F(Show, MakesAPageThatFitsAPhone) {
   }
 }
 
-// Of what becomes of texts that are markup wherever somebody forgets that they are text, and of scripts
-// and pictures that got into the page in spite of that.
+// Of what becomes of texts that are markup wherever somebody forgets that they are text, and of
+// scripts and pictures that got into the page in spite of that.
 constexpr const char* kAttack = R"js(<script nonce="probe">
 window.alerts = [];
 window.alert = (what) => alerts.push(String(what));
@@ -401,6 +405,42 @@ TEST_F(Show, MakesAPageWithoutAModelToo) {
   const test::ProgramEnd end = test::Browse(Path("tracks.html"), "--dump-dom", dir_->path());
   EXPECT_THAT(end.out, HasSubstr("There is no model of this clip."));
   EXPECT_THAT(end.out, HasSubstr("data-ready=\"yes\""));
+}
+
+// The numbers of a page have five digits.
+TEST_F(Show, APageOfAModelOnAMapIsThatOfOneAtTheOrigin) {
+  const TrackFile tracks = ReadTrackFile(Path("a.tracks"));
+  const auto sequence = OpenSequence(clip_);
+  const auto page = [&](const Eigen::Vector3d& shift) {
+    ClipReport report = ReadClipReport(Path("model"));
+    for (auto& [frame, cam_from_world] : report.model.cam_from_world) {
+      cam_from_world.translation -= cam_from_world.rotation * shift;
+    }
+    for (auto& [feature, point] : report.model.points) point.in_world += shift;
+    WriteClipReport(Path("map.html"), report, tracks, *sequence);
+    const std::string html = ReadBytes(Path("map.html"));
+    const std::size_t begin = html.find("\"cameras\":");
+    const std::size_t end = html.find("\"rgb\":", begin);
+    std::vector<double> numbers;
+    std::string digits;
+    for (const char c : html.substr(begin, end - begin)) {
+      if (std::string_view("+-.e0123456789").find(c) != std::string_view::npos) {
+        digits += c;
+      } else {
+        char* last = nullptr;
+        const double number = std::strtod(digits.c_str(), &last);
+        if (last != digits.c_str()) numbers.push_back(number);
+        digits.clear();
+      }
+    }
+    return numbers;
+  };
+  const std::vector<double> near = page({0.0, 0.0, 0.0});
+  const std::vector<double> far = page({456789.0, 5412345.0, 312.0});
+  ASSERT_GT(near.size(), 20u * 20u);
+  ASSERT_EQ(far.size(), near.size());
+  for (std::size_t i = 0; i < near.size(); ++i)
+    ASSERT_NEAR(far[i], near[i], 1e-4 + 1e-4 * std::abs(near[i]));
 }
 
 // Noise is what takes most bytes.

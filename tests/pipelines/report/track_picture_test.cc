@@ -68,6 +68,20 @@ TEST(TrackPicture, WithoutTruthNothingIsJudged) {
   EXPECT_EQ(picture.far, 0u);
 }
 
+TEST(TrackPicture, ATailIsOfTheLastEightFramesOfTheTracks) {
+  for (const std::uint32_t stride : {1U, 10U}) {
+    std::vector<Observation> track;
+    for (std::uint32_t i = 0; i <= 10; ++i) {
+      track.push_back({FeatureId{0}, FrameIndex{stride * i}, {10.0 + 10.0 * i, 50.0}});
+    }
+    const FrameIndex last = track.back().frame;
+    const TrackPicture picture = DrawTracks(kPicture, last, TrackSet::Build(track), nullptr);
+    const auto drawn = [&](int x) { return picture.picture.at<cv::Vec3b>(50, x)[0] > 100; };
+    EXPECT_TRUE(drawn(25)) << stride;
+    EXPECT_FALSE(drawn(15)) << stride;
+  }
+}
+
 TEST(TrackPicture, TheDataUriHoldsTheJpeg) {
   for (const int width : {30, 31, 32, 33}) {  // every length of the last group
     const std::string uri = JpegDataUri(cv::Mat(20, width, CV_8UC3, cv::Scalar(10, 200, 30)));

@@ -40,6 +40,21 @@ TEST(FingerprintOfClip, IsOfAllInTheFolderButTheOutputs) {
   EXPECT_NE(fingerprint(dir / "clip/*.bmp"), glob);
 }
 
+TEST(FingerprintOfClip, IsOfThePicturesOfAFolderThatIsALink) {
+  const test::TempDir dir;
+  WritePictures(dir / "elsewhere", 2);
+  fs::create_directory(dir / "clip");
+  fs::create_directory_symlink(dir / "elsewhere", dir / "clip/rgb");
+  WriteBytes(dir / "clip/rgb.txt", "0 rgb/0.bmp\n1 rgb/1.bmp\n");
+  const auto fingerprint = [&] {
+    return FingerprintOfClip(*OpenSequence(dir / "clip"), dir / "clip", dir / "grid");
+  };
+  const std::string first = fingerprint();
+  EXPECT_EQ(fingerprint(), first);
+  cv::imwrite(dir / "elsewhere/1.bmp", cv::Mat(20, 30, CV_8UC1, cv::Scalar(7)));
+  EXPECT_NE(fingerprint(), first);
+}
+
 TEST(FingerprintOfBytes, IsOfEveryOne) {
   const test::TempDir dir;
   std::string bytes(1'000'000, 'a');

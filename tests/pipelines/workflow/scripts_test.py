@@ -19,6 +19,7 @@ while [ -e wait ]; do sleep 0.02; done
 [ "$1" != compare ] || touch out/grid/results.csv out/grid/results.json out/grid/report.html
 echo ends >> calls
 [ ! -e error ] || { cat error; exit 1; }
+case "$*" in *--resume) [ ! -e stale ] || { cat stale; exit 1; };; esac
 """
 
 
@@ -75,6 +76,23 @@ class RunScene(InAFolder):
                 self.assertEqual(self.calls(), ["begins sfm a", "ends", "begins sfm a --resume", "ends"])
                 self.assertEqual((self.record()["exit_code"], self.record()["error"]), (0, None))
                 self.assertFalse((self.dir / "a.json.begun").exists())
+
+    def test_what_cannot_be_resumed_is_made_anew(self):
+        (self.dir / "wait").touch()
+        old = self.start()
+        self.wait_for(self.calls)
+        old.kill()
+        old.wait()
+        (self.dir / "stale").write_text(
+            "cohort: error: cannot resume a/clip.tracks: it was made of another input or with other options; "
+            "without --resume it is made anew\n"
+        )
+        (self.dir / "wait").unlink()
+        self.end(self.start())
+        self.assertEqual(
+            self.calls(), ["begins sfm a", "ends", "begins sfm a --resume", "ends", "begins sfm a", "ends"]
+        )
+        self.assertEqual((self.record()["exit_code"], self.record()["error"]), (0, None))
 
     def test_somebody_elses_run_is_no_failure_of_the_clip(self):
         (self.dir / "error").write_text("cohort: error: cannot write a: another run is writing it; wait\n")
@@ -135,6 +153,14 @@ grid: {clips: ["more/*.png"], shards: 1}
         self.assertEqual(self.run_workflow(), ["compare", "sfm"])
         self.assertEqual(self.run_workflow(), [])
         pictures[0].write_text("another")
+        self.assertEqual(self.run_workflow(), ["sfm"])
+        # Of a folder that is a link, and of one that leads back.
+        (self.dir / "elsewhere").mkdir()
+        (self.dir / "elsewhere/0.png").write_text("0")
+        (self.dir / "clip/depth").symlink_to(self.dir / "elsewhere")
+        (self.dir / "clip/rgb/clip").symlink_to(self.dir / "clip")
+        self.assertEqual(self.run_workflow(), ["sfm"])
+        (self.dir / "elsewhere/0.png").write_text("another")
         self.assertEqual(self.run_workflow(), ["sfm"])
         pictures[1].write_text("another")
         self.assertEqual(self.run_workflow(), ["compare"])
