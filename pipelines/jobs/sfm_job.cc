@@ -125,6 +125,19 @@ std::optional<T> Find(const Json& json, const char* key) {
   return it->get<T>();
 }
 
+// Frames of the models of other parts of the clip.
+std::vector<Stretch> OtherPartsOf(const fs::path& summary) {
+  std::vector<Stretch> parts;
+  UseJsonFile(summary, [&parts](const Json& model) {
+    if (!model.contains("other_parts")) return;
+    for (const Json& part : model.at("other_parts")) {
+      parts.push_back({FrameIndex{part.at("first_frame").get<std::uint32_t>()},
+                       FrameIndex{part.at("last_frame").get<std::uint32_t>()}});
+    }
+  });
+  return parts;
+}
+
 SfmFigures FiguresOf(const fs::path& summary) {
   SfmFigures figures;
   UseJsonFile(summary, [&figures](const Json& model) {
@@ -233,7 +246,8 @@ SfmFigures RunSfmJob(const SfmJobOptions& options) {
       .model = model,
       .termination = figures.model.termination,
       .brightness = brightness,
-      .features_wanted = static_cast<std::size_t>(options.tracker.detector.max_features)};
+      .features_wanted = static_cast<std::size_t>(options.tracker.detector.max_features),
+      .other_parts = OtherPartsOf(folder / "model" / "summary.json")};
   const ClipMeasures measures = MeasureClip(clip);
   figures.film_better = FilmAdvice(clip, measures);
   WriteJsonFile(summary, SummaryOf(figures, CutsOf(file), measures, made_of, files));

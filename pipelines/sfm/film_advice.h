@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "backend/scene/reconstruction.h"
+#include "frontend/tracks/companions.h"
 #include "frontend/tracks/track_store.h"
 
 namespace cohort {
@@ -17,6 +18,7 @@ struct FilmedClip {
   std::string termination;                // how the reconstruction ended, as summary.json says
   const std::vector<double>& brightness;  // mean intensity of each of the file's frames, 0..1
   std::size_t features_wanted = 1000;     // that the tracker was to keep alive
+  std::vector<Stretch> other_parts = {};  // of the clip, that have models of their own
 };
 
 // What the advice is drawn from.

@@ -14,9 +14,11 @@
 namespace cohort {
 namespace {
 
+using testing::AllOf;
 using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::IsEmpty;
+using testing::Not;
 using testing::SizeIs;
 
 std::vector<SceneCandidate> Path(int frames, double motion) {
@@ -217,6 +219,40 @@ TEST(FilmAdvice, NamesTheFramesWithoutAPoseAndThoseThatLostMost) {
   const auto of_a_cut = Advice(file, model, kDaylight);
   ASSERT_THAT(of_a_cut, SizeIs(2));
   EXPECT_THAT(of_a_cut[1], HasSubstr("The clip is cut at frame 10"));
+}
+
+// A headset whose features got fewer from frame to frame: no place where most were lost.
+TEST(FilmAdvice, FeaturesThatGetFewerAreNotLostAtOnce) {
+  Reconstruction model = Walk(0.1);
+  TrackFile file = Clip(model);
+  std::vector<Observation> kept;
+  for (const Observation& o : file.tracks.observations()) {
+    const double steps = std::max(0.0, (ToInt(o.frame) - 8.0) / 2.0);
+    const auto left = static_cast<std::uint32_t>(kPoints * std::pow(0.7, steps));
+    if (ToInt(o.feature) < left) kept.push_back(o);
+  }
+  file.tracks = TrackSet::Build(std::move(kept));
+  for (const std::string& sentence : Advice(file, model, kDaylight)) {
+    EXPECT_THAT(sentence, Not(HasSubstr("were lost")));
+  }
+}
+
+TEST(FilmAdvice, OtherPartsOfTheClipAreKnown) {
+  Reconstruction model = Walk(0.1, 12);
+  TrackFile file = Clip(model);
+  FilmedClip clip{file, model, "", kDaylight};
+  clip.other_parts = {{FrameIndex{12}, FrameIndex{17}}};
+  const auto advice = FilmAdvice(clip, MeasureClip(clip));
+  ASSERT_THAT(advice, SizeIs(2));
+  EXPECT_THAT(advice[0], HasSubstr("Nothing is known of frames 18 to 19"));
+  EXPECT_THAT(advice[1],
+              AllOf(HasSubstr("models of their own of frames 12 to 17"), HasSubstr("slowly")));
+  clip.other_parts = {{FrameIndex{12}, FrameIndex{19}}};
+  file.meta["cuts"] = "12";
+  const auto of_a_cut = FilmAdvice(clip, MeasureClip(clip));
+  ASSERT_THAT(of_a_cut, SizeIs(2));
+  EXPECT_THAT(of_a_cut[0], AllOf(HasSubstr("frames 12 to 19"), Not(HasSubstr("slowly"))));
+  EXPECT_THAT(of_a_cut[1], HasSubstr("cut at frame 12"));
 }
 
 TEST(FilmAdvice, SaysThatItIsDarkAndThatTheLightJumpsOrChanges) {
