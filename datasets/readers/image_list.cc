@@ -177,8 +177,8 @@ class ImageListSequence final : public Sequence {
       warned_of_white_ = true;
       Warn(fmt::format(
           "{} is brighter than {}, which by other pictures of the clip is white: brighter pixels "
-          "are cut "
-          "off; give the clip with its pictures made brighter by one factor, so that none is",
+          "are cut off; give the clip with its pictures made brighter by one factor, so that none "
+          "is",
           file,
           white_));
     }

@@ -122,8 +122,7 @@ void WarnIfOtherFrames(std::span<const FrameInfo> of_subject,
     if (!named || *named == frame.index) continue;
     spdlog::warn(
         "frame {} of {} is called {}, which is frame {} of {}: frames are compared by their "
-        "numbers, "
-        "so give the truth of the same pictures",
+        "numbers, so give the truth of the same pictures",
         ToInt(frame.index),
         subject,
         frame.name,

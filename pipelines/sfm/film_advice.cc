@@ -283,8 +283,8 @@ std::vector<std::string> FilmAdvice(const FilmedClip& clip, const ClipMeasures& 
                     "cover by --mask what the model is not to be of.",
                     100.0 * *measures.moving_share));
   }
-  // The fewest were 0.62 (a drive, and a headset at a low rate) in real clips that are followed, and 0.09
-  // where the light goes on.
+  // The fewest were 0.62 (a drive, a headset at a low rate) in real clips that can be followed, and
+  // 0.09 where the light goes on.
   constexpr double kFewTies = 0.5;
   std::vector<Stretch> lost = Losses(file, kFewTies);
   std::erase_if(lost, [&](const Stretch& s) {

@@ -167,6 +167,7 @@ nlohmann::ordered_json SummaryToJson(const RefinedModel& refined,
   json["camera_refined"] = refined.camera_refined;
   json["tracks_measured_again"] = refined.found.replaced;
   json["tracks_not_found_again"] = refined.found.left;
+  json["masked_tracks"] = refined.found.masked;
   json["points_contradicted"] = refined.contradicted;
   return json;
 }

@@ -977,6 +977,7 @@ TEST_F(Commands, RefineDropsWhatTheMaskCoversAndNotesIt) {
   ExpectFailure(RunCohort(colmap + Path("black.png")), 1, HasSubstr("the mask leaves none of its"));
   ASSERT_EQ(RunCohort(colmap + Path("half.png")).exit_code, 0);
   EXPECT_EQ(ReadTrackFile(Path("refined/clip.tracks")).meta.at("mask"), Path("half.png"));
+  EXPECT_GT(ReadJson(Path("refined/summary.json"))["masked_tracks"], 10);
 }
 
 TEST_F(Commands, ExportReplacesNoDatabaseWithFeaturesOfColmaps) {
