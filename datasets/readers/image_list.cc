@@ -1,7 +1,7 @@
 #include "datasets/readers/image_list.h"
 
 #include <algorithm>
-#include <cmath>
+#include <array>
 #include <functional>
 #include <iterator>
 #include <opencv2/imgproc.hpp>
@@ -17,8 +17,8 @@ namespace cohort {
 namespace {
 
 constexpr double kDepthUnitsPerMetre = 5000.0;
-constexpr double kWhite = 65535.0;     // of 16 bits
-constexpr double kMostOfFew = 4095.0;  // of the most that are few
+constexpr double kWhite = 65535.0;  // of 16 bits
+constexpr std::array<double, 3> kWhiteOfFewer{255.0, 1023.0, 4095.0};
 
 // Of all colours, but not of what is transparent.
 double Brightest(const cv::Mat& picture) {
@@ -152,23 +152,20 @@ class ImageListSequence final : public Sequence {
   // empty: taken for black, as all that has 8 bits would take them. By some pictures of the whole
   // clip, whatever its range. Not said of more bits, which a dark clip of 16 may have.
   double WhiteOfClip() const {
-    constexpr std::size_t kPictures = 16;
     const std::size_t last = list_.images.size() - 1;
+    const std::size_t steps = std::min<std::size_t>(15, last);  // to the last picture
     double brightest = 0.0;
-    for (std::size_t i = 0; i < kPictures; ++i) {
+    for (std::size_t i = 0; i <= steps && brightest <= kWhiteOfFewer.back(); ++i) {
       try {
-        const cv::Mat picture = ReadImage(ImageFile(i * last / (kPictures - 1)));
+        const cv::Mat picture = ReadImage(ImageFile(steps == 0 ? 0 : i * last / steps));
         if (picture.depth() == CV_16U) brightest = std::max(brightest, Brightest(picture));
       } catch (const SystemError&) {
         throw;
       } catch (const Error&) {  // Next tells of it, where it is in the range
       }
-      if (brightest > kMostOfFew) break;
     }
-    for (const int bits : {8, 10, 12}) {
-      if (const double white = std::exp2(bits) - 1.0; brightest <= white) return white;
-    }
-    return kWhite;
+    const auto* const white = std::ranges::lower_bound(kWhiteOfFewer, brightest);
+    return white == kWhiteOfFewer.end() ? kWhite : *white;
   }
 
   void SpreadToWhite(cv::Mat& picture, const std::string& file) {

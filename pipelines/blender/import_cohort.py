@@ -145,14 +145,15 @@ def numbers_of(folder, names):
     that works on several threads, are no frames: what is left is that order.
     """
     summary = os.path.join(folder, "summary.json")
+    by_name = sorted(names, key=lambda image: natural(names[image]))
     if os.path.isfile(summary):
         with open(summary, encoding="utf-8") as file:
             frame_of_image = json.load(file).get("frame_of_image")
-        return {image: frame + 1 for image, frame in frame_of_image or ((i, i - 1) for i in names)}
-    by_name = sorted(names, key=lambda image: natural(names[image]))
-    if by_name == sorted(names):
-        return {image: image for image in names}
-    return {image: i + 1 for i, image in enumerate(by_name)}
+        if frame_of_image:
+            return {image: frame + 1 for image, frame in frame_of_image}
+    elif by_name != sorted(names):
+        return {image: i + 1 for i, image in enumerate(by_name)}
+    return {image: image for image in names}
 
 
 def natural(name):
