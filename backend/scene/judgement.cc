@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 
@@ -156,6 +157,38 @@ std::string DescribeUncertainCameras(double uncertainty) {
       "the cameras are known to {:.1f} % of the distance to the scene only, and noise is not all "
       "that puts them off: film in steady light, with more texture in the picture",
       100.0 * uncertainty);
+}
+
+double SpreadAcrossLine(const Reconstruction& reconstruction) {
+  std::map<FrameIndex, std::vector<Eigen::Vector2d>> seen;
+  for (const auto& [feature, point] : reconstruction.points) {
+    for (const PointView& view : point.views) seen[view.frame].push_back(view.xy);
+  }
+  std::vector<double> ratios;
+  for (const auto& [frame, views] : seen) {
+    if (views.size() < 3) continue;
+    Eigen::Vector2d mean = Eigen::Vector2d::Zero();
+    for (const Eigen::Vector2d& xy : views) mean += xy / static_cast<double>(views.size());
+    Eigen::Matrix2d scatter = Eigen::Matrix2d::Zero();
+    for (const Eigen::Vector2d& xy : views) scatter += (xy - mean) * (xy - mean).transpose();
+    const Eigen::Vector2d variances =
+        Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>(scatter, Eigen::EigenvaluesOnly)
+            .eigenvalues();
+    if (variances.y() > 0.0) {
+      ratios.push_back(std::sqrt(std::max(variances.x(), 0.0) / variances.y()));
+    }
+  }
+  return ratios.empty() ? 1.0 : Median(std::move(ratios));
+}
+
+std::string DescribeLine(const Reconstruction& reconstruction) {
+  // Eleven real clips had 0.26 to 0.91. Nineteen sets of points near a line of six of their scenes
+  // had 0.05 to 0.12, and cameras that were off by 0.5 to 60 % of their path, half of them by 8.6 %
+  // and more; as many random points of the same clips 0.21 to 0.76, and half of them 1.1 % or less.
+  constexpr double kLine = 0.15;
+  if (!(SpreadAcrossLine(reconstruction) < kLine)) return "";
+  return "the points lie along a line, about which the cameras may be turned at will: film what "
+         "has texture beside it, too";
 }
 
 double UnexplainedParallax(const WorkingModel& model, const std::vector<int>& keyframes) {

@@ -49,6 +49,12 @@ std::optional<double> CameraUncertainty(
 // A sentence where that is so much that it is to be doubted; or empty.
 std::string DescribeUncertainCameras(double uncertainty);
 
+// Median over frames of how far the views of points spread across the line that fits them best,
+// relative to along it: RMS distances in the picture, 1 where they have no direction.
+double SpreadAcrossLine(const Reconstruction& reconstruction);
+// A sentence where the points lie along a line, about which cameras may turn; or empty.
+std::string DescribeLine(const Reconstruction& reconstruction);
+
 // How much of the parallax the model leaves unexplained: over the pairs of keyframes with most of
 // it, the median distance of the observations from the model's points, relative to that from the
 // best rotation. Small for a rigid scene; for what only looks like parallax, such as tracks that

@@ -305,7 +305,8 @@ std::vector<std::string> DoubtModel(const MapperResult& result,
   doubts.insert(doubts.end(), judged_doubts.begin(), judged_doubts.end());
   if (judged.parts.size() > 1) {
     doubts.push_back(fmt::format(
-        "the clip breaks into {} parts, this is the largest{}: film what lies between them slower",
+        "the clip breaks into {} parts, this is the largest{}: film what lies between them slower "
+        "or, where it is cut, give its scenes one by one",
         judged.parts.size(),
         judged.chosen > 0 ? " of worth" : ""));
   }
@@ -341,6 +342,9 @@ void Describe(const JudgedParts& judged,
     }
   }
   result.reconstruction = ToReconstruction(model, observed, judged.readout);
+  if (std::string doubt = DescribeLine(result.reconstruction); !doubt.empty()) {
+    result.summary.reasons.push_back(std::move(doubt));
+  }
   const auto uncertainty = CameraUncertainty(result.camera_covariances, result.reconstruction);
   if (std::string doubt = DescribeUncertainCameras(uncertainty.value_or(0.0)); !doubt.empty()) {
     result.summary.reasons.push_back(std::move(doubt));

@@ -32,6 +32,24 @@ std::unique_ptr<FeatureMover> MakeMover(const TrackerOptions& options) {
   ThrowUsageError("unknown tracker");
 }
 
+std::set<std::string> OptionGroupsOf(TrackerKind kind) {
+  switch (kind) {
+    case TrackerKind::kSubspace:
+    case TrackerKind::kDescent:
+      return {"subspace", "measurement"};
+    case TrackerKind::kKlt:
+      return {"klt"};
+    case TrackerKind::kAnchoredKlt:
+      return {"anchored_klt"};
+    case TrackerKind::kRlof:
+      return {"rlof"};
+    case TrackerKind::kDis:
+    case TrackerKind::kDeepFlow:
+      return {"dense_flow"};
+  }
+  ThrowUsageError("unknown tracker");
+}
+
 std::unique_ptr<Tracker> MakeTracker(const TrackerOptions& options, const cv::Mat& mask) {
   ValidateOptions(options);
   return std::make_unique<TrackLoop>(options, mask, MakeMover(options));

@@ -1,6 +1,8 @@
 #pragma once
 
 #include <memory>
+#include <set>
+#include <string>
 #include <vector>
 
 #include "frontend/image/frame.h"
@@ -28,6 +30,9 @@ class Tracker {
   virtual ~Tracker() = default;
   virtual FrameResult Track(const Frame& frame) = 0;
 };
+
+// The groups of TrackerOptions that it reads, beside the detector's.
+std::set<std::string> OptionGroupsOf(TrackerKind kind);
 
 // `mask`: empty, or CV_8UC1 of the frames' size, 0 where features may neither be born nor stay.
 // Throws UsageError on options out of range.

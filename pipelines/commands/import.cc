@@ -137,7 +137,7 @@ ImportedTracks ReadTracks(TracksForm form,
 
 void RunImport(const ImportCommandOptions& options) {
   const TracksForm form = options.from == TracksForm::kAuto ? FormOf(options.tracks) : options.from;
-  if (form != TracksForm::kNpz && ToJson(options.npz) != ToJson(NpzTracksOptions())) {
+  if (form != TracksForm::kNpz && !ChangedOptions(options.npz).empty()) {
     ThrowUsageError("--npz.* is for NumPy files: leave it out with {}, which is none",
                     options.tracks);
   }

@@ -23,15 +23,9 @@ namespace cohort {
 namespace {
 
 // Of tracks these do nothing: who gives one expects something.
-void CheckNoneIsOfModels(RefineModelOptions options) {
-  RefineModelOptions defaults;
-  const std::vector<OptionEntry> given = ListOptions(options);
-  const std::vector<OptionEntry> kept = ListOptions(defaults);
-  for (std::size_t i = 0; i < given.size(); ++i) {
-    if (given[i].get() != kept[i].get()) {
-      ThrowUsageError("--{} is for a COLMAP model: leave it out with a .tracks file",
-                      FlagName(given[i].path));
-    }
+void CheckNoneIsOfModels(const RefineModelOptions& options) {
+  for (const std::string& path : ChangedOptions(options)) {
+    ThrowUsageError("--{} is for a COLMAP model: leave it out with a .tracks file", FlagName(path));
   }
 }
 

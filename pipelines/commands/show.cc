@@ -81,6 +81,11 @@ void RunShow(const ShowOptions& options) {
   if (!is_page && !options.model.empty()) {
     ThrowUsageError("--model is for a page: give an --out that ends in .html");
   }
+  const ShowOptions defaults;
+  if (is_page && (options.frames_per_second != defaults.frames_per_second ||
+                  options.width_px != defaults.width_px)) {
+    ThrowUsageError("--frames-per-second and --width-px are for a video: leave them out of a page");
+  }
   CheckOneClip(options, files);
   CheckOutputsGiven({options.out});
   const auto sequence = OpenClipOf(options, files.front());

@@ -7,6 +7,7 @@
 #include <string_view>
 
 #include "frontend/core/input_record.h"
+#include "frontend/track/tracker.h"
 #include "pipelines/experiment/parse_unsigned.h"
 #include "pipelines/json/json_file.h"
 #include "pipelines/json/option_list.h"
@@ -16,26 +17,6 @@ namespace cohort {
 namespace {
 
 using Json = nlohmann::ordered_json;
-
-// The groups of TrackerOptions that a tracker reads, beside the detector's.
-std::set<std::string> OwnGroups(const GridTracker& tracker) {
-  if (tracker.source != TrackSource::kTracker) return {};
-  switch (tracker.options.tracker) {
-    case TrackerKind::kSubspace:
-    case TrackerKind::kDescent:
-      return {"subspace", "measurement"};
-    case TrackerKind::kKlt:
-      return {"klt"};
-    case TrackerKind::kAnchoredKlt:
-      return {"anchored_klt"};
-    case TrackerKind::kRlof:
-      return {"rlof"};
-    case TrackerKind::kDis:
-    case TrackerKind::kDeepFlow:
-      return {"dense_flow"};
-  }
-  return {};
-}
 
 // Does a name stand for something else in tables and folders?
 bool IsTaken(const std::string& name) {
@@ -143,7 +124,8 @@ bool IsPlainKlt(const GridTracker& tracker) {
 }
 
 Json OwnOptions(const GridTracker& tracker) {
-  const std::set<std::string> own = OwnGroups(tracker);
+  std::set<std::string> own;
+  if (tracker.source == TrackSource::kTracker) own = OptionGroupsOf(tracker.options.tracker);
   Json kept = Json::object();
   const Json all = ToJson(tracker.options);
   for (const auto& [name, value] : all.items()) {

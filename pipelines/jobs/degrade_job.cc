@@ -7,6 +7,13 @@
 namespace cohort {
 
 void RunDegradeJob(const DegradeJobOptions& options) {
+  const DegradeOptions defaults;
+  if (options.degrade.recipe != DegradeRecipe::kPhone &&
+      (options.degrade.codec != defaults.codec ||
+       options.degrade.bitrate_kbit != defaults.bitrate_kbit)) {
+    ThrowUsageError("--codec and --bitrate-kbit are for --recipe phone: leave them out with {}",
+                    NameOf(kRecipeNames, options.degrade.recipe));
+  }
   DegradeOptions degrade = options.degrade;
   degrade.level = ParseLevel(options.level);
   const auto sequence = OpenInput(options.input);

@@ -7,6 +7,7 @@
 
 #include "frontend/core/output.h"
 #include "pipelines/console/progress_bar.h"
+#include "pipelines/jobs/idle_options.h"
 #include "pipelines/jobs/track_doubts.h"
 #include "pipelines/json/json_file.h"
 #include "pipelines/json/option_list.h"
@@ -17,6 +18,7 @@ ReconstructionSummary RunReconstructJob(const ReconstructJobOptions& options) {
   const TrackFile file = ReadTrackFile(options.tracks);
   CheckOutputsGiven({options.json});
   WarnIfUnfinished(file, options.tracks);
+  WarnOfIdleOptions(options.reconstruct, file.KnowsCamera());
   if (options.reconstruct.backend == BackendKind::kColmap && options.reconstruct.write_frames) {
     WarnIfVideoChanged(file, options.tracks);
   }

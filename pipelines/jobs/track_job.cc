@@ -16,6 +16,7 @@
 #include "pipelines/console/interrupt.h"
 #include "pipelines/console/progress_bar.h"
 #include "pipelines/console/version.h"
+#include "pipelines/jobs/idle_options.h"
 #include "pipelines/jobs/track_doubts.h"
 #include "pipelines/json/json_file.h"
 #include "pipelines/json/option_list.h"
@@ -266,6 +267,7 @@ std::optional<TrackFigures> RunTrackJob(const TrackJobOptions& options) {
     return std::nullopt;
   }
   WarnIfCameraDoubtful(header.camera);
+  WarnOfIdleOptions(options.tracker);
   if (!earlier.complete) {
     std::optional<TrackWriter> writer = earlier.has_frames
                                             ? TrackWriter::Resume(options.out)

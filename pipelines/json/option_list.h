@@ -178,6 +178,19 @@ auto ToJson(Options options) {
   return OptionsToJson(ListOptions(options));
 }
 
+// Paths of the fields that are not as a new Options has them, in their order.
+template <typename Options>
+std::vector<std::string> ChangedOptions(Options options) {
+  Options defaults;
+  const std::vector<OptionEntry> now = ListOptions(options);
+  const std::vector<OptionEntry> before = ListOptions(defaults);
+  std::vector<std::string> changed;
+  for (std::size_t i = 0; i < now.size(); ++i) {
+    if (now[i].get() != before[i].get()) changed.push_back(now[i].path);
+  }
+  return changed;
+}
+
 // Sets the fields that `json` names and leaves the others. Throws UsageError naming an unknown key
 // or a value of another type; `origin` is the file's name for the message.
 void SetFromJson(const std::vector<OptionEntry>& entries,

@@ -172,6 +172,7 @@ cv::Mat MaskOf(const std::optional<py::object>& array, const std::string& path) 
   if (!array) return ReadMask(path);
   cv::Mat mask = GrayOfArray(*array, false, "the mask");
   if (mask.depth() != CV_8U) mask = mask > 0;
+  CheckMaskIsOpen(mask, "the mask");
   return mask;
 }
 

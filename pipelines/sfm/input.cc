@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <opencv2/core.hpp>
 #include <vector>
 
 #include "datasets/readers/gray_image.h"
@@ -166,11 +167,21 @@ std::string CanonicalPath(const std::filesystem::path& path) {
 
 cv::Mat ReadMask(const std::string& path) {
   if (path.empty()) return {};
+  cv::Mat mask;
   try {
-    return ReadImage(path, cv::IMREAD_GRAYSCALE | cv::IMREAD_ANYDEPTH) != 0;
+    mask = ReadImage(path, cv::IMREAD_GRAYSCALE | cv::IMREAD_ANYDEPTH) != 0;
   } catch (const Error& error) {
     ThrowError("cannot read the mask {}: give a picture ({})", path, error.what());
   }
+  CheckMaskIsOpen(mask, "the mask " + path);
+  return mask;
+}
+
+void CheckMaskIsOpen(const cv::Mat& mask, const std::string& name) {
+  if (cv::countNonZero(mask) > 0) return;
+  ThrowError(
+      "{} is black all over, which leaves no place for features: make it white where they may be",
+      name);
 }
 
 }  // namespace cohort

@@ -95,7 +95,9 @@ std::string AbsolutePath(const std::filesystem::path& path);
 std::string CanonicalPath(const std::filesystem::path& path);
 
 // CV_8UC1, 0 where no feature may be. Empty without a path; throws Error naming one that is no
-// picture.
+// picture, or black all over.
 cv::Mat ReadMask(const std::string& path);
+// Throws Error where a mask, of this name, is.
+void CheckMaskIsOpen(const cv::Mat& mask, const std::string& name);
 
 }  // namespace cohort

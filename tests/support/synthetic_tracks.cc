@@ -49,7 +49,7 @@ Vector3d RandomPoint(const SyntheticTracksOptions& options, RandomStream& random
   const CameraPath path = options.path;
   const double relief = options.plane_relief;
   const double x = random.Uniform(-1, 1);
-  const double y = random.Uniform(-1, 1);
+  const double y = random.Uniform(-1, 1) * options.height;
   const double depth = random.Uniform(-1, 1) * relief;
   if (path == CameraPath::kArc) return {2.0 * x, 1.6 * y, 6.0 + 1.5 * depth};
   if (path == CameraPath::kForward) {

@@ -30,6 +30,7 @@ struct SyntheticTracksOptions {
   double missing_fraction = 0.0;  // of the observations: left out
   int max_track_length = 0;       // 0: as long as it is in the image
   double plane_relief = 1.0;      // depth of the scene off its middle plane; 0: a plane
+  double height = 1.0;            // of the scene, relative; 0 of a plane: a line
   std::uint32_t first_frame = 0;  // source index of the first frame
   std::uint32_t frame_stride = 1;
   Camera camera = DefaultCamera();

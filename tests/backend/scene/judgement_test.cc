@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "backend/scene/mapper.h"
 #include "tests/backend/scene/true_model.h"
 
 namespace cohort {
@@ -13,8 +14,10 @@ using test::CameraPath;
 using test::LateralScene;
 using test::SyntheticTracks;
 using test::TrueModel;
+using testing::Contains;
 using testing::ElementsAre;
 using testing::HasSubstr;
+using testing::StartsWith;
 
 TEST(Judgement, ATrueModelIsWorthReturningAndLeavesTheTracksNoise) {
   const SyntheticTracks scene = LateralScene(0.5);
@@ -41,6 +44,35 @@ TEST(Judgement, AModelWithoutDepthIsWorthless) {
   EXPECT_THAT(judgement.doubts,
               ElementsAre(HasSubstr("depths are not known at all: move"),
                           HasSubstr("none of the parallax is explained: the tracks drift")));
+}
+
+TEST(Judgement, SaysThatPointsLieAlongALine) {
+  const auto reconstruct = [](double height) {
+    test::SyntheticTracksOptions options;
+    options.path = CameraPath::kLateral;
+    options.height = height;
+    options.plane_relief = height;
+    return ReconstructWithCeres(MakeSyntheticTracks(options).file);
+  };
+  const MapperResult line = reconstruct(0.03);
+  EXPECT_LT(SpreadAcrossLine(line.reconstruction), 0.06);
+  EXPECT_THAT(line.summary.reasons, Contains(StartsWith("the points lie along a line, about")));
+  EXPECT_EQ(line.summary.Quality(), ModelQuality::kDoubtful);
+  const MapperResult flat = reconstruct(0.5);
+  EXPECT_GT(SpreadAcrossLine(flat.reconstruction), 0.2);
+  EXPECT_EQ(flat.summary.Quality(), ModelQuality::kGood);
+}
+
+TEST(SpreadAcrossLine, IsThatOfTheViewsInTheirPictures) {
+  Reconstruction model;
+  // Twice as far along the diagonal as across, in a frame; in the other nothing to tell by.
+  const std::vector<Eigen::Vector2d> seen{{8, 8}, {12, 12}, {9, 11}, {11, 9}};
+  for (std::uint32_t i = 0; i < seen.size(); ++i) {
+    model.points[FeatureId{i}].views = {{FrameIndex{3}, seen[i]}};
+  }
+  model.points[FeatureId{9}].views = {{FrameIndex{4}, {1, 1}}};
+  EXPECT_NEAR(SpreadAcrossLine(model), 0.5, 1e-12);
+  EXPECT_EQ(SpreadAcrossLine(Reconstruction()), 1.0);
 }
 
 TEST(Judgement, SaysWhyAClipHasNoParallax) {

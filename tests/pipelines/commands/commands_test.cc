@@ -305,6 +305,41 @@ TEST_F(Commands, UnknownCommandFlagOrValueIsAUsageError) {
   ExpectFailure(RunCohort(Track(clip, "--frames 5:x")), 2, HasSubstr("5:x"));
 }
 
+TEST_F(Commands, OptionsThatChangeNothingAreSaid) {
+  const std::string clip = WriteImages(Path("clip"), 8);
+  const auto warned = [&](const std::string& arguments) {
+    const ProgramEnd end = RunCohort(arguments + " --quiet");
+    EXPECT_EQ(end.exit_code, 0) << end.err;
+    return end.err;
+  };
+  EXPECT_EQ(warned(Track(clip, "--window 15 --klt.forward-backward-px 2")), "");
+  EXPECT_THAT(warned(Track(clip, "--constraint weak --history 5 --rlof.forward-backward-px 2")),
+              HasSubstr("tracker klt does not read rlof.forward_backward_px, subspace.constraint, "
+                        "subspace.history_length: they change nothing"));
+  const std::string track = "track " + clip + " --features 30 --out " + Path("b.tracks");
+  EXPECT_THAT(warned(track + " --tracker dis --window 15"),
+              HasSubstr("tracker dis does not read klt.window_px, subspace.template_px: they"));
+  EXPECT_THAT(warned(track + " --tracker descent --uncentered --second-pass off"),
+              HasSubstr("tracker descent does not read subspace.uncentered: it changes nothing"));
+
+  Run("synth " + Path("scene") + kSmall + " --frames 10");
+  Run("track " + Path("scene") + " --features 60 --second-pass off --out " + Path("s.tracks"));
+  const std::string reconstruct =
+      "reconstruct " + Path("s.tracks") + " --out " + Path("model") + " --backend ceres ";
+  EXPECT_THAT(warned(reconstruct + "--seed 3"),
+              HasSubstr("backend ceres does not read colmap.seed: it changes nothing"));
+  EXPECT_THAT(warned(reconstruct + "--ceres.refine-principal-point"),
+              HasSubstr("the camera is known and stays as it is, ceres.refine_principal_point"));
+
+  ExpectFailure(RunCohort("degrade " + clip + " " + Path("d") + " --codec hevc"),
+                2,
+                HasSubstr("--codec and --bitrate-kbit are for --recipe phone"));
+  ExpectFailure(
+      RunCohort("show " + Path("s.tracks") + " --out " + Path("p.html") + " --width-px 64"),
+      2,
+      HasSubstr("--frames-per-second and --width-px are for a video"));
+}
+
 TEST_F(Commands, ConfigFilesSetWhatFlagsDoNot) {
   const std::string config = Path("c.json");
   const ProgramEnd dumped = RunCohort("track x --features 77 --window 15 --dump-config");
@@ -952,13 +987,18 @@ TEST_F(Commands, RefineDropsWhatTheMaskCoversAndNotesIt) {
   Run("reconstruct " + Path("a.tracks") + " --out " + Path("model"));
   cv::Mat mask(240, 320, CV_8UC1, cv::Scalar(0));
   cv::imwrite(Path("black.png"), mask);
+  mask.at<std::uint8_t>(0, 0) = 255;
+  cv::imwrite(Path("corner.png"), mask);
   mask.colRange(160, 320) = 255;
   cv::imwrite(Path("half.png"), mask);
   const std::string refine =
       "refine " + Path("a.tracks") + " --model " + Path("model") + " --quiet";
   ExpectFailure(RunCohort(refine + " --mask " + Path("black.png") + " --out " + Path("b.tracks")),
                 1,
-                AllOf(HasSubstr("black.png leaves none of the"), HasSubstr("tracks")));
+                HasSubstr("black.png is black all over"));
+  ExpectFailure(RunCohort(refine + " --mask " + Path("corner.png") + " --out " + Path("b.tracks")),
+                1,
+                AllOf(HasSubstr("corner.png leaves none of the"), HasSubstr("tracks")));
   EXPECT_FALSE(fs::exists(Path("b.tracks")));
   Run(refine + " --mask " + Path("half.png") + " --json " + Path("r.json") + " --out " +
       Path("b.tracks"));
@@ -974,7 +1014,8 @@ TEST_F(Commands, RefineDropsWhatTheMaskCoversAndNotesIt) {
   // As of a COLMAP model.
   const std::string colmap = "refine --model " + Path("model") + " --images " + Path("clip") +
                              " --quiet --out " + Path("refined") + " --mask ";
-  ExpectFailure(RunCohort(colmap + Path("black.png")), 1, HasSubstr("the mask leaves none of its"));
+  ExpectFailure(
+      RunCohort(colmap + Path("corner.png")), 1, HasSubstr("the mask leaves none of its"));
   ASSERT_EQ(RunCohort(colmap + Path("half.png")).exit_code, 0);
   EXPECT_EQ(ReadTrackFile(Path("refined/clip.tracks")).meta.at("mask"), Path("half.png"));
   EXPECT_GT(ReadJson(Path("refined/summary.json"))["masked_tracks"], 10);

@@ -1,5 +1,6 @@
 #include "pipelines/sfm/input.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <opencv2/core.hpp>
@@ -45,6 +46,21 @@ TEST(ReadMask, EveryValueButZeroIsOpenAtAnyDepth) {
     EXPECT_EQ(mask.type(), CV_8UC1);
     EXPECT_EQ(cv::countNonZero(mask), 38 * 64) << type;
   }
+}
+
+TEST(ReadMask, RefusesOneThatIsBlackAllOver) {
+  const test::TempDir dir;
+  cv::Mat mask = cv::Mat::zeros(48, 64, CV_8UC1);
+  cv::imwrite(dir / "mask.png", mask);
+  try {
+    ReadMask(dir / "mask.png");
+    FAIL() << "it was taken";
+  } catch (const Error& error) {
+    EXPECT_THAT(error.what(), testing::HasSubstr("mask.png is black all over"));
+  }
+  mask.at<std::uint8_t>(47, 63) = 1;
+  cv::imwrite(dir / "mask.png", mask);
+  EXPECT_EQ(cv::countNonZero(ReadMask(dir / "mask.png")), 1);
 }
 
 }  // namespace
