@@ -7,6 +7,15 @@ get_property(libraries GLOBAL PROPERTY COHORT_INSTALLED_LIBRARIES)
 install(TARGETS ${libraries} cohort_opencv EXPORT cohortTargets
         ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR}/cohort COMPONENT development
         LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR}/cohort COMPONENT development)
+# All that `cmake --install` and cpack take.
+add_custom_target(installed)
+add_dependencies(installed ${libraries})
+if(COHORT_BUILD_PROGRAM)
+  add_dependencies(installed cohort manual)
+endif()
+if(COHORT_BUILD_PYTHON)
+  add_dependencies(installed cohort_python)
+endif()
 foreach(wing frontend backend datasets pipelines/sfm)
   install(DIRECTORY ${PROJECT_SOURCE_DIR}/${wing}/
           DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/cohort/${wing} COMPONENT development

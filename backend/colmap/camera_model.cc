@@ -97,6 +97,19 @@ bool Holds(const ModelRow& row, const Camera& camera) {
 
 }  // namespace
 
+bool IsFoundByColmap(ColmapCameraModel model) {
+  switch (model) {
+    case ColmapCameraModel::kSimplePinhole:
+    case ColmapCameraModel::kSimpleRadial:
+    case ColmapCameraModel::kRadial:
+    case ColmapCameraModel::kSimpleRadialFisheye:
+    case ColmapCameraModel::kRadialFisheye:
+      return true;
+    default:
+      return false;
+  }
+}
+
 std::string ColmapModelName(ColmapCameraModel model) { return Row(model).name; }
 
 std::size_t ColmapParameterCount(ColmapCameraModel model) { return Row(model).Parameters(); }

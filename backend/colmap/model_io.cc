@@ -426,7 +426,10 @@ void CheckReferences(const fs::path& folder, const ColmapModel& model) {
 // ---- Reconstruction ----
 
 Reconstruction CamerasOf(const ColmapModel& model) {
-  if (model.cameras.size() != 1) {
+  const bool has_one = std::ranges::all_of(model.cameras, [&](const auto& camera) {
+    return camera.second == model.cameras.begin()->second;
+  });
+  if (model.cameras.empty() || !has_one) {
     ThrowError("the COLMAP model has {} cameras: a reconstruction of ours has one for all frames",
                model.cameras.size());
   }

@@ -39,8 +39,11 @@ void LockOrThrow(int descriptor, const fs::path& path, int kind) {
   }
 }
 
-int Open(const fs::path& path) {
-  return open(path.c_str(), O_RDONLY | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC);
+// A file for writing, where that may be: NFS locks no other one.
+int Open(const fs::path& path, int more = O_NOFOLLOW) {
+  const int flags = O_NONBLOCK | O_CLOEXEC | more;
+  const int writable = open(path.c_str(), O_RDWR | flags);
+  return writable >= 0 || errno == ENOENT ? writable : open(path.c_str(), O_RDONLY | flags);
 }
 
 // Is it still what lies at the path? Another run may have put its own there while we waited.
@@ -106,7 +109,7 @@ WriteLock WriteLock::OfNewFile(const fs::path& path) { return OfNew(path, false)
 WriteLock WriteLock::OfNewFolder(const fs::path& path) { return OfNew(path, true); }
 
 WriteLock WriteLock::Of(const fs::path& path, bool shared) {
-  WriteLock lock(open(path.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC));
+  WriteLock lock(Open(path, 0));
   if (lock.descriptor_ >= 0) LockOrThrow(lock.descriptor_, path, shared ? LOCK_SH : LOCK_EX);
   return lock;
 }

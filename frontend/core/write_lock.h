@@ -8,7 +8,7 @@ namespace cohort {
 // Keeps other runs of the program away from a file or folder that this one writes, until it is
 // destroyed or the process ends, however it ends. Where another run holds it, it is waited for some
 // seconds (a run that was killed may still be ending); then Error says that there is one. File systems
-// that know no locks have none.
+// that know no locks have none, NFS none of folders.
 class WriteLock {
  public:
   // An empty file in the place of what was there (no folder): made by us, never reached by a link that

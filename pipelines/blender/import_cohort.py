@@ -204,7 +204,7 @@ def world_from_blender(cam_from_world):
 
 
 def read_transforms(path):
-    """Nerfstudio's file; the points are a PLY with the columns that cohort writes."""
+    """Nerfstudio's file; the points are a PLY of positions and colours."""
     try:
         with open(path, encoding="utf-8") as file:
             scene = json.load(file)
@@ -226,8 +226,10 @@ def read_transforms(path):
         raise ImportFailed(f"{path} is no transforms.json with one camera: {error!r}") from error
     if not frames:
         raise ImportFailed(f"{path} has no frames")
-    frames.sort(key=lambda frame: frame.number)
     folder = os.path.dirname(path)
+    numbers = numbers_of(folder, {frame.number: frame.name for frame in frames})
+    frames = [frame._replace(number=numbers[frame.number]) for frame in frames]
+    frames.sort(key=lambda frame: frame.number)
     points = colours = np.zeros((0, 3))
     if "ply_file_path" in scene:
         points, colours = read_ply(os.path.join(folder, scene["ply_file_path"]))
@@ -243,13 +245,19 @@ def read_ply(path):
             head, _, body = file.read().partition(b"end_header\n")
     except OSError as error:
         raise ImportFailed(f"cannot read {path}: {error.strerror}") from error
-    properties = [line.split()[1:] for line in head.splitlines() if line.startswith(b"property")]
-    floats = [[b"float", name] for name in (b"x", b"y", b"z")]
-    bytes_ = [[b"uchar", name] for name in (b"red", b"green", b"blue")]
-    if b"binary_little_endian" not in head or properties != floats + bytes_:
-        raise ImportFailed(f"{path} is no PLY as cohort writes it")
-    table = np.frombuffer(body, [("xyz", "<f4", 3), ("rgb", "u1", 3)])
-    return table["xyz"].astype(float), table["rgb"].astype(float)
+    lines = [line.split() for line in head.splitlines()]
+    same = {b"float32": b"float", b"uint8": b"uchar"}
+    properties = [(same.get(line[1], line[1]), line[2]) for line in lines if line[:1] == [b"property"]]
+    floats = [(b"float", name) for name in (b"x", b"y", b"z")]
+    bytes_ = [(b"uchar", name) for name in (b"red", b"green", b"blue")]
+    form = [line[1] for line in lines if line[:1] == [b"format"]]
+    if properties == floats + bytes_ and form == [b"binary_little_endian"]:
+        table = np.frombuffer(body, [("xyz", "<f4", 3), ("rgb", "u1", 3)])
+        return table["xyz"].astype(float), table["rgb"].astype(float)
+    if properties == floats + bytes_ and form == [b"ascii"]:  # Nerfstudio's own
+        table = np.array(body.split(), float).reshape(-1, 6)
+        return table[:, :3], table[:, 3:]
+    raise ImportFailed(f"{path} is no PLY of x, y, z and red, green, blue, as cohort and Nerfstudio write it")
 
 
 def fps_of(trajectory):
@@ -411,8 +419,8 @@ def add_background(data, model):
     user.frame_start = first.number
     user.frame_duration = model.frames[-1].number - first.number + 1
     # Blender shows file number frame - frame_start + 1 + frame_offset.
-    digits = "".join(c for c in os.path.splitext(name)[0] if c.isdigit())
-    user.frame_offset = int(digits or 0) - 1
+    digits = re.findall(r"\d+", os.path.splitext(name)[0])
+    user.frame_offset = int(digits[-1] if digits else 0) - 1
     data.show_background_images = True
 
 

@@ -116,6 +116,8 @@ int RunProgram(const std::vector<Command>& commands, std::span<const std::string
   try {
     OpenStandardStreams();
     signal(SIGPIPE, SIG_IGN);  // a reader who leaves does not end the work
+    // Who starts us may ignore it, and we would inherit that: the end of no child would be told.
+    signal(SIGCHLD, SIG_DFL);
     signal(SIGXFSZ, SIG_IGN);  // a file that may not grow is a write that fails
     const InputRecord record;
     SetUpLogging();

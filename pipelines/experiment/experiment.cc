@@ -8,6 +8,8 @@
 #include <nlohmann/json.hpp>
 #include <system_error>
 
+#include "backend/colmap/program.h"
+#include "frontend/core/error.h"
 #include "frontend/core/input_record.h"
 #include "frontend/core/output.h"
 #include "frontend/core/write_lock.h"
@@ -93,10 +95,24 @@ WriteLock LockOfShard(const ExperimentPlan& plan) {
   return WriteLock::Of(file);
 }
 
+// Its cells would all fail for want of it, as if that were the trackers' fault.
+void CheckColmapIsThere(const ExperimentOptions& options, const ExperimentPlan& plan) {
+  if (options.collect || options.protocol == Protocol::kPaper ||
+      std::ranges::find(plan.backends, GridBackend::kColmap) == plan.backends.end()) {
+    return;
+  }
+  try {
+    ColmapProgram(options.colmap.program, options.colmap.max_minutes);
+  } catch (const Error& error) {
+    ThrowError("{}, or leave colmap out of --backends", error.what());
+  }
+}
+
 }  // namespace
 
 ExperimentPlan RunCells(const ExperimentOptions& options) {
   ExperimentPlan plan = PlanWithoutClips(options);
+  CheckColmapIsThere(options, plan);
   const bool anew = !options.resume && !options.collect && options.shard.empty();
   if (anew) CheckCellsAreOurs(options, plan.cells_folder);
   MakeFolder(plan.cells_folder);

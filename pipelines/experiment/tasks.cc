@@ -148,6 +148,9 @@ void RunTasks(const std::string& stage, const std::vector<Task>& tasks, int jobs
     }
     int status = 0;
     const pid_t ended = waitpid(-1, &status, WNOHANG);
+    if (ended < 0 && errno == ECHILD) {
+      ThrowError("cannot wait for a child process: {}", std::strerror(errno));
+    }
     if (interrupt.Requested()) {
       for (const auto& [child, task] : running) kill(child, SIGKILL);
       for (const auto& [child, task] : running) waitpid(child, &status, 0);

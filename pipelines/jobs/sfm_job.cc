@@ -6,6 +6,7 @@
 #include <map>
 #include <nlohmann/json.hpp>
 
+#include "backend/colmap/program.h"
 #include "frontend/core/output.h"
 #include "frontend/geometry/camera_text.h"
 #include "pipelines/console/progress_bar.h"
@@ -207,6 +208,9 @@ SfmFigures RunSfmJob(const SfmJobOptions& options) {
   const auto sequence = OpenInput(options.input);
   const Json made_of = SceneMadeOf(options, *sequence);
   const Json model_made_of = ModelMadeOf(made_of);
+  if (options.reconstruct.backend == BackendKind::kColmap) {  // is there one, before hours of work?
+    ColmapProgram(options.reconstruct.colmap.program, options.reconstruct.colmap.max_minutes);
+  }
   // Checked before hours of work: that the folder can be made.
   std::error_code error;
   fs::create_directories(folder, error);

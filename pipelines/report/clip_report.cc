@@ -158,9 +158,10 @@ class PointColours {
     }
   }
 
-  Eigen::Vector3d Of(FeatureId feature) const {
+  // None of a point that no frame shown has.
+  std::optional<Eigen::Vector3d> Of(FeatureId feature) const {
     const auto sum = sums_.find(feature);
-    if (sum == sums_.end()) return Eigen::Vector3d::Constant(128.0);
+    if (sum == sums_.end()) return std::nullopt;
     return sum->second.rgb / sum->second.count;
   }
 
@@ -215,7 +216,10 @@ Json PointsOf(const ClipReport& report,
   for (const auto& [feature, point] : report.model.points) {
     if (i++ % every != 0) continue;
     Append(point.in_world - middle, points["xyz"]);
-    for (const double value : colours.Of(feature)) points["rgb"].push_back(std::lround(value));
+    const std::optional<Eigen::Vector3d> rgb = colours.Of(feature);
+    for (int c = 0; c < 3; ++c) {
+      points["rgb"].push_back(rgb ? Json(std::lround((*rgb)[c])) : Json());
+    }
     points["covariances"].push_back(TriangleOf(report.point_covariances, feature));
   }
   return points;
@@ -296,7 +300,7 @@ ClipReport ReadClipReport(const fs::path& model_folder) {
     if (summary.contains("quality") && summary["quality"].is_string()) {
       report.facts.emplace_back("quality", summary["quality"].get<std::string>());
     }
-    if (summary.contains("camera_uncertainty")) {
+    if (summary.contains("camera_uncertainty") && summary["camera_uncertainty"].is_number()) {
       report.facts.emplace_back(
           "error of the cameras by noise, of the distance to the scene",
           fmt::format("{:.2g} %", 100.0 * summary["camera_uncertainty"].get<double>()));

@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <map>
 #include <nlohmann/json.hpp>
+#include <utility>
 
 #include "backend/colmap/model_io.h"
 #include "datasets/truth/track_truth.h"
@@ -23,10 +24,31 @@ void AppendShown(const Eigen::Vector3d& x, Json& list) {
   for (const double value : {x.x(), x.y(), x.z()}) list.push_back(RoundedShown(value));
 }
 
-Json PathOf(const std::map<FrameIndex, Rigid3>& cam_from_world, const Sim3& shown_from_world) {
+// Where what is shown lies: all is written from the cameras' middle, as a world may be far from its
+// origin, as on a map, and WebGL's numbers have seven digits.
+struct ShownWorld {
+  std::map<FrameIndex, Rigid3> cam_from_world;  // empty: there is none
+  Eigen::Vector3d middle = Eigen::Vector3d::Zero();
+  Eigen::Vector3d up = -Eigen::Vector3d::UnitY();  // of the cameras, their mean
+
+  explicit ShownWorld(std::map<FrameIndex, Rigid3> poses) : cam_from_world(std::move(poses)) {
+    if (cam_from_world.empty()) return;
+    Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+    for (const auto& [frame, pose] : cam_from_world) {
+      const Rigid3 world_from_cam = pose.Inverse();
+      middle += world_from_cam.translation / static_cast<double>(cam_from_world.size());
+      sum -= world_from_cam.rotation * Eigen::Vector3d::UnitY();
+    }
+    if (sum.norm() > 1e-6) up = sum.normalized();
+  }
+};
+
+Json PathOf(const std::map<FrameIndex, Rigid3>& cam_from_world,
+            const Sim3& shown_from_world,
+            const ShownWorld& world) {
   Json path = Json::array();
   for (const auto& [frame, pose] : cam_from_world) {
-    AppendShown(shown_from_world * pose.Inverse().translation, path);
+    AppendShown(shown_from_world * pose.Inverse().translation - world.middle, path);
   }
   return path;
 }
@@ -56,6 +78,7 @@ struct ShownPoints {
 // rest.
 ShownPoints PointsOf(const Reconstruction& model,
                      const Sim3& shown_from_world,
+                     const ShownWorld& world,
                      const std::map<FrameIndex, Rigid3>& true_poses,
                      TrackTruth* truth) {
   constexpr std::size_t kMostPoints = 4000;
@@ -72,7 +95,7 @@ ShownPoints PointsOf(const Reconstruction& model,
   std::size_t i = 0;
   for (const auto& [feature, point] : model.points) {
     if (i++ % step != 0 || (point.in_world - middle).norm() > limit) continue;
-    AppendShown(shown_from_world * point.in_world, points.xyz);
+    AppendShown(shown_from_world * point.in_world - world.middle, points.xyz);
     points.error_classes.push_back(ErrorClassOf(point, shown_from_world, true_poses, truth));
   }
   return points;
@@ -95,28 +118,36 @@ bool HasShownModel(const TrackCell& cell, GridBackend backend) {
   return cell.IsModelled(backend) && fs::exists(cell.Model(backend) / "images.bin");
 }
 
-// A tracker's reconstruction in the frame of the truth or, without, in that of `reference`.
+// A tracker's reconstruction in the shown world.
 Json ModelOf(const TrackCell& cell,
              GridBackend backend,
+             const ShownWorld& world,
              const std::map<FrameIndex, Rigid3>& truth,
-             TrackTruth* point_truth,
-             std::optional<Reconstruction>& reference) {
+             TrackTruth* point_truth) {
   Json json{{"tracker", cell.tracker.name}};
-  const fs::path folder = cell.Model(backend);
   if (!HasShownModel(cell, backend)) {
     json["failed"] = true;
     return json;
   }
-  const Reconstruction model = ReadReconstruction(folder);
-  const auto alignment =
-      AlignmentWith(!truth.empty() || !reference ? truth : reference->cam_from_world, model);
-  const Sim3 shown_from_world = alignment.value_or(Sim3{});
-  json["path"] = PathOf(model.cam_from_world, shown_from_world);
-  ShownPoints points = PointsOf(model, shown_from_world, truth, point_truth);
+  const Reconstruction model = ReadReconstruction(cell.Model(backend));
+  const Sim3 shown_from_world = AlignmentWith(world.cam_from_world, model).value_or(Sim3{});
+  json["path"] = PathOf(model.cam_from_world, shown_from_world, world);
+  ShownPoints points = PointsOf(model, shown_from_world, world, truth, point_truth);
   json["points"] = std::move(points.xyz);
   json["error_classes"] = std::move(points.error_classes);
-  if (!reference) reference = model;
   return json;
+}
+
+// That of the truth or, without, of the first model.
+ShownWorld WorldOf(const std::map<FrameIndex, Rigid3>& truth,
+                   const std::vector<const TrackCell*>& pair,
+                   GridBackend backend) {
+  if (!truth.empty()) return ShownWorld(truth);
+  for (const TrackCell* cell : pair) {
+    if (!HasShownModel(*cell, backend)) continue;
+    return ShownWorld(ReadReconstruction(cell->Model(backend)).cam_from_world);
+  }
+  return ShownWorld({});
 }
 
 const TrackCell* FindCell(const std::vector<const TrackCell*>& cells, const std::string& tracker) {
@@ -208,17 +239,20 @@ Json ModelsToJson(const ExperimentResults& results,
   const auto sequence = OpenInput(frames);
   const std::map<FrameIndex, Rigid3> truth = TruePoses(*sequence);
   const auto point_truth = OpenTrackTruth(*sequence, frames.input);
-  std::optional<Reconstruction> reference;
+  const ShownWorld world = WorldOf(truth, pair, backend);
   Json models = Json::array();
   for (const TrackCell* cell : pair) {
-    models.push_back(ModelOf(*cell, backend, truth, point_truth.get(), reference));
+    models.push_back(ModelOf(*cell, backend, world, truth, point_truth.get()));
   }
+  Json up = Json::array();
+  AppendShown(world.up, up);
   const Condition& condition = cells.front()->condition;
   return {{"sequence", condition.clip.name},
           {"level", condition.level},
           {"seed", pair.front()->condition.seed},
           {"backend", NameOf(kGridBackendNames, backend)},
-          {"truth", PathOf(truth, Sim3{})},
+          {"up", up},
+          {"truth", PathOf(truth, Sim3{}, world)},
           {"models", models}};
 }
 

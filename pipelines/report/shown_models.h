@@ -11,7 +11,7 @@ namespace cohort {
 
 // For the page's 3-D view: of these cells, which are of one clip, the best KLT's reconstruction and
 // the cohort's, without a headline the first two trackers'; camera path and points of each, in the
-// frame of the truth or, without, of the first.
+// frame of the truth or, without, of the first, about the middle of its cameras; `up`: theirs.
 nlohmann::ordered_json ModelsToJson(const ExperimentResults& results,
                                     const std::vector<const TrackCell*>& cells,
                                     const std::optional<Headline>& headline);

@@ -13,6 +13,7 @@
 
 #include "backend/colmap/database.h"
 #include "backend/colmap/model_io.h"
+#include "backend/colmap/program.h"
 #include "backend/scene/rolling_shutter.h"
 #include "backend/scene/working_model.h"
 #include "frontend/core/output.h"
@@ -114,6 +115,7 @@ ReconstructResult ReconstructByColmap(TrackFile file,
                                       ReconstructOptions options,
                                       const fs::path& work_folder,
                                       const StageProgress& progress) {
+  ColmapProgram(options.colmap.program, options.colmap.max_minutes);  // is there one?
   // Tracks of pictures that came from no file have none to write.
   if (file.image_root.empty() && !file.source.empty() && options.write_frames) {
     fs::create_directories(work_folder);

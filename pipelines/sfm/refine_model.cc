@@ -38,19 +38,6 @@ std::vector<FrameInfo> ReadFrames(Sequence& sequence, const StageProgress& progr
   return frames;
 }
 
-bool IsFoundByColmap(ColmapCameraModel model) {
-  switch (model) {
-    case ColmapCameraModel::kSimplePinhole:
-    case ColmapCameraModel::kSimpleRadial:
-    case ColmapCameraModel::kRadial:
-    case ColmapCameraModel::kSimpleRadialFisheye:
-    case ColmapCameraModel::kRadialFisheye:
-      return true;
-    default:
-      return false;
-  }
-}
-
 // Of the images' one camera.
 const ColmapCamera& CameraOf(const ColmapModel& model) {
   return model.cameras.at(model.images.begin()->second.camera_id);

@@ -91,16 +91,17 @@ double QuantileOf(const Histogram& histogram, double share) {
   return 1.0;
 }
 
-// The whole range, and its middle as bright as people like it.
+// The whole range, and its middle as bright as people like it; as it is where it is brighter.
 ToneCurve Brighter(const Histogram& histogram) {
   constexpr double kTail = 0.005;
   constexpr double kMiddle = 0.4;
   ToneCurve tone;
   tone.black = QuantileOf(histogram, kTail);
   tone.white = std::max(QuantileOf(histogram, 1.0 - kTail), tone.black + 4.0 / 255.0);
-  const double median = (QuantileOf(histogram, 0.5) - tone.black) / (tone.white - tone.black);
+  const double middle = QuantileOf(histogram, 0.5);
+  const double median = (middle - tone.black) / (tone.white - tone.black);
   tone.gamma = std::clamp(std::log(kMiddle) / std::log(std::clamp(median, 0.01, 0.99)), 0.4, 1.0);
-  return tone;
+  return tone(middle) > middle ? tone : ToneCurve{};
 }
 
 cv::Mat TableOf(const ToneCurve& tone) {

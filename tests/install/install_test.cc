@@ -119,6 +119,45 @@ TEST_F(Install, AnUnknownComponentIsNotFound) {
   EXPECT_THAT(end.err, HasSubstr("colour"));
 }
 
+TEST_F(Install, EveryComponentIsFoundByItself) {
+  ASSERT_NO_FATAL_FAILURE(InstallIntoPrefix());
+  for (const std::string component : {"frontend", "backend", "datasets", "sfm"}) {
+    fs::create_directory(Path(component));
+    WriteBytes(Path(component + "/CMakeLists.txt"),
+               fmt::format("cmake_minimum_required(VERSION 3.25)\nproject(asks LANGUAGES CXX)\n"
+                           "find_package(cohort REQUIRED COMPONENTS {0})\n"
+                           "file(WRITE main.cc \"int main() {{}}\")\n"
+                           "add_executable(asks main.cc)\n"
+                           "target_link_libraries(asks PRIVATE cohort::{0})\n",
+                           component));
+    const test::ProgramEnd end =
+        test::RunShell(fmt::format("'{}' -S '{}' -B '{}' -DCMAKE_PREFIX_PATH='{}'",
+                                   COHORT_CMAKE,
+                                   Path(component),
+                                   Path(component + "/build"),
+                                   Path("prefix")));
+    EXPECT_EQ(end.exit_code, 0) << end.err;
+  }
+}
+
+// Who asks whether it is there goes on where what it needs is missing.
+TEST_F(Install, IsNotFoundWhereALibraryIsMissing) {
+  ASSERT_NO_FATAL_FAILURE(InstallIntoPrefix());
+  WriteBytes(Path("CMakeLists.txt"),
+             "cmake_minimum_required(VERSION 3.25)\nproject(asks LANGUAGES CXX)\n"
+             "find_package(cohort)\nif(cohort_FOUND)\n"
+             "message(STATUS \"it is there\")\nendif()\n");
+  const test::ProgramEnd end = test::RunShell(
+      fmt::format("PKG_CONFIG_LIBDIR=/nowhere '{}' -S '{}' -B '{}' -DCMAKE_PREFIX_PATH='{}'",
+                  COHORT_CMAKE,
+                  dir_.path().string(),
+                  Path("build"),
+                  Path("prefix")));
+  EXPECT_EQ(end.exit_code, 0) << end.err;
+  EXPECT_THAT(end.out, Not(HasSubstr("it is there")));
+  EXPECT_THAT(end.err, HasSubstr("cohort needs libzip"));
+}
+
 // Without what only the program and the tests need: a project below another builds neither.
 TEST_F(Install, ASubprojectIsTheLibrariesAlone) {
   const test::ProgramEnd configured =

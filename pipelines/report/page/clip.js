@@ -235,10 +235,12 @@ const modelSection = () => {
     controls.update();
   };
   const cloud = geometry(points);
-  // A dark clip's colours as bright as others', and no point as dark or bright as the page.
-  const brightest = [...data.points.rgb].sort((a, b) => a - b)[Math.floor(0.95 * data.points.rgb.length)] || 1;
+  // A dark clip's colours as bright as others', and no point as dark or bright as the page; one whose
+  // colour no frame shown has is grey.
+  const coloured = data.points.rgb.filter((value) => value !== null).sort((a, b) => a - b);
+  const brightest = coloured[Math.floor(0.95 * coloured.length)] || 1;
   cloud.setAttribute('color', new BufferAttribute(new Float32Array(data.points.rgb.map((value) =>
-    new Color().setRGB(0.25 + 0.55 * Math.min(1, value / brightest), 0, 0, 'srgb').r)), 3));
+    new Color().setRGB(value === null ? 0.5 : 0.25 + 0.55 * Math.min(1, value / brightest), 0, 0, 'srgb').r)), 3));
   const pointCloud = new Points(cloud, new PointsMaterial({vertexColors: true, size: 3 * devicePixelRatio, sizeAttenuation: false}));
   scene.add(pointCloud);
 

@@ -196,16 +196,20 @@ if (data.headline) {
   const first = lines.filter(([, runs]) => runs.tracker === FIRST_RIVAL);
   const others = lines.filter(([, runs]) => runs.tracker !== FIRST_RIVAL);
   const hasBound = data.headline.rivals.some((rival) => rival.role === 'bound');
-  section('Who won, and by how much',
-    openingCards(),
-    el('p', {}, `How many times better cohort is than ${FIRST_RIVAL}: how many times smaller its errors are, and longer its tracks. Each is the geometric mean over the clips in which both have a reconstruction, of the median over seeds, a failed seed being an infinite error; small print: the least and the largest of a single seed, and of how many clips if not of all. `,
-      `${FIRST_RIVAL} stands for the best of its settings in each clip, chosen after the fact, in its favour. `,
-      'A run fails if fewer than 80 % of its frames get a camera. A clip in which at least half of the seeds fail has no error to compare: it is counted on the right.'),
-    first.length ? headlineTable('headline', ['darkness', 'reconstruction'], first) : null);
+  const figures = [
+    'How many times smaller its errors are, and longer its tracks. Each is the geometric mean over the clips in which both have a reconstruction, of the median over seeds, a failed seed being an infinite error; small print: the least and the largest of a single seed, and of how many clips if not of all. ',
+    'A run fails if fewer than 80 % of its frames get a camera. A clip in which at least half of the seeds fail has no error to compare: it is counted on the right.'];
+  if (first.length) {
+    section('Who won, and by how much',
+      openingCards(),
+      el('p', {}, `How many times better cohort is than ${FIRST_RIVAL}, which stands for the best of its settings in each clip, chosen after the fact, in its favour. `, figures),
+      headlineTable('headline', ['darkness', 'reconstruction'], first));
+  }
 
   if (others.length) {
-    section('The other rivals',
-      el('p', {}, 'The same beside each of the others: above 1\u00d7 cohort is better by that factor. ',
+    section(first.length ? 'The other rivals' : 'The rivals',
+      el('p', {}, first.length ? 'The same beside each of the others: above' : ['How many times better cohort is than each. ', ...figures, ' Above'],
+        ' 1\u00d7 cohort is better by that factor. ',
         hasBound ? 'The ceiling is no rival, and its figures are the other way round: how many times worse cohort is; 1\u00d7 is the goal. It is what true tracks reach with the least noise that patches of 21 x 21 px allow, each measured by itself; wider patches, other features and a second pass can go beyond.' : ''),
       headlineTable('others', ['darkness', 'reconstruction', 'rival'], others));
   }
@@ -425,10 +429,12 @@ const viewpoint = (models) => {
   const points = middleOf(vectors(shown.points));
   const span = Math.max(points.distanceTo(at), ...path.map((point) => point.distanceTo(at))) || 1;
   const ahead = points.clone().sub(at).normalize();
-  const aside = new Vector3(0, -1, 0).cross(ahead).normalize();  // world y points down
+  const up = new Vector3(...models.up);
+  const aside = up.clone().cross(ahead).normalize();
   return {
     target: at.clone().addScaledVector(ahead, 0.75 * span),
-    position: at.clone().addScaledVector(ahead, -0.35 * span).addScaledVector(aside, 0.75 * span).add(new Vector3(0, -0.7 * span, 0)),
+    position: at.clone().addScaledVector(ahead, -0.35 * span).addScaledVector(aside, 0.75 * span).addScaledVector(up, 0.7 * span),
+    up,
     span,
   };
 };
@@ -443,7 +449,7 @@ const makeView = (holder, model, truth, from) => {
   }
   const scene = new Scene();
   const camera = new PerspectiveCamera(50, 4 / 3, from.span / 100, from.span * 100);
-  camera.up.set(0, -1, 0);
+  camera.up.copy(from.up);
   camera.position.copy(from.position);
   const controls = new OrbitControls(camera, renderer.domElement);
   controls.target.copy(from.target);

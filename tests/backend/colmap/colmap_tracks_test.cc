@@ -89,6 +89,18 @@ TEST(ColmapTracks, JoinsVerifiedMatchesIntoOneTrackAPoint) {
   EXPECT_EQ(imported.camera->cx, test::SyntheticTracksOptions::DefaultCamera().cx);
 }
 
+// COLMAP takes one of EXIF for known, too, and refines it: that it is one, nobody has measured.
+TEST(ColmapTracks, ACameraOfOneFocalLengthIsAGuess) {
+  ColmapDatabase database = Database(2, 1);
+  Match(database, 1, 2, {{0, 0}});
+  EXPECT_TRUE(Tracks(database).camera->known);
+  database.camera.model = ColmapCameraModel::kSimpleRadial;
+  database.camera.params = {500.0, 320.0, 240.0, 0.0};
+  ASSERT_TRUE(database.camera.prior_focal_length);
+  EXPECT_FALSE(Tracks(database).camera->known);
+  EXPECT_EQ(Tracks(database).camera->fx, 500.0);
+}
+
 TEST(ColmapTracks, AFalseMatchNeitherJoinsTwoTracksNorCostsThem) {
   // Two points through four images; the pair of most inliers is right, the one of fewest wrong.
   ColmapDatabase database = Database(4, 3);

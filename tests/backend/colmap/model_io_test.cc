@@ -100,6 +100,22 @@ TEST(ColmapModel, MemoryTextAndBinaryAgree) {
   }
 }
 
+// As COLMAP makes them without --ImageReader.single_camera.
+TEST(ColmapModel, CamerasThatAreAlikeAreOne) {
+  const Reconstruction truth = TrueReconstruction(SmallScene());
+  ColmapModel model = ToColmapModel(truth);
+  for (auto& [id, image] : model.images) {
+    model.cameras[10 + id] = model.cameras.at(1);
+    image.camera_id = 10 + id;
+  }
+  const Reconstruction read = FromColmapModel(model);
+  EXPECT_EQ(read.camera.fx, truth.camera.fx);
+  EXPECT_EQ(read.cam_from_world.size(), truth.cam_from_world.size());
+  EXPECT_EQ(read.points.size(), truth.points.size());
+  model.cameras.rbegin()->second.params[0] += 1.0;
+  EXPECT_THAT([&] { FromColmapModel(model); }, ThrowsMessage<Error>(HasSubstr("has one for all")));
+}
+
 TEST(ColmapModel, PointsLieHalfAPixelFurtherThanOurs) {
   const Reconstruction truth = TrueReconstruction(SmallScene());
   const ColmapModel model = ToColmapModel(truth);

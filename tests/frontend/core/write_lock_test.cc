@@ -1,5 +1,6 @@
 #include "frontend/core/write_lock.h"
 
+#include <fcntl.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -7,7 +8,10 @@
 #include <chrono>
 #include <filesystem>
 #include <optional>
+#include <string>
+#include <system_error>
 #include <thread>
+#include <vector>
 
 #include "frontend/core/error.h"
 #include "frontend/core/output.h"
@@ -18,6 +22,7 @@ namespace cohort {
 namespace {
 
 namespace fs = std::filesystem;
+using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::ThrowsMessage;
 
@@ -30,6 +35,37 @@ TEST(WriteLock, SaysThatAnotherRunWritesTheSameFile) {
   EXPECT_EQ(ReadBytes(first.partial()), "first");
   first.Commit();
   EXPECT_EQ(ReadBytes(dir / "a"), "first");
+}
+
+// NFS locks no file that was opened to be read.
+TEST(WriteLock, IsOfAFileThatIsOpenForWriting) {
+  const test::TempDir dir;
+  const std::string path = dir / "a";
+  WriteBytes(path, "kept");
+  const auto modes = [&path] {
+    std::vector<int> found;
+    for (const auto& entry : fs::directory_iterator("/proc/self/fd")) {
+      std::error_code gone;
+      if (fs::read_symlink(entry, gone) != path) continue;
+      const int descriptor = std::stoi(entry.path().filename().string());
+      found.push_back(fcntl(descriptor, F_GETFL) & O_ACCMODE);
+    }
+    return found;
+  };
+  {
+    const WriteLock lock = WriteLock::Of(path);
+    EXPECT_THAT(modes(), ElementsAre(O_RDWR));
+  }
+  {
+    const auto lock = WriteLock::TryOf(path);
+    EXPECT_THAT(modes(), ElementsAre(O_RDWR));
+  }
+  EXPECT_EQ(ReadBytes(path), "kept");
+  {
+    const WriteLock lock = WriteLock::OfNewFile(path);
+    EXPECT_THAT(modes(), ElementsAre(O_WRONLY));
+  }
+  EXPECT_EQ(ReadBytes(path), "");
 }
 
 TEST(WriteLock, WaitsForARunThatIsAboutToEnd) {

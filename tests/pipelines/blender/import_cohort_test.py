@@ -264,6 +264,30 @@ class WrittenByCohort(unittest.TestCase):
         np.testing.assert_array_equal(same.colours, scene.colours)
 
 
+    def test_a_transforms_json_of_nerfstudios_own(self):
+        """Points as text, types by their other names, images numbered as COLMAP's threads came to them."""
+        folder = self.dir / "nerfstudio"
+        folder.mkdir()
+        scene = json.loads((self.dir / "scene/transforms.json").read_text())
+        scene["frames"] = scene["frames"][:3]
+        for number, frame in zip((2, 1, 3), scene["frames"]):
+            frame["colmap_im_id"] = number
+        scene["ply_file_path"] = "sparse_pc.ply"
+        (folder / "transforms.json").write_text(json.dumps(scene))
+        names = "".join(f"property uint8 {name}\n" for name in ("red", "green", "blue"))
+        (folder / "sparse_pc.ply").write_text(
+            "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\n"
+            f"property float z\n{names}end_header\n1 2.5 3 10 20 30\n-1 0 1e1 255 0 7\n"
+        )
+        model = import_cohort.read(folder / "transforms.json")
+        self.assertEqual([frame.number for frame in model.frames], [1, 2, 3])
+        self.assertEqual(
+            [frame.name for frame in model.frames], [frame["file_path"] for frame in scene["frames"]]
+        )
+        np.testing.assert_array_equal(model.points, [[1, 2.5, 3], [-1, 0, 10]])
+        np.testing.assert_array_equal(model.colours, [[10, 20, 30], [255, 0, 7]])
+
+
 # Runs in Blender: what is loaded is where Blender itself says that it is.
 IN_BLENDER = """
 import sys

@@ -10,6 +10,7 @@
 #include <opencv2/imgproc.hpp>
 #include <string>
 
+#include "backend/colmap/model_io.h"
 #include "frontend/core/output.h"
 #include "tests/support/program.h"
 #include "tests/support/source_dir.h"
@@ -46,9 +47,10 @@ class Sfm : public testing::Test {
     dir_ = nullptr;
   }
 
-  static test::ProgramEnd RunSfm(const std::string& scene, const std::string& more = "") {
-    return test::RunCohort("sfm " + (*dir_ / "clip").string() +
-                           " --camera 260,260,159.5,119.5,-0.1,0.02 " +
+  static test::ProgramEnd RunSfm(const std::string& scene,
+                                 const std::string& more = "",
+                                 const std::string& clip = *dir_ / "clip") {
+    return test::RunCohort("sfm " + clip + " --camera 260,260,159.5,119.5,-0.1,0.02 " +
                            "--features 200 --quiet --out " + scene + " " + more);
   }
   static test::ProgramEnd Validate(const std::string& scene) {
@@ -105,10 +107,15 @@ TEST_F(Sfm, MakesASceneThatOpens) {
 }
 
 TEST_F(Sfm, BrightensPicturesAndColoursAlike) {
+  const fs::path dark = *dir_ / "dark";
+  fs::create_directory(dark);
+  for (const auto& entry : fs::directory_iterator(*dir_ / "clip")) {
+    cv::imwrite((dark / entry.path().filename()).string(), 0.3 * cv::imread(entry.path().string()));
+  }
   const fs::path plain = *dir_ / "plain";
   const fs::path bright = *dir_ / "bright";
-  ASSERT_EQ(RunSfm(plain, "--max-images 6").exit_code, 0);
-  ASSERT_EQ(RunSfm(bright, "--max-images 6 --brighten").exit_code, 0);
+  ASSERT_EQ(RunSfm(plain, "--max-images 6", dark).exit_code, 0);
+  ASSERT_EQ(RunSfm(bright, "--max-images 6 --brighten", dark).exit_code, 0);
   EXPECT_EQ(Validate(bright).exit_code, 0);
   const auto count = std::distance(fs::directory_iterator(bright / "images"), {});
   EXPECT_EQ(count, 6);
@@ -120,7 +127,22 @@ TEST_F(Sfm, BrightensPicturesAndColoursAlike) {
     }
     return sum;
   };
-  EXPECT_NE(mean(plain), mean(bright));
+  EXPECT_GT(mean(bright), 1.5 * mean(plain));
+  const auto mean_of_points = [](const fs::path& scene) {
+    double sum = 0.0;
+    const ColmapModel model = ReadColmapModel(scene / "sparse/0");
+    for (const auto& [id, point] : model.points) {
+      sum += point.rgb[0] + point.rgb[1] + point.rgb[2];
+    }
+    return sum / static_cast<double>(model.points.size());
+  };
+  EXPECT_GT(mean_of_points(bright), 1.5 * mean_of_points(plain));
+  // What is bright stays as it is.
+  const fs::path day = *dir_ / "day";
+  const fs::path same = *dir_ / "same";
+  ASSERT_EQ(RunSfm(day, "--max-images 6").exit_code, 0);
+  ASSERT_EQ(RunSfm(same, "--max-images 6 --brighten").exit_code, 0);
+  EXPECT_EQ(mean(same), mean(day));
   EXPECT_EQ(ReadBytes(plain / "clip.tracks"), ReadBytes(bright / "clip.tracks"));
 }
 

@@ -4,7 +4,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <Eigen/Geometry>
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
 #include <map>
 #include <nlohmann/json.hpp>
@@ -25,9 +27,14 @@ namespace cohort {
 namespace {
 
 namespace fs = std::filesystem;
+using testing::AllOf;
+using testing::Each;
+using testing::Ge;
 using testing::HasSubstr;
 using testing::IsEmpty;
+using testing::Le;
 using testing::Not;
+using testing::SizeIs;
 
 // Put into a copy of the page: collects errors from the start, and at the end what there is to see.
 constexpr const char* kProbeHead = R"(<script nonce="probe">
@@ -163,6 +170,52 @@ TEST_F(Report, OpensOfflineAndDrawsEverythingWithoutComplaint) {
   EXPECT_EQ(probe["headline"].size(), 4u);  // levels x backends
   const auto others = nlohmann::json::parse(ReadBytes(Path("out/results.json")))["headline"];
   EXPECT_EQ(probe["others"].size(), others["runs"].size() - 2u * 4u);  // but cohort and KLT
+}
+
+// Truth with z up and on a map, as of a survey: seen upright, and about its middle.
+TEST_F(Report, ShowsAWorldOfAnyKindUprightAndNearItsOrigin) {
+  fs::copy(Path("clip"), Path("survey"), fs::copy_options::recursive);
+  fs::remove(Path("survey/scene.json"));
+  const Eigen::Quaterniond turn(Eigen::AngleAxisd(-0.5 * M_PI, Eigen::Vector3d::UnitX()));
+  std::istringstream in(ReadBytes(Path("clip/groundtruth.txt")));
+  std::string turned;
+  for (std::string line; std::getline(in, line);) {
+    if (line.starts_with('#')) continue;
+    std::istringstream words(line);
+    std::string time;
+    Eigen::Vector3d t;
+    Eigen::Quaterniond q;
+    words >> time >> t.x() >> t.y() >> t.z() >> q.x() >> q.y() >> q.z() >> q.w();
+    t = turn * t + Eigen::Vector3d(456789.0, 5412345.0, 312.0);
+    q = turn * q;
+    turned += fmt::format("{} {:.6f} {:.6f} {:.6f} {} {} {} {}\n",
+                          time,
+                          t.x(),
+                          t.y(),
+                          t.z(),
+                          q.x(),
+                          q.y(),
+                          q.z(),
+                          q.w());
+  }
+  WriteBytes(Path("survey/groundtruth.txt"), turned);
+  const test::ProgramEnd end =
+      test::RunCohort("compare " + Path("survey") +
+                      " --levels clean --seeds 1 --trackers anchored-klt31,subspace "
+                      "--backends ceres --features 100 --quiet --out " +
+                      Path("surveyed"));
+  ASSERT_EQ(end.exit_code, 0) << end.err;
+  const std::string page = ReadBytes(Path("surveyed/report.html"));
+  const auto list = [&page](const std::string& name) {
+    const std::size_t begin = page.find("\"" + name + "\":[");
+    EXPECT_NE(begin, std::string::npos) << name;
+    const std::size_t open = page.find('[', begin);
+    const std::string text = page.substr(open, page.find(']', open) + 1 - open);
+    return nlohmann::json::parse(text).get<std::vector<double>>();
+  };
+  EXPECT_GT(list("up").at(2), 0.9);
+  EXPECT_THAT(list("truth"), AllOf(SizeIs(3 * 16), Each(AllOf(Ge(-20.0), Le(20.0)))));
+  EXPECT_THAT(list("path"), AllOf(SizeIs(3 * 16), Each(AllOf(Ge(-20.0), Le(20.0)))));
 }
 
 TEST_F(Report, ShowsWhatResultsCsvHas) {
