@@ -58,6 +58,10 @@ ColmapProgram::ColmapProgram(const std::string& program, double max_minutes)
   version_ = match[1];
 }
 
+void RequireColmap(const std::string& program, double max_minutes) {
+  const ColmapProgram required(program, max_minutes);
+}
+
 std::string ColmapProgram::HelpText(const std::vector<std::string>& arguments) const {
   const double limit =
       max_minutes_ > 0.0 ? std::min(max_minutes_, kMaxHelpMinutes) : kMaxHelpMinutes;

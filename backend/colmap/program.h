@@ -50,4 +50,7 @@ class ColmapProgram {
   std::map<std::string, std::set<std::string>> options_of_command_;
 };
 
+// Throws what ColmapProgram's constructor does: before work that would be for nothing.
+void RequireColmap(const std::string& program, double max_minutes);
+
 }  // namespace cohort

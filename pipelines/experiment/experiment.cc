@@ -102,7 +102,7 @@ void CheckColmapIsThere(const ExperimentOptions& options, const ExperimentPlan& 
     return;
   }
   try {
-    ColmapProgram(options.colmap.program, options.colmap.max_minutes);
+    RequireColmap(options.colmap.program, options.colmap.max_minutes);
   } catch (const Error& error) {
     ThrowError("{}, or leave colmap out of --backends", error.what());
   }

@@ -208,8 +208,8 @@ SfmFigures RunSfmJob(const SfmJobOptions& options) {
   const auto sequence = OpenInput(options.input);
   const Json made_of = SceneMadeOf(options, *sequence);
   const Json model_made_of = ModelMadeOf(made_of);
-  if (options.reconstruct.backend == BackendKind::kColmap) {  // is there one, before hours of work?
-    ColmapProgram(options.reconstruct.colmap.program, options.reconstruct.colmap.max_minutes);
+  if (options.reconstruct.backend == BackendKind::kColmap) {
+    RequireColmap(options.reconstruct.colmap.program, options.reconstruct.colmap.max_minutes);
   }
   // Checked before hours of work: that the folder can be made.
   std::error_code error;

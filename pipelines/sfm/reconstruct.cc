@@ -115,7 +115,7 @@ ReconstructResult ReconstructByColmap(TrackFile file,
                                       ReconstructOptions options,
                                       const fs::path& work_folder,
                                       const StageProgress& progress) {
-  ColmapProgram(options.colmap.program, options.colmap.max_minutes);  // is there one?
+  RequireColmap(options.colmap.program, options.colmap.max_minutes);
   // Tracks of pictures that came from no file have none to write.
   if (file.image_root.empty() && !file.source.empty() && options.write_frames) {
     fs::create_directories(work_folder);
