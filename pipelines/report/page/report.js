@@ -197,7 +197,7 @@ if (data.headline) {
   const others = lines.filter(([, runs]) => runs.tracker !== FIRST_RIVAL);
   const hasBound = data.headline.rivals.some((rival) => rival.role === 'bound');
   const figures = [
-    'How many times smaller its errors are, and longer its tracks. Each is the geometric mean over the clips in which both have a reconstruction, of the median over seeds, a failed seed being an infinite error; small print: the least and the largest of a single seed, and of how many clips if not of all. ',
+    'Errors are so many times smaller, tracks so many times longer. Each is the geometric mean over the clips in which both have a reconstruction, of the median over seeds, a failed seed being an infinite error; small print: the least and the largest of a single seed, and of how many clips if not of all. ',
     'A run fails if fewer than 80 % of its frames get a camera. A clip in which at least half of the seeds fail has no error to compare: it is counted on the right.'];
   if (first.length) {
     section('Who won, and by how much',
