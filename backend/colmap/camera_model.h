@@ -44,8 +44,8 @@ ColmapCamera ToColmapCamera(const Camera& camera, const ColmapCamera& before);
 // As `known`. Throws Error on a model or a number of parameters that is not one of the above.
 Camera FromColmapCamera(const ColmapCamera& colmap);
 
-// Does COLMAP refine all of such a camera by itself, wherever its first value came from? Those of one
-// focal length; who has a calibration gives the others.
+// Does COLMAP refine all of such a camera by itself, wherever its first value came from? Those of
+// one focal length; who has a calibration gives the others.
 bool IsFoundByColmap(ColmapCameraModel model);
 
 std::string ColmapModelName(ColmapCameraModel model);
