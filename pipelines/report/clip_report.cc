@@ -17,6 +17,7 @@
 #include "pipelines/json/json_file.h"
 #include "pipelines/report/brightening.h"
 #include "pipelines/report/report_page.h"
+#include "pipelines/report/shown_models.h"
 #include "pipelines/report/track_picture.h"
 #include "pipelines/sfm/input.h"
 #include "pipelines/sfm/reconstruct.h"
@@ -173,16 +174,6 @@ class PointColours {
   std::map<FrameIndex, std::vector<std::pair<FeatureId, Eigen::Vector2d>>> views_;
   std::map<FeatureId, Sum> sums_;
 };
-
-// The middle of the cameras, from which the page has all positions: five digits are few for a world
-// that is far from its origin, as on a map.
-Eigen::Vector3d MiddleOf(const Reconstruction& model) {
-  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
-  for (const auto& [frame, cam_from_world] : model.cam_from_world) {
-    sum += cam_from_world.Inverse().translation;
-  }
-  return sum / std::max<double>(1.0, static_cast<double>(model.cam_from_world.size()));
-}
 
 Json CamerasOf(const ClipReport& report, const Eigen::Vector3d& middle) {
   Json cameras = Json::array();
@@ -358,7 +349,7 @@ void WriteClipReport(const fs::path& path,
                       {"picture", JpegDataUri(Brightened(pictures[i], ranges[i]), kPictureQuality)},
                       {"positions", PositionsIn(file.tracks, shown[i].index, features, scale)}});
   }
-  const Eigen::Vector3d middle = MiddleOf(report.model);
+  const Eigen::Vector3d middle = MiddleOfCameras(report.model.cam_from_world);
   Json facts = Json::array();
   for (const auto& [name, value] : report.facts) facts.push_back({name, value});
   WritePage(path,

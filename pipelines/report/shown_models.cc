@@ -24,20 +24,17 @@ void AppendShown(const Eigen::Vector3d& x, Json& list) {
   for (const double value : {x.x(), x.y(), x.z()}) list.push_back(RoundedShown(value));
 }
 
-// Where what is shown lies: all is written from the cameras' middle, as a world may be far from its
-// origin, as on a map, and WebGL's numbers have seven digits.
+// Where what is shown lies.
 struct ShownWorld {
   std::map<FrameIndex, Rigid3> cam_from_world;  // empty: there is none
-  Eigen::Vector3d middle = Eigen::Vector3d::Zero();
+  Eigen::Vector3d middle;
   Eigen::Vector3d up = -Eigen::Vector3d::UnitY();  // of the cameras, their mean
 
-  explicit ShownWorld(std::map<FrameIndex, Rigid3> poses) : cam_from_world(std::move(poses)) {
-    if (cam_from_world.empty()) return;
+  explicit ShownWorld(std::map<FrameIndex, Rigid3> poses)
+      : cam_from_world(std::move(poses)), middle(MiddleOfCameras(cam_from_world)) {
     Eigen::Vector3d sum = Eigen::Vector3d::Zero();
     for (const auto& [frame, pose] : cam_from_world) {
-      const Rigid3 world_from_cam = pose.Inverse();
-      middle += world_from_cam.translation / static_cast<double>(cam_from_world.size());
-      sum -= world_from_cam.rotation * Eigen::Vector3d::UnitY();
+      sum -= pose.Inverse().rotation * Eigen::Vector3d::UnitY();
     }
     if (sum.norm() > 1e-6) up = sum.normalized();
   }
@@ -82,9 +79,7 @@ ShownPoints PointsOf(const Reconstruction& model,
                      const std::map<FrameIndex, Rigid3>& true_poses,
                      TrackTruth* truth) {
   constexpr std::size_t kMostPoints = 4000;
-  Eigen::Vector3d middle = Eigen::Vector3d::Zero();
-  for (const auto& [frame, pose] : model.cam_from_world) middle += pose.Inverse().translation;
-  middle /= static_cast<double>(std::max<std::size_t>(1, model.cam_from_world.size()));
+  const Eigen::Vector3d middle = MiddleOfCameras(model.cam_from_world);
   std::vector<double> distances;
   for (const auto& [feature, point] : model.points) {
     distances.push_back((point.in_world - middle).norm());
@@ -224,6 +219,12 @@ std::map<FrameIndex, Rigid3> TruePoses(Sequence& sequence) {
 }
 
 }  // namespace
+
+Eigen::Vector3d MiddleOfCameras(const std::map<FrameIndex, Rigid3>& cam_from_world) {
+  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+  for (const auto& [frame, pose] : cam_from_world) sum += pose.Inverse().translation;
+  return sum / std::max<double>(1.0, static_cast<double>(cam_from_world.size()));
+}
 
 Json ModelsToJson(const ExperimentResults& results,
                   const std::vector<const TrackCell*>& cells,

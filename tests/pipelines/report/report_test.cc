@@ -1,11 +1,13 @@
 // report.html in a real browser: it draws, it complains of nothing, it shows what results.csv has.
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <filesystem>
 #include <map>
@@ -183,20 +185,14 @@ TEST_F(Report, ShowsAWorldOfAnyKindUprightAndNearItsOrigin) {
     if (line.starts_with('#')) continue;
     std::istringstream words(line);
     std::string time;
-    Eigen::Vector3d t;
-    Eigen::Quaterniond q;
-    words >> time >> t.x() >> t.y() >> t.z() >> q.x() >> q.y() >> q.z() >> q.w();
+    words >> time;
+    std::array<double, 7> pose{};
+    for (double& value : pose) words >> value;
+    Eigen::Map<Eigen::Vector3d> t(pose.data());
+    Eigen::Map<Eigen::Quaterniond> q(pose.data() + 3);
     t = turn * t + Eigen::Vector3d(456789.0, 5412345.0, 312.0);
     q = turn * q;
-    turned += fmt::format("{} {:.6f} {:.6f} {:.6f} {} {} {} {}\n",
-                          time,
-                          t.x(),
-                          t.y(),
-                          t.z(),
-                          q.x(),
-                          q.y(),
-                          q.z(),
-                          q.w());
+    turned += fmt::format("{} {}\n", time, fmt::join(pose, " "));
   }
   WriteBytes(Path("survey/groundtruth.txt"), turned);
   const test::ProgramEnd end =
