@@ -39,11 +39,13 @@ void LockOrThrow(int descriptor, const fs::path& path, int kind) {
   }
 }
 
-// A file for writing, where that may be: NFS locks no other one.
+// A file for writing, where that may be: NFS locks no other one. Through a link to read only, who
+// knows whose file is behind it.
 int Open(const fs::path& path, int more = O_NOFOLLOW) {
-  const int flags = O_NONBLOCK | O_CLOEXEC | more;
-  const int writable = open(path.c_str(), O_RDWR | flags);
-  return writable >= 0 || errno == ENOENT ? writable : open(path.c_str(), O_RDONLY | flags);
+  constexpr int kFlags = O_NONBLOCK | O_CLOEXEC;
+  const int writable = open(path.c_str(), O_RDWR | O_NOFOLLOW | kFlags);
+  if (writable >= 0 || errno == ENOENT) return writable;
+  return open(path.c_str(), O_RDONLY | more | kFlags);
 }
 
 // Is it still what lies at the path? Another run may have put its own there while we waited.

@@ -174,7 +174,9 @@ TEST(MainJob, WithAMaskNoTrackerOfTheGridHasAFeatureWhereItIsBlack) {
   for (const FeatureId feature : ceiling.features()) {
     EXPECT_GT(ceiling.Track(feature).front().xy.x(), kLeft - 1);
   }
-  cv::imwrite(picture, cv::Mat(300, 400, CV_8UC1, cv::Scalar(0)));
+  mask.setTo(0);
+  mask.at<uchar>(299, 399) = 255;
+  ASSERT_TRUE(cv::imwrite(picture, mask));
   const test::ProgramEnd black = test::RunCohort(
       "compare " + clip + " --protocol paper --paper.window-frames 4 --trackers klt" + more +
       (dir / "paper").string());

@@ -60,6 +60,11 @@ TEST(WriteLock, IsOfAFileThatIsOpenForWriting) {
     const auto lock = WriteLock::TryOf(path);
     EXPECT_THAT(modes(), ElementsAre(O_RDWR));
   }
+  {
+    fs::create_symlink(path, dir / "link");
+    const WriteLock lock = WriteLock::Of(dir / "link");
+    EXPECT_THAT(modes(), ElementsAre(O_RDONLY)) << "what is behind a link may be anybody's";
+  }
   EXPECT_EQ(ReadBytes(path), "kept");
   {
     const WriteLock lock = WriteLock::OfNewFile(path);
