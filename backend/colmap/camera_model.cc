@@ -97,6 +97,14 @@ bool Holds(const ModelRow& row, const Camera& camera) {
 
 }  // namespace
 
+bool IsStartOfColmap(const ColmapCamera& camera) {
+  const std::vector<double>& params = camera.params;
+  return Row(camera.model).two_focals && !Row(camera.model).coefficients.empty() &&
+         params.size() == ColmapParameterCount(camera.model) && params[0] == params[1] &&
+         params[2] == camera.width_px / 2.0 && params[3] == camera.height_px / 2.0 &&
+         std::all_of(params.begin() + 4, params.end(), [](double value) { return value == 0.0; });
+}
+
 bool IsFoundByColmap(ColmapCameraModel model) {
   switch (model) {
     case ColmapCameraModel::kSimplePinhole:

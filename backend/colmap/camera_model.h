@@ -47,6 +47,9 @@ Camera FromColmapCamera(const ColmapCamera& colmap);
 // Does COLMAP refine all of such a camera by itself, wherever its first value came from? Those of
 // one focal length; who has a calibration gives the others.
 bool IsFoundByColmap(ColmapCameraModel model);
+// Is it where COLMAP starts, as far as a calibration tells more than a focal length: without
+// distortion in a model that has some, one focal length, the principal point in the middle?
+bool IsStartOfColmap(const ColmapCamera& camera);
 
 std::string ColmapModelName(ColmapCameraModel model);
 ColmapCameraModel ColmapModelFromName(const std::string& name);  // throws Error

@@ -111,7 +111,9 @@ ImportedTracks TracksOfColmapDatabase(const ColmapDatabase& database,
   ImportedTracks result;
   result.camera = FromColmapCamera(database.camera);
   // COLMAP says so of a focal length from EXIF, too, which it goes on to refine.
-  if (IsFoundByColmap(database.camera.model)) result.camera->known = false;
+  if (IsFoundByColmap(database.camera.model) || IsStartOfColmap(database.camera)) {
+    result.camera->known = false;
+  }
   const Nodes nodes(database, path);
   Components components(nodes);
   for (const auto& [count, image1, image2] : pairs) {

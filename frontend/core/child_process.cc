@@ -41,6 +41,23 @@ std::vector<char*> Pointers(std::vector<std::string>& texts) {
   return pointers;
 }
 
+// Where the end of children is ignored (SIGCHLD), as job runners have it, how one ended is not told.
+class EndIsTold {
+ public:
+  EndIsTold() {
+    sigaction(SIGCHLD, nullptr, &before_);
+    if (before_.sa_handler == SIG_IGN) signal(SIGCHLD, SIG_DFL);
+  }
+  EndIsTold(const EndIsTold&) = delete;
+  EndIsTold& operator=(const EndIsTold&) = delete;
+  ~EndIsTold() {
+    if (before_.sa_handler == SIG_IGN) signal(SIGCHLD, SIG_IGN);
+  }
+
+ private:
+  struct sigaction before_ {};
+};
+
 // Waits for the child's end; kills it after `time_limit`, or where the check of an interruption
 // throws. Looks up to 20 times a second, more often at first: most calls are short.
 ProgramEnd WaitFor(pid_t child, std::chrono::duration<double> time_limit) {
@@ -114,6 +131,7 @@ ProgramEnd RunProgram(const fs::path& program,
   }
   const Descriptor report_from(pipe_ends[0]);
   Descriptor report_to(pipe_ends[1]);
+  const EndIsTold told;
   const pid_t parent = getpid();
   const pid_t child = fork();
   if (child < 0) ThrowError("cannot run {}: {}", program.string(), std::strerror(errno));

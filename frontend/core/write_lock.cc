@@ -27,9 +27,28 @@ bool TryLock(int descriptor, int kind) {
   return flock(descriptor, kind | LOCK_NB) == 0 || errno != EWOULDBLOCK;
 }
 
-void LockOrThrow(int descriptor, const fs::path& path, int kind) {
+// NFS makes of a lock one of all bytes of the file (flock(2)), and SQLite, which locks bytes of the
+// files that we hold, would wait for us. It never locks the first byte.
+bool IsOfBytes(int descriptor) {
+  struct flock first {};
+  first.l_type = F_WRLCK;
+  first.l_len = 1;
+  return fcntl(descriptor, F_GETLK, &first) == 0 && first.l_type != F_UNLCK;
+}
+
+// None where it would be of bytes.
+bool TryLockBesideSqlite(int descriptor, int kind) {
+  if (!TryLock(descriptor, kind)) return false;
+  if (IsOfBytes(descriptor)) flock(descriptor, LOCK_UN);
+  return true;
+}
+
+void LockOrThrow(int descriptor,
+                 const fs::path& path,
+                 int kind,
+                 bool (*try_lock)(int, int) = TryLockBesideSqlite) {
   const auto until = std::chrono::steady_clock::now() + kPatience;
-  while (!TryLock(descriptor, kind)) {
+  while (!try_lock(descriptor, kind)) {
     if (std::chrono::steady_clock::now() > until) {
       ThrowError(
           "cannot write {}: another run is writing it; wait for its end, or give another output",
@@ -39,13 +58,8 @@ void LockOrThrow(int descriptor, const fs::path& path, int kind) {
   }
 }
 
-// A file for writing, where that may be: NFS locks no other one. Through a link to read only, who
-// knows whose file is behind it.
-int Open(const fs::path& path, int more = O_NOFOLLOW) {
-  constexpr int kFlags = O_NONBLOCK | O_CLOEXEC;
-  const int writable = open(path.c_str(), O_RDWR | O_NOFOLLOW | kFlags);
-  if (writable >= 0 || errno == ENOENT) return writable;
-  return open(path.c_str(), O_RDONLY | more | kFlags);
+int Open(const fs::path& path) {
+  return open(path.c_str(), O_RDONLY | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC);
 }
 
 // Is it still what lies at the path? Another run may have put its own there while we waited.
@@ -64,6 +78,11 @@ int Remove(const fs::path& path, bool folder) {
     return error.value();
   }
   return unlink(path.c_str()) == 0 || errno == ENOENT ? 0 : errno;
+}
+
+// For a lock alone, of the bytes where need be: for writing, as NFS locks no other file.
+int OpenLockFile(const fs::path& path) {
+  return open(path.c_str(), O_RDWR | O_CREAT | O_NOFOLLOW | O_CLOEXEC, 0644);
 }
 
 int Make(const fs::path& path, bool folder, int* descriptor) {
@@ -111,19 +130,25 @@ WriteLock WriteLock::OfNewFile(const fs::path& path) { return OfNew(path, false)
 WriteLock WriteLock::OfNewFolder(const fs::path& path) { return OfNew(path, true); }
 
 WriteLock WriteLock::Of(const fs::path& path, bool shared) {
-  WriteLock lock(Open(path, 0));
+  WriteLock lock(open(path.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC));
   if (lock.descriptor_ >= 0) LockOrThrow(lock.descriptor_, path, shared ? LOCK_SH : LOCK_EX);
   return lock;
 }
 
 std::optional<WriteLock> WriteLock::TryOf(const fs::path& path) {
   WriteLock lock(Open(path));
-  if (lock.descriptor_ >= 0 && !TryLock(lock.descriptor_, LOCK_EX)) return std::nullopt;
+  if (lock.descriptor_ >= 0 && !TryLockBesideSqlite(lock.descriptor_, LOCK_EX)) return std::nullopt;
+  return lock;
+}
+
+WriteLock WriteLock::OfLockFile(const fs::path& path) {
+  WriteLock lock(OpenLockFile(path));
+  if (lock.descriptor_ >= 0) LockOrThrow(lock.descriptor_, path, LOCK_EX, TryLock);
   return lock;
 }
 
 WriteLock WriteLock::Await(const fs::path& path) {
-  WriteLock lock(open(path.c_str(), O_RDWR | O_CREAT | O_NOFOLLOW | O_CLOEXEC, 0644));
+  WriteLock lock(OpenLockFile(path));
   int status = -1;
   if (lock.descriptor_ >= 0) {
     do {

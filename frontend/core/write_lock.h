@@ -8,7 +8,7 @@ namespace cohort {
 // Keeps other runs of the program away from a file or folder that this one writes, until it is
 // destroyed or the process ends, however it ends. Where another run holds it, it is waited for some
 // seconds (a run that was killed may still be ending); then Error says that there is one. File systems
-// that know no locks have none, NFS none of folders.
+// that know no locks have none, nor those whose locks would meet SQLite's (NFS).
 class WriteLock {
  public:
   // An empty file in the place of what was there (no folder): made by us, never reached by a link that
@@ -21,8 +21,10 @@ class WriteLock {
   // The same without waiting: none if another run holds it.
   static std::optional<WriteLock> TryOf(const std::filesystem::path& path);
 
-  // An empty file that is there for this alone, made where it is missing and left behind: waits for as
-  // long as another run holds it. Throws Error where there are no locks.
+  // An empty file that is there for this alone, made where it is missing and left behind; it is locked
+  // on NFS, too.
+  static WriteLock OfLockFile(const std::filesystem::path& path);
+  // The same, waited for as long as another run holds it. Throws Error where there are no locks.
   static WriteLock Await(const std::filesystem::path& path);
 
   WriteLock(WriteLock&& other) noexcept : descriptor_(other.descriptor_) { other.descriptor_ = -1; }

@@ -142,7 +142,8 @@ def numbers_of(folder, names):
 
     cohort's images are numbered by frame, but not those of another program's model that it refined, of
     which summary.json has the frames. Ids that are not in the order of the names, as COLMAP gives them
-    that works on several threads, are no frames: what is left is that order.
+    that works on several threads, are no frames: what is left are the numbers in the names, or else
+    their order.
     """
     summary = os.path.join(folder, "summary.json")
     by_name = sorted(names, key=lambda image: natural(names[image]))
@@ -152,7 +153,12 @@ def numbers_of(folder, names):
         if frame_of_image:
             return {image: frame + 1 for image, frame in frame_of_image}
     elif by_name != sorted(names):
-        return {image: i + 1 for i, image in enumerate(by_name)}
+        runs = {image: re.findall(r"\d+", names[image])[-1:] for image in by_name}
+        numbers = {image: int(run[0]) for image, run in runs.items() if run}
+        if len(set(numbers.values())) < len(names):
+            return {image: i + 1 for i, image in enumerate(by_name)}
+        first = min(numbers.values())
+        return {image: number - first + 1 for image, number in numbers.items()}
     return {image: image for image in names}
 
 

@@ -60,7 +60,8 @@ Command CompareCommand() {
            "Compare trackers by the reconstructions made of their tracks, or as the paper did",
        .positionals = {"inputs"},
        .required = {"inputs", "out"},
-       .short_flags = {{"features", {"tracking.detector.max_features"}}}},
+       .short_flags = {{"features", {"tracking.detector.max_features"}},
+                       {"colmap-program", {"colmap.program"}}}},
       RunCompare);
 }
 

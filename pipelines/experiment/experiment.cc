@@ -89,15 +89,13 @@ void CheckCellsAreOurs(const ExperimentOptions& options, const fs::path& cells) 
 
 // Nobody else makes the same shard: a queue may have started it twice.
 WriteLock LockOfShard(const ExperimentPlan& plan) {
-  const fs::path file =
-      plan.cells_folder / fmt::format("shard_{}_of_{}.lock", plan.shard.index, plan.shard.count);
-  if (!fs::exists(file)) WriteBytes(file, "");
-  return WriteLock::Of(file);
+  return WriteLock::OfLockFile(
+      plan.cells_folder / fmt::format("shard_{}_of_{}.lock", plan.shard.index, plan.shard.count));
 }
 
 // Its cells would all fail for want of it, as if that were the trackers' fault.
 void CheckColmapIsThere(const ExperimentOptions& options, const ExperimentPlan& plan) {
-  if (options.collect || options.protocol == Protocol::kPaper ||
+  if (options.protocol == Protocol::kPaper ||
       std::ranges::find(plan.backends, GridBackend::kColmap) == plan.backends.end()) {
     return;
   }
@@ -112,7 +110,7 @@ void CheckColmapIsThere(const ExperimentOptions& options, const ExperimentPlan& 
 
 ExperimentPlan RunCells(const ExperimentOptions& options) {
   ExperimentPlan plan = PlanWithoutClips(options);
-  CheckColmapIsThere(options, plan);
+  if (!options.resume && !options.collect) CheckColmapIsThere(options, plan);
   const bool anew = !options.resume && !options.collect && options.shard.empty();
   if (anew) CheckCellsAreOurs(options, plan.cells_folder);
   MakeFolder(plan.cells_folder);
@@ -142,7 +140,11 @@ ExperimentPlan RunCells(const ExperimentOptions& options) {
     return plan;
   }
   run("track", TrackTasks(options, plan));
-  run("reconstruct", ReconstructTasks(options, plan));
+  const std::vector<Task> reconstruct = ReconstructTasks(options, plan);
+  if (options.resume && !std::ranges::all_of(reconstruct, IsDone)) {
+    CheckColmapIsThere(options, plan);
+  }
+  run("reconstruct", reconstruct);
   run("halves", HalvesTasks(options, plan));
   return plan;
 }

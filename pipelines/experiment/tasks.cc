@@ -50,19 +50,6 @@ bool HasMade(const Json& result, const Task& task) {
          fs::exists(task.makes);
 }
 
-bool IsDone(const Task& task) {
-  if (!fs::exists(task.result)) return false;
-  bool done = false;
-  try {
-    UseJsonFile(task.result, [&](const Json& result) {
-      done = result.at("error").is_null() && IsOf(result, task) && HasMade(result, task);
-    });
-  } catch (const Error& error) {
-    spdlog::warn("{}; it is made anew", error.what());
-  }
-  return done;
-}
-
 [[noreturn]] void RunInChild(const Task& task, pid_t parent) {
   prctl(PR_SET_PDEATHSIG, SIGKILL);
   if (getppid() != parent) _exit(EXIT_FAILURE);  // it died before the line above
@@ -120,6 +107,19 @@ void RecordEnd(const Task& task, int status) {
 }
 
 }  // namespace
+
+bool IsDone(const Task& task) {
+  if (!fs::exists(task.result)) return false;
+  bool done = false;
+  try {
+    UseJsonFile(task.result, [&](const Json& result) {
+      done = result.at("error").is_null() && IsOf(result, task) && HasMade(result, task);
+    });
+  } catch (const Error& error) {
+    spdlog::warn("{}; it is made anew", error.what());
+  }
+  return done;
+}
 
 bool HasResult(const Task& task) {
   if (!fs::exists(task.result)) return false;

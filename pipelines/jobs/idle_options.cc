@@ -31,11 +31,18 @@ void WarnOfUnread(const std::vector<std::string>& idle, const std::string& who) 
 
 void WarnOfIdleOptions(const TrackerOptions& options) {
   const std::set<std::string> own = OptionGroupsOf(options.tracker);
+  // Of all features together, which a descent of each alone has not.
   const std::set<std::string> joint = {"subspace.constraint",
                                        "subspace.penalty",
                                        "subspace.uncentered",
                                        "subspace.penalty_weight",
-                                       "subspace.epsilon"};
+                                       "subspace.epsilon",
+                                       "measurement.enabled",
+                                       "measurement.max_open_px",
+                                       "measurement.max_rank",
+                                       "measurement.perspective",
+                                       "measurement.max_unexplained_frames",
+                                       "measurement.fuse"};
   std::vector<std::string> idle;
   for (const std::string& path : ChangedOptions(options)) {
     const std::string group = GroupOf(path);
@@ -57,7 +64,7 @@ void WarnOfIdleOptions(const ReconstructOptions& options, bool camera_known) {
   if (camera_known && options.ceres.refine_principal_point) {
     spdlog::warn(
         "the camera is known and stays as it is, ceres.refine_principal_point changes nothing: "
-        "leave out --camera to have it refined");
+        "it is for a guessed one");
   }
   if (options.backend != BackendKind::kCeres) return;
   std::vector<std::string> idle = ChangedOptions(options);

@@ -208,7 +208,8 @@ SfmFigures RunSfmJob(const SfmJobOptions& options) {
   const auto sequence = OpenInput(options.input);
   const Json made_of = SceneMadeOf(options, *sequence);
   const Json model_made_of = ModelMadeOf(made_of);
-  if (options.reconstruct.backend == BackendKind::kColmap) {
+  if (options.reconstruct.backend == BackendKind::kColmap &&
+      !(options.resume && HasModel(folder, model_made_of))) {
     RequireColmap(options.reconstruct.colmap.program, options.reconstruct.colmap.max_minutes);
   }
   // Checked before hours of work: that the folder can be made.

@@ -91,6 +91,14 @@ double QuantileOf(const Histogram& histogram, double share) {
   return 1.0;
 }
 
+double MeanOf(const Histogram& histogram, const ToneCurve& tone) {
+  double sum = 0.0;
+  for (std::size_t v = 0; v < histogram.size(); ++v) {
+    sum += histogram[v] * tone(static_cast<double>(v) / 255.0);
+  }
+  return sum / std::accumulate(histogram.begin(), histogram.end(), 0.0);
+}
+
 // The whole range, and its middle as bright as people like it; as it is where it is brighter.
 ToneCurve Brighter(const Histogram& histogram) {
   constexpr double kTail = 0.005;
@@ -98,10 +106,9 @@ ToneCurve Brighter(const Histogram& histogram) {
   ToneCurve tone;
   tone.black = QuantileOf(histogram, kTail);
   tone.white = std::max(QuantileOf(histogram, 1.0 - kTail), tone.black + 4.0 / 255.0);
-  const double middle = QuantileOf(histogram, 0.5);
-  const double median = (middle - tone.black) / (tone.white - tone.black);
+  const double median = (QuantileOf(histogram, 0.5) - tone.black) / (tone.white - tone.black);
   tone.gamma = std::clamp(std::log(kMiddle) / std::log(std::clamp(median, 0.01, 0.99)), 0.4, 1.0);
-  return tone(middle) > middle ? tone : ToneCurve{};
+  return MeanOf(histogram, tone) > MeanOf(histogram, {}) ? tone : ToneCurve{};
 }
 
 cv::Mat TableOf(const ToneCurve& tone) {

@@ -101,6 +101,22 @@ TEST(ColmapTracks, ACameraOfOneFocalLengthIsAGuess) {
   EXPECT_EQ(Tracks(database).camera->fx, 500.0);
 }
 
+TEST(ColmapTracks, ACameraAsColmapStartsIsAGuess) {
+  ColmapDatabase database = Database(2, 1);
+  Match(database, 1, 2, {{0, 0}});
+  ColmapCamera& camera = database.camera;
+  camera.model = ColmapCameraModel::kOpencv;
+  const std::vector<double> start = {
+      500.0, 500.0, camera.width_px / 2.0, camera.height_px / 2.0, 0.0, 0.0, 0.0, 0.0};
+  camera.params = start;
+  EXPECT_FALSE(Tracks(database).camera->known);
+  for (std::size_t i = 0; i < start.size(); ++i) {
+    camera.params = start;
+    camera.params[i] += 1e-3;
+    EXPECT_TRUE(Tracks(database).camera->known) << "a measured parameter " << i;
+  }
+}
+
 TEST(ColmapTracks, AFalseMatchNeitherJoinsTwoTracksNorCostsThem) {
   // Two points through four images; the pair of most inliers is right, the one of fewest wrong.
   ColmapDatabase database = Database(4, 3);

@@ -79,5 +79,11 @@ TEST(ChildProcess, HasTheUsualHandlingOfBrokenPipes) {
   signal(SIGPIPE, old);
 }
 
+TEST(ChildProcess, EndsWhereTheEndOfChildrenIsIgnored) {
+  const auto old = signal(SIGCHLD, SIG_IGN);
+  EXPECT_EQ(Shell("exit 3").end.exit_code, 3);
+  EXPECT_EQ(signal(SIGCHLD, old), SIG_IGN);
+}
+
 }  // namespace
 }  // namespace cohort

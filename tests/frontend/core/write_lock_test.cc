@@ -3,8 +3,12 @@
 #include <fcntl.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/file.h>
+#include <sys/syscall.h>
+#include <unistd.h>
 
 #include <atomic>
+#include <cerrno>
 #include <chrono>
 #include <filesystem>
 #include <optional>
@@ -15,7 +19,21 @@
 
 #include "frontend/core/error.h"
 #include "frontend/core/output.h"
+#include "frontend/tracks/track_store.h"
 #include "tests/support/temp_dir.h"
+
+// As NFS locks (flock(2)): all bytes, and what is open for it only.
+static bool g_locks_are_of_bytes = false;
+extern "C" int flock(int descriptor, int operation) noexcept {
+  if (!g_locks_are_of_bytes) return static_cast<int>(syscall(SYS_flock, descriptor, operation));
+  struct flock all {};
+  all.l_type = (operation & LOCK_UN) != 0   ? F_UNLCK
+               : (operation & LOCK_SH) != 0 ? F_RDLCK
+                                            : F_WRLCK;
+  const int end = fcntl(descriptor, (operation & LOCK_NB) != 0 ? F_OFD_SETLK : F_OFD_SETLKW, &all);
+  if (end != 0 && errno == EAGAIN) errno = EWOULDBLOCK;
+  return end;
+}
 
 // A lock is of an opened file, so that one process can stand for two runs.
 namespace cohort {
@@ -37,40 +55,24 @@ TEST(WriteLock, SaysThatAnotherRunWritesTheSameFile) {
   EXPECT_EQ(ReadBytes(dir / "a"), "first");
 }
 
-// NFS locks no file that was opened to be read.
-TEST(WriteLock, IsOfAFileThatIsOpenForWriting) {
+// What a run holds there keeps SQLite away from its own file.
+TEST(WriteLock, IsNoneWhereItWouldBeOfTheBytesThatSqliteLocks) {
   const test::TempDir dir;
-  const std::string path = dir / "a";
-  WriteBytes(path, "kept");
-  const auto modes = [&path] {
-    std::vector<int> found;
-    for (const auto& entry : fs::directory_iterator("/proc/self/fd")) {
-      std::error_code gone;
-      if (fs::read_symlink(entry, gone) != path) continue;
-      const int descriptor = std::stoi(entry.path().filename().string());
-      found.push_back(fcntl(descriptor, F_GETFL) & O_ACCMODE);
-    }
-    return found;
-  };
+  const std::string path = dir / "a.tracks";
+  g_locks_are_of_bytes = true;
   {
+    TrackFile file;
+    file.width_px = file.height_px = 8;
+    file.frames = {{FrameIndex{0}, "0.png", 0}};
+    WriteTrackFile(path, file);
+    WriteTrackFile(path, file);
     const WriteLock lock = WriteLock::Of(path);
-    EXPECT_THAT(modes(), ElementsAre(O_RDWR));
+    EXPECT_EQ(ReadTrackFile(path).frames.size(), 1u);
+    const WriteLock alone = WriteLock::OfLockFile(dir / "lock");
+    EXPECT_THAT([&] { WriteLock::OfLockFile(dir / "lock"); },
+                ThrowsMessage<Error>(HasSubstr("another run")));
   }
-  {
-    const auto lock = WriteLock::TryOf(path);
-    EXPECT_THAT(modes(), ElementsAre(O_RDWR));
-  }
-  {
-    fs::create_symlink(path, dir / "link");
-    const WriteLock lock = WriteLock::Of(dir / "link");
-    EXPECT_THAT(modes(), ElementsAre(O_RDONLY)) << "what is behind a link may be anybody's";
-  }
-  EXPECT_EQ(ReadBytes(path), "kept");
-  {
-    const WriteLock lock = WriteLock::OfNewFile(path);
-    EXPECT_THAT(modes(), ElementsAre(O_WRONLY));
-  }
-  EXPECT_EQ(ReadBytes(path), "");
+  g_locks_are_of_bytes = false;
 }
 
 TEST(WriteLock, WaitsForARunThatIsAboutToEnd) {

@@ -104,7 +104,7 @@ class WrittenByHand(unittest.TestCase):
         (self.dir / "images.txt").write_text(lines)
         frames = import_cohort.read(self.dir).frames
         self.assertEqual([frame.name for frame in frames], ["name 1", "name 2", "name 9", "name 10"])
-        self.assertEqual([frame.number for frame in frames], [1, 2, 3, 4])
+        self.assertEqual([frame.number for frame in frames], [1, 2, 9, 10])
         # cohort's own, of a clip whose pictures are listed in such an order.
         (self.dir / "summary.json").write_text("{}")
         self.assertEqual([frame.number for frame in import_cohort.read(self.dir).frames], [1, 2, 5, 9])
@@ -286,6 +286,17 @@ class WrittenByCohort(unittest.TestCase):
         )
         np.testing.assert_array_equal(model.points, [[1, 2.5, 3], [-1, 0, 10]])
         np.testing.assert_array_equal(model.colours, [[10, 20, 30], [255, 0, 7]])
+        # A picture that found no place leaves its number free.
+        for name, frame in zip((4, 5, 7), scene["frames"]):
+            frame["file_path"] = f"images/frame_{name:05}.png"
+        (folder / "transforms.json").write_text(json.dumps(scene))
+        model = import_cohort.read(folder / "transforms.json")
+        self.assertEqual([frame.number for frame in model.frames], [1, 2, 4])
+        for name, frame in zip("abc", scene["frames"]):
+            frame["file_path"] = f"images/{name}.png"
+        (folder / "transforms.json").write_text(json.dumps(scene))
+        model = import_cohort.read(folder / "transforms.json")
+        self.assertEqual([frame.number for frame in model.frames], [1, 2, 3])
 
 
 # Runs in Blender: what is loaded is where Blender itself says that it is.

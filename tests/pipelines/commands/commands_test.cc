@@ -334,6 +334,10 @@ TEST_F(Commands, OptionsThatChangeNothingAreSaid) {
               HasSubstr("tracker dis does not read klt.window_px, subspace.template_px: they"));
   EXPECT_THAT(warned(track + " --tracker descent --uncentered --second-pass off"),
               HasSubstr("tracker descent does not read subspace.uncentered: it changes nothing"));
+  EXPECT_THAT(
+      warned(track + " --tracker descent --measurement.max-rank 3 --measurement.window-px 19 "
+                     "--second-pass off"),
+      HasSubstr("tracker descent does not read measurement.max_rank: it changes nothing"));
 
   Run("synth " + Path("scene") + kSmall + " --frames 10");
   Run("track " + Path("scene") + " --features 60 --second-pass off --out " + Path("s.tracks"));
@@ -1897,7 +1901,7 @@ TEST_F(Commands, CompareRecordsFailuresAsFailures) {
   for (int i = 0; i < 8; ++i) cv::imwrite(ImagePath(still, i), MovingFrame(0));
   const std::string compare = "compare " + still.string() +
                               " --trackers klt --backends ceres,colmap --quiet --out " +
-                              Path("out") + " --colmap.program ";
+                              Path("out") + " --colmap-program ";
   // What is missing is no tracker's failure.
   ExpectFailure(RunCohort(compare + Path("nocolmap")),
                 1,
@@ -1912,6 +1916,13 @@ TEST_F(Commands, CompareRecordsFailuresAsFailures) {
                     HasSubstr("still,as-is,klt,ceres,1,halves_failed,1,\n"),
                     Not(HasSubstr("halves_disagreement")),
                     Not(HasSubstr("ate"))));
+  // Where all is done nothing is missing.
+  const auto resume = [&] {
+    return test::RunShell("env PATH=/none " + ProgramPath() + " " + compare + "colmap --resume");
+  };
+  EXPECT_EQ(resume().exit_code, 0);
+  fs::remove(Path("out/cells/still/as-is/1/klt/colmap.json"));
+  ExpectFailure(resume(), 1, HasSubstr("colmap is not installed"));
   ExpectFailure(RunCohort("compare " + Path("none") + " --quiet --out " + Path("out")),
                 1,
                 HasSubstr(Path("none")));

@@ -137,6 +137,18 @@ TEST_F(Sfm, BrightensPicturesAndColoursAlike) {
     return sum / static_cast<double>(model.points.size());
   };
   EXPECT_GT(mean_of_points(bright), 1.5 * mean_of_points(plain));
+  // Nor does it matter that half of a picture and more is black, as around upright video.
+  const fs::path bars = *dir_ / "bars";
+  fs::create_directory(bars);
+  for (const auto& entry : fs::directory_iterator(dark)) {
+    cv::Mat picture = cv::imread(entry.path().string());
+    cv::copyMakeBorder(
+        picture, picture, 0, picture.rows, 0, picture.cols, cv::BORDER_CONSTANT, cv::Scalar());
+    cv::imwrite((bars / entry.path().filename()).string(), picture);
+  }
+  const fs::path beside = *dir_ / "beside";
+  ASSERT_EQ(RunSfm(beside, "--max-images 6 --brighten", bars).exit_code, 0);
+  EXPECT_GT(mean(beside), 1.5 * mean(plain) / 4.0);
   // What is bright stays as it is.
   const fs::path day = *dir_ / "day";
   const fs::path same = *dir_ / "same";
