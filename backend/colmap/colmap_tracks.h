@@ -18,9 +18,9 @@ namespace cohort {
 // the same position (SIFT's of several orientations) are one. Keypoints without a match are none.
 //
 // Images are found among the frames by name; tracks are numbered by their first image and keypoint
-// there. The camera comes along, as a guess where it is of a model that COLMAP refines by itself, or
-// its start (IsFoundByColmap, IsStartOfColmap). Throws Error naming `path` where there are no verified matches, or a position
-// is not finite.
+// there. The camera comes along, as a guess where COLMAP refines all of it or has only started with
+// it (IsFoundByColmap, IsStartOfColmap). Throws Error naming `path` where there are no verified
+// matches, or a position is not finite.
 ImportedTracks TracksOfColmapDatabase(const ColmapDatabase& database,
                                       std::span<const FrameInfo> frames,
                                       const std::filesystem::path& path);

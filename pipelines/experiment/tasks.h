@@ -29,8 +29,9 @@ bool HasResult(const Task& task);
 // Has it its result, without an error, and what it makes?
 bool IsDone(const Task& task);
 
-// Does the tasks, `jobs` at a time, with `resume` those that are not done yet. Interrupted by Ctrl-C, ends the running ones and throws
-// Error. The calling process must not have used OpenCV's threads: it forks.
+// Does the tasks, `jobs` at a time, with `resume` those that are not done yet. Interrupted by Ctrl-C,
+// ends the running ones and throws Error. The calling process must not have used OpenCV's threads: it
+// forks.
 void RunTasks(const std::string& stage, const std::vector<Task>& tasks, int jobs, bool resume);
 
 }  // namespace cohort
