@@ -24,6 +24,7 @@
 
 // As NFS locks (flock(2)): all bytes, and what is open for it only.
 static bool g_locks_are_of_bytes = false;
+// NOLINTNEXTLINE(readability-inconsistent-declaration-parameter-name): the system's are reserved
 extern "C" int flock(int descriptor, int operation) noexcept {
   if (!g_locks_are_of_bytes) return static_cast<int>(syscall(SYS_flock, descriptor, operation));
   struct flock all {};
