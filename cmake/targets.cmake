@@ -2,7 +2,8 @@
 # root are the same everywhere:
 #   cohort_add_library(tracks SOURCES a.cc PUBLIC cohort::core PRIVATE SQLite::SQLite3
 #                      PRECOMPILE <opencv2/core.hpp>)
-# APART: sources that share a name with another one, so that a unity build compiles them alone.
+# APART: sources that a unity build compiles alone: they share a name with another one, or are so large
+# that GCC takes longer for them together.
 # With INSTALL it is among those of cmake/install.cmake; so must be what it links of ours. LIGHT: it
 # knows no Eigen, and no headers that are worth to be precompiled.
 add_library(cohort_build_flags INTERFACE)
@@ -59,7 +60,10 @@ function(cohort_add_library name)
   target_link_libraries(cohort_${name} PUBLIC ${ARG_PUBLIC}
                         PRIVATE $<BUILD_INTERFACE:cohort_build_flags> ${ARG_PRIVATE})
   if(COHORT_COVERAGE)
-    target_compile_options(cohort_${name} PRIVATE -fprofile-instr-generate -fcoverage-mapping)
+    # By a relative path, the same for ccache in every folder.
+    file(RELATIVE_PATH counted ${PROJECT_BINARY_DIR} ${PROJECT_SOURCE_DIR}/tests/coverage/counted.txt)
+    target_compile_options(cohort_${name} PRIVATE -fprofile-instr-generate -fcoverage-mapping
+                           -fprofile-list=${counted})
   endif()
   set_target_properties(cohort_${name} PROPERTIES EXPORT_NAME ${name})
   if(NOT ARG_LIGHT)
