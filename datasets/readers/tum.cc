@@ -4,6 +4,7 @@
 
 #include "datasets/readers/text_table.h"
 #include "frontend/core/error.h"
+#include "frontend/core/input_file.h"
 #include "frontend/geometry/camera_text.h"
 
 namespace cohort {
@@ -27,6 +28,10 @@ std::map<FrameIndex, fs::path> ReadCompanions(const fs::path& folder,
   if (!fs::exists(folder / list)) return {};
   std::map<std::int64_t, fs::path> by_time;
   for (const ImageList::Image& file : ReadList(folder / list)) {
+    if (const std::string fault = FaultOfPictureName(file.name); !fault.empty()) {
+      ThrowError(
+          "{}: the name of picture '{}' {}: rename it", (folder / list).string(), file.name, fault);
+    }
     by_time.emplace(file.timestamp_ns, folder / file.name);
   }
   return ByNearestTime(images, by_time);

@@ -30,8 +30,7 @@ static_assert(std::endian::native == std::endian::little, "NumPy's files are rea
 constexpr std::string_view kMagic = "\x93NUMPY";
 constexpr std::string_view kSuffix = ".npy";
 constexpr std::size_t kMaxHeaderBytes = 1 << 16;
-constexpr std::size_t kMaxDimensions = 64;                // NumPy's
-constexpr std::size_t kMaxValues = std::size_t{1} << 30;  // 8 GB in memory
+constexpr std::size_t kMaxDimensions = 64;  // NumPy's
 constexpr std::size_t kChunkBytes = 1 << 20;
 constexpr zip_uint32_t kDeflateLevel = 6;
 constexpr std::uint64_t kMaxDeflateRatio = 1040;  // what deflate can reach, and a little more
@@ -170,7 +169,7 @@ class HeaderParser {
 std::optional<std::size_t> CountOf(std::span<const std::size_t> shape) {
   std::size_t count = 1;
   for (const std::size_t size : shape) {
-    if (size > 0 && count > kMaxValues / size) return std::nullopt;
+    if (size > 0 && count > kMaxNpzValues / size) return std::nullopt;
     count *= size;
   }
   return count;
@@ -334,7 +333,7 @@ bool NpzReader::Has(std::string_view name) const {
   return std::find(impl_->names.begin(), impl_->names.end(), name) != impl_->names.end();
 }
 
-NpzArray NpzReader::Read(const std::string& name) {
+NpzArray NpzReader::Read(const std::string& name, std::size_t max_values) {
   Member member(impl_->archive.get(),
                 fmt::format("{}, array {}", impl_->path.string(), name),
                 name + std::string(kSuffix),
@@ -342,6 +341,9 @@ NpzArray NpzReader::Read(const std::string& name) {
   const Header header = ReadHeader(member);
   const Type& type = TypeOf(header, member);
   const auto count = CountOf(header.shape);
+  if (count && *count > max_values) {
+    member.Fail(fmt::format("it has {} numbers, and {} are the most", *count, max_values));
+  }
   if (!count || *count * type.bytes != member.bytes_left()) {
     member.Fail(fmt::format("its shape {} does not fit its {} bytes of {}",
                             ShapeText(header.shape),

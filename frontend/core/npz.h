@@ -16,6 +16,8 @@ namespace cohort {
 
 enum class NpzKind { kBool, kInteger, kReal };
 
+inline constexpr std::size_t kMaxNpzValues = std::size_t{1} << 30;  // of an array: 8 GB in memory
+
 struct NpzArray {
   NpzKind kind = NpzKind::kReal;
   std::vector<std::size_t> shape;
@@ -37,7 +39,8 @@ class NpzReader {
   // Of all arrays, in the file's order. What is in the archive and no .npy is not listed.
   const std::vector<std::string>& names() const;
   bool Has(std::string_view name) const;
-  NpzArray Read(const std::string& name);
+  // More than `max_values` numbers are an error, before memory is taken for them.
+  NpzArray Read(const std::string& name, std::size_t max_values = kMaxNpzValues);
 
  private:
   struct Impl;

@@ -71,7 +71,7 @@ class TracksReader {
                const NpzTracksOptions& options)
       : npz_(path), path_(path.string()), options_(options) {
     tracks_name_ = Required();
-    NpzArray tracks = npz_.Read(tracks_name_);
+    NpzArray tracks = npz_.Read(tracks_name_, 2 * kMaxCells);
     DropBatch(tracks, 3);
     if (tracks.shape.size() != 3 || tracks.shape[2] != 2 || tracks.kind == NpzKind::kBool) {
       Fail(tracks_name_,
@@ -92,11 +92,18 @@ class TracksReader {
   std::size_t Cell(std::size_t t, std::size_t n) const {
     return frames_first_ ? t * track_count_ + n : n * frames_.size() + t;
   }
+  std::size_t PositionCount() const {
+    std::size_t count = 0;
+    for (std::size_t i = 0; i + 1 < tracks_.size(); i += 2) {
+      if (std::isfinite(tracks_[i]) && std::isfinite(tracks_[i + 1])) ++count;
+    }
+    return count;
+  }
   const std::string& tracks_name() const { return tracks_name_; }
 
   // Values of cells, none where the file has no such array.
   std::vector<double> Cells(const std::string& name, std::size_t values_a_cell) {
-    NpzArray array = npz_.Read(name);
+    NpzArray array = npz_.Read(name, values_a_cell * kMaxCells);
     std::vector<std::size_t> shape{frames_.size(), track_count_};
     if (!frames_first_) std::swap(shape[0], shape[1]);
     if (values_a_cell > 1) shape.push_back(values_a_cell);
@@ -306,6 +313,7 @@ ImportedTracks ReadTracksNpz(const fs::path& path,
 
   ImportedTracks result;
   std::vector<Observation> observations;
+  observations.reserve(reader.PositionCount());  // growing would hold them twice
   std::size_t observed = 0;
   for (std::size_t n = 0; n < reader.track_count(); ++n) {
     for (std::size_t t = 0; t < reader.frame_count(); ++t) {

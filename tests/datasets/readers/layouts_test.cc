@@ -231,6 +231,18 @@ TEST_F(Tum, PicturesLieInTheFolder) {
   }
 }
 
+TEST_F(Tum, SoDoDepthAndOccluders) {
+  for (const std::string list : {"depth.txt", "occluder.txt"}) {
+    for (const std::string name : {"../outside.png", "depth/../../outside.png", "/etc/passwd"}) {
+      WriteText(dir_ / list, "1 depth/0.png\n2 " + name + "\n");
+      EXPECT_THAT([&] { OpenSequence(dir_.path()); },
+                  ThrowsMessage<Error>(
+                      AllOf(HasSubstr(list), HasSubstr("'" + name + "'"), HasSubstr("folder"))));
+    }
+    fs::remove(dir_ / list);
+  }
+}
+
 TEST_F(Tum, APipeOrADeviceIsNotWaitedFor) {
   for (const char* name : {"rgb.txt", "groundtruth.txt", "calibration.txt", "depth.txt"}) {
     fs::rename(dir_ / "rgb.txt", dir_ / "kept");

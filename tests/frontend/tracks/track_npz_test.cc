@@ -286,6 +286,24 @@ TEST(TracksNpz, NumpyReadsTheArraysThatAreDocumented) {
       "[[5.5, 6.5], [0.1, 47.25]] [False  True] True\n");
 }
 
+// By its header, before there is memory for what a small file of zeros unpacks to.
+TEST(TracksNpz, MoreCellsThanAreWrittenAreNotRead) {
+  const auto save = [](const char* shape) {
+    return fmt::format(
+        "import zipfile, struct\n"
+        "header = b\"{{'descr': '|u1', 'fortran_order': False, 'shape': ({}), }}\"\n"
+        "with zipfile.ZipFile('a.npz', 'w') as z:\n"
+        "  z.writestr('tracks.npy', b'\\x93NUMPY\\x01\\x00' + struct.pack('<H', len(header)) +\n"
+        "             header + bytes(8))",
+        shape);
+  };
+  const Saved saved({save("4, 33554432, 2"), save("4, 33554433, 2")});
+  EXPECT_THAT([&] { saved.Read(0); }, ThrowsMessage<Error>(HasSubstr("does not fit its 8 bytes")));
+  EXPECT_THAT([&] { saved.Read(1); },
+              ThrowsMessage<Error>(AllOf(HasSubstr("a.npz, array tracks: it has 268435464 numbers"),
+                                         HasSubstr("268435456 are the most"))));
+}
+
 TEST(TracksNpz, ATableTooLargeForMemoryIsRefused) {
   const TempDir dir;
   TrackFile file;
