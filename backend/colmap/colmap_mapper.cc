@@ -4,12 +4,15 @@
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
+#include <cstdint>
+#include <fstream>
 #include <optional>
 
 #include "backend/colmap/model_io.h"
 #include "backend/colmap/program.h"
 #include "backend/scene/initial_pair.h"
 #include "frontend/core/error.h"
+#include "frontend/core/input_file.h"
 #include "frontend/core/output.h"
 #include "frontend/core/statistics.h"
 #include "frontend/core/stopwatch.h"
@@ -156,7 +159,13 @@ Arguments AdjusterArguments(const TrackFile& file, const ColmapOptions& options)
 
 // What COLMAP says of its failure, from the part of the log after `offset`.
 std::string FailureIn(const fs::path& log, std::size_t offset, const ProgramEnd& end) {
-  const std::string text = ReadBytes(log).substr(offset);
+  constexpr std::uint64_t kMostBytes = 1 << 26;  // of its end
+  std::ifstream in = OpenInputFile(log);
+  const std::uint64_t size = fs::file_size(log);
+  const std::uint64_t begin = std::max<std::uint64_t>(offset, size - std::min(size, kMostBytes));
+  in.seekg(static_cast<std::streamoff>(begin));
+  std::string text(begin < size ? size - begin : 0, '\0');
+  in.read(text.data(), static_cast<std::streamsize>(text.size()));
   constexpr std::pair<const char*, const char*> kPhrases[] = {
       {"No images with matches", "no images with matches"},
       {"No good initial image pair found", "no good initial image pair"},
@@ -299,9 +308,10 @@ std::optional<Reconstruction> RunAdjuster(ColmapProgram& program,
   const bool has_all = std::ranges::all_of(reconstruction.points, [&moved](const auto& point) {
     return moved.points.contains(point.first);
   });
-  if (!has_all || moved.cam_from_world.size() != reconstruction.cam_from_world.size()) {
-    return std::nullopt;
-  }
+  const auto frame_of = [](const auto& pose) { return pose.first; };
+  const bool has_same_frames = std::ranges::equal(
+      moved.cam_from_world, reconstruction.cam_from_world, {}, frame_of, frame_of);
+  if (!has_all || !has_same_frames) return std::nullopt;
   reconstruction.camera = moved.camera;
   reconstruction.cam_from_world = moved.cam_from_world;
   for (auto& [feature, point] : reconstruction.points) {

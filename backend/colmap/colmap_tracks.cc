@@ -65,17 +65,18 @@ class Components {
     a = Root(a);
     b = Root(b);
     if (a == b) return true;
-    std::vector<ColmapImageId> both;
-    both.reserve(images_[a].size() + images_[b].size());
-    std::merge(images_[a].begin(),
-               images_[a].end(),
-               images_[b].begin(),
-               images_[b].end(),
-               std::back_inserter(both));
-    if (std::adjacent_find(both.begin(), both.end()) != both.end()) return false;
     if (images_[a].size() < images_[b].size()) std::swap(a, b);
+    std::vector<ColmapImageId>& many = images_[a];
+    const std::vector<ColmapImageId>& few = images_[b];
+    // In the time of the fewer: a file may ask for many joins that cannot be.
+    const bool fits = std::none_of(few.begin(), few.end(), [&many](ColmapImageId image) {
+      return std::binary_search(many.begin(), many.end(), image);
+    });
+    if (!fits) return false;
+    for (const ColmapImageId image : few) {
+      many.insert(std::lower_bound(many.begin(), many.end(), image), image);
+    }
     parent_[b] = a;
-    images_[a] = std::move(both);
     images_[b] = {};
     return true;
   }

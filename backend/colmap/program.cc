@@ -9,7 +9,8 @@
 #include <cerrno>
 #include <chrono>
 #include <cstring>
-#include <regex>
+#include <optional>
+#include <string_view>
 
 #include "frontend/core/error.h"
 
@@ -37,6 +38,38 @@ std::string WhatItSays(const std::string& help) {
   return fmt::format("its -h says '{}'", OneLine(line.substr(0, kMostBytes)));
 }
 
+// Behind "COLMAP", a number and what follows, such as "3.10-dev". (By hand, as what is below: a long
+// word takes all of the stack from std::regex.)
+std::optional<std::string> VersionIn(const std::string& help) {
+  constexpr std::string_view kName = "COLMAP";
+  constexpr const char* kBlanks = " \t\r\n\f\v";
+  constexpr std::size_t kMostBytes = 40;
+  for (std::size_t at = help.find(kName); at != std::string::npos; at = help.find(kName, at + 1)) {
+    const std::size_t behind = at + kName.size();
+    std::size_t begin = help.find_first_not_of(kBlanks, behind);
+    if (begin == std::string::npos || begin == behind) continue;
+    if (help[begin] == 'v') ++begin;
+    if (begin == help.size() || help[begin] < '0' || help[begin] > '9') continue;
+    const std::size_t end = std::min(help.find_first_of(kBlanks, begin), help.size());
+    return help.substr(begin, std::min(end - begin, kMostBytes));
+  }
+  return std::nullopt;
+}
+
+// All words that begin with two dashes and a letter, without the dashes.
+std::set<std::string> OptionsIn(const std::string& help) {
+  constexpr const char* kLetters = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz";
+  const std::string in_names = kLetters + std::string("0123456789_.");
+  std::set<std::string> options;
+  for (std::size_t at = help.find("--"); at != std::string::npos; at = help.find("--", at + 1)) {
+    const std::size_t begin = at + 2;
+    if (help.find_first_of(kLetters, begin) != begin) continue;
+    const std::size_t end = std::min(help.find_first_not_of(in_names, begin), help.size());
+    options.insert(help.substr(begin, end - begin));
+  }
+  return options;
+}
+
 }  // namespace
 
 ColmapArgument SeedArgument(int seed) {
@@ -51,11 +84,11 @@ ColmapProgram::ColmapProgram(const std::string& program, double max_minutes)
   }
   path_ = *found;
   const std::string help = HelpText({"-h"});
-  std::smatch match;
-  if (!std::regex_search(help, match, std::regex(R"(COLMAP\s+v?([0-9][^\s]*))"))) {
+  const auto version = VersionIn(help);
+  if (!version) {
     ThrowError("{} is not COLMAP ({}): {}", path_.string(), WhatItSays(help), kHowToInstall);
   }
-  version_ = match[1];
+  version_ = *version;
 }
 
 void RequireColmap(const std::string& program, double max_minutes) {
@@ -85,11 +118,7 @@ std::string ColmapProgram::HelpText(const std::vector<std::string>& arguments) c
 const std::set<std::string>& ColmapProgram::Options(const std::string& command) {
   const auto [it, added] = options_of_command_.try_emplace(command);
   if (added) {
-    const std::string help = HelpText({command, "-h"});
-    const std::regex option(R"(--([A-Za-z][A-Za-z0-9_.]*))");
-    for (std::sregex_iterator m(help.begin(), help.end(), option), end; m != end; ++m) {
-      it->second.insert((*m)[1]);
-    }
+    it->second = OptionsIn(HelpText({command, "-h"}));
   }
   return it->second;
 }

@@ -10,6 +10,7 @@
 #include "backend/colmap/camera_model.h"
 #include "backend/colmap/model_io.h"
 #include "backend/colmap/program.h"
+#include "frontend/core/error.h"
 #include "frontend/core/output.h"
 #include "frontend/core/statistics.h"
 #include "frontend/core/stopwatch.h"
@@ -149,7 +150,12 @@ ColmapModel WithOurIds(const ColmapModel& model, const TrackFile& clip) {
   ColmapModel renamed;
   renamed.cameras = model.cameras;
   renamed.points = model.points;
-  for (const auto& [id, image] : model.images) renamed.images[id_of_name.at(image.name)] = image;
+  for (const auto& [id, image] : model.images) {
+    if (!id_of_name.contains(image.name)) {
+      ThrowError("COLMAP's model has an image {}, which it was not given", image.name);
+    }
+    renamed.images[id_of_name.at(image.name)] = image;
+  }
   for (auto& [id, point] : renamed.points) {
     for (auto& [image, index] : point.track) image = id_of_name.at(model.images.at(image).name);
   }
@@ -174,7 +180,7 @@ std::string DescribeFailure(const std::string& version,
                      version,
                      failure.empty() ? "" : ": ",
                      failure,
-                     log.string());
+                     log.filename().string());
 }
 
 }  // namespace

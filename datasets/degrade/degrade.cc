@@ -16,6 +16,7 @@
 #include "frontend/core/parallel.h"
 #include "frontend/core/random_stream.h"
 #include "frontend/core/statistics.h"
+#include "frontend/core/time_difference.h"
 
 namespace cohort {
 namespace {
@@ -407,7 +408,7 @@ class SequenceDegrader {
     while (intervals_ns.size() < kIntervals) {
       const auto frame = sequence_.Next();
       if (!frame) break;
-      if (before_ns) intervals_ns.push_back(static_cast<double>(frame->timestamp_ns - *before_ns));
+      if (before_ns) intervals_ns.push_back(TimeFromTo(*before_ns, frame->timestamp_ns));
       before_ns = frame->timestamp_ns;
     }
     sequence_.Rewind();

@@ -41,6 +41,7 @@ class SensorText {
  public:
   explicit SensorText(const fs::path& path) : file_(path.string()) {
     constexpr std::uint64_t kMaxBytes = 1 << 16;
+    constexpr std::size_t kMaxKeyBytes = 64;
     std::istringstream lines(ReadBytes(path, kMaxBytes));
     std::string section;
     std::string last;             // key that a value was read for
@@ -55,6 +56,7 @@ class SensorText {
         const std::string_view key = text.substr(0, end);
         if (end == std::string_view::npos ||
             key.find_first_not_of(kKeyCharacters) != std::string_view::npos || key.empty() ||
+            key.size() > kMaxKeyBytes ||
             (end + 1 < text.size() && text[end + 1] != ' ' && text[end + 1] != '\t')) {
           ThrowError("{} is no calibration: line {} is not `key: value`", file_, number);
         }

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "datasets/readers/sequence.h"
+#include "frontend/core/time_difference.h"
 
 namespace cohort {
 
@@ -41,11 +42,7 @@ std::map<FrameIndex, T> ByNearestTime(const std::vector<ImageList::Image>& image
   std::map<FrameIndex, T> by_frame;
   for (std::size_t i = 0; i < images.size(); ++i) {
     const std::int64_t time = images[i].timestamp_ns;
-    // Unsigned: times of a file may lie further apart than a signed number holds.
-    const auto distance = [&](auto it) {
-      const auto a = static_cast<std::uint64_t>(std::min(it->first, time));
-      return static_cast<std::uint64_t>(std::max(it->first, time)) - a;
-    };
+    const auto distance = [&](auto it) { return TimeBetween(it->first, time); };
     auto nearest = by_time.lower_bound(time);
     if (nearest != by_time.begin() &&
         (nearest == by_time.end() || distance(std::prev(nearest)) <= distance(nearest))) {

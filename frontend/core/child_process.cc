@@ -168,12 +168,14 @@ ProgramOutput RunProgramForText(const fs::path& program,
                                 std::chrono::duration<double> time_limit) {
   const std::unique_ptr<std::FILE, int (*)(std::FILE*)> file(std::tmpfile(), &std::fclose);
   if (file == nullptr) ThrowError("cannot make a temporary file: {}", std::strerror(errno));
+  fcntl(fileno(file.get()), F_SETFD, FD_CLOEXEC);  // the child has copies of it
   ProgramOutput result;
   result.end = RunProgram(program, std::move(arguments), fileno(file.get()), time_limit);
   std::rewind(file.get());
   char buffer[4096];
   while (const std::size_t n = std::fread(buffer, 1, sizeof(buffer), file.get())) {
     result.text.append(buffer, n);
+    if (result.text.size() >= std::size_t{1} << 24) break;
   }
   return result;
 }

@@ -31,7 +31,7 @@ ProgramEnd RunProgram(const std::filesystem::path& program,
                       int output,
                       std::chrono::duration<double> time_limit = {});
 
-// The same with what it printed as text.
+// The same with what it printed as text, of which no more than the first 16 MiB.
 struct ProgramOutput {
   ProgramEnd end;
   std::string text;

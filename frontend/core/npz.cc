@@ -169,6 +169,7 @@ class HeaderParser {
 std::optional<std::size_t> CountOf(std::span<const std::size_t> shape) {
   std::size_t count = 1;
   for (const std::size_t size : shape) {
+    if (size > kMaxNpzValues) return std::nullopt;  // also where another one is 0
     if (size > 0 && count > kMaxNpzValues / size) return std::nullopt;
     count *= size;
   }

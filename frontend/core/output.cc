@@ -159,7 +159,12 @@ void OutputFolder::Commit() {
         RemoveQuietly(old);
         ThrowError("cannot replace {}: {}", path_.string(), std::strerror(error));
       }
-      Rename(partial_, path_);
+      try {
+        Rename(partial_, path_);
+      } catch (const Error&) {
+        if (std::rename((fs::path(old) / "old").c_str(), path_.c_str()) == 0) RemoveQuietly(old);
+        throw;
+      }
       RemoveQuietly(old);
     }
   } else {

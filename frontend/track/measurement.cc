@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <opencv2/core.hpp>
 #include <optional>
 
 #include "frontend/core/error.h"
@@ -23,6 +24,11 @@ cv::Mat CopyPatch(const cv::Mat& picture,
                   const Eigen::Vector2d& xy,
                   const Eigen::Matrix2d& warp,
                   int side) {
+  if (!warp.isIdentity() && std::min(picture.cols, picture.rows) < 2) {
+    cv::Mat wide;  // four neighbours of every pixel
+    cv::copyMakeBorder(picture, wide, 0, 1, 0, 1, cv::BORDER_REPLICATE);
+    return CopyPatch(wide, xy, warp, side);
+  }
   if (!warp.isIdentity()) {
     cv::Mat patch(side, RoundUpToLanes(side), CV_32FC1);
     SampleWarpedInLanes(picture, xy, warp, side, patch.ptr<float>(), patch.cols);

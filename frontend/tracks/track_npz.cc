@@ -167,6 +167,7 @@ class TracksReader {
         }
         frames_.push_back(FrameIndex{static_cast<std::uint32_t>(index)});
       }
+      if (frames_.empty()) Fail(name, "it names no frame");
       const std::set<FrameIndex> once(frames_.begin(), frames_.end());
       if (once.size() != frames_.size()) Fail(name, "a frame occurs twice");
       return;

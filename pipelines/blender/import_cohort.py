@@ -48,7 +48,17 @@ class ImportFailed(Exception):
 
 
 # What the reading of a file that is not as it should be ends in.
-BAD = (ArithmeticError, AttributeError, IndexError, KeyError, OSError, RecursionError, TypeError, ValueError)
+BAD = (
+    ArithmeticError,
+    AttributeError,
+    IndexError,
+    KeyError,
+    MemoryError,
+    OSError,
+    RecursionError,
+    TypeError,
+    ValueError,
+)
 
 
 def read(path):
@@ -91,7 +101,14 @@ def read_model(path):
     )
 
 
+def check_file(path):
+    """A pipe or a device may never end."""
+    if os.path.exists(path) and not os.path.isfile(path):
+        raise ImportFailed(f"cannot read {path}: it is no file")
+
+
 def data_lines(path):
+    check_file(path)
     try:
         with open(path, encoding="utf-8") as lines:
             return [line.strip() for line in lines if not line.startswith("#")]
@@ -244,8 +261,7 @@ def read_transforms(path):
 
 
 def read_ply(path):
-    if os.path.exists(path) and not os.path.isfile(path):
-        raise ImportFailed(f"cannot read {path}: it is no file")
+    check_file(path)
     try:
         with open(path, "rb") as file:
             head, _, body = file.read().partition(b"end_header\n")

@@ -2,14 +2,18 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <cstdlib>
+#include <iterator>
 #include <limits>
 #include <numbers>
 #include <numeric>
+#include <utility>
 
 #include "datasets/readers/text_table.h"
 #include "frontend/core/error.h"
 #include "frontend/core/statistics.h"
+#include "frontend/core/time_difference.h"
 
 namespace cohort {
 namespace {
@@ -20,21 +24,34 @@ double AngleDeg(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
   return std::atan2(a.cross(b).norm(), a.dot(b)) * kDegrees;
 }
 
-// Unsigned: times of a file may lie further apart than a signed number holds.
-std::uint64_t TimeBetween(std::int64_t a, std::int64_t b) {
-  return static_cast<std::uint64_t>(std::max(a, b)) - static_cast<std::uint64_t>(std::min(a, b));
-}
+// Finds the pose nearest in time, of those equally near the first of the list.
+class NearestInTime {
+ public:
+  explicit NearestInTime(std::span<const StampedPose> poses) {
+    for (std::size_t i = 0; i < poses.size(); ++i) by_time_.emplace_back(poses[i].timestamp_ns, i);
+    std::sort(by_time_.begin(), by_time_.end());
+  }
+  // There is one.
+  std::size_t Find(std::int64_t timestamp_ns) const {
+    const auto later = FirstFrom(timestamp_ns);
+    if (later == by_time_.begin()) return later->second;
+    const auto earlier = FirstFrom(std::prev(later)->first);
+    if (later == by_time_.end()) return earlier->second;
+    const std::uint64_t before = TimeBetween(earlier->first, timestamp_ns);
+    const std::uint64_t behind = TimeBetween(later->first, timestamp_ns);
+    if (before != behind) return before < behind ? earlier->second : later->second;
+    return std::min(earlier->second, later->second);
+  }
 
-std::size_t Nearest(std::span<const StampedPose> poses, std::int64_t timestamp_ns) {
-  const auto distance = [&](const StampedPose& pose) {
-    return TimeBetween(pose.timestamp_ns, timestamp_ns);
-  };
-  const auto nearest =
-      std::min_element(poses.begin(), poses.end(), [&](const auto& a, const auto& b) {
-        return distance(a) < distance(b);
-      });
-  return static_cast<std::size_t>(nearest - poses.begin());
-}
+ private:
+  using TimeAndPlace = std::pair<std::int64_t, std::size_t>;
+  std::vector<TimeAndPlace>::const_iterator FirstFrom(std::int64_t timestamp_ns) const {
+    return std::lower_bound(
+        by_time_.begin(), by_time_.end(), TimeAndPlace(timestamp_ns, std::size_t{0}));
+  }
+
+  std::vector<TimeAndPlace> by_time_;
+};
 
 }  // namespace
 
@@ -64,8 +81,9 @@ std::vector<PosePair> AssociatePoses(std::span<const StampedPose> estimate,
   const bool estimate_is_longer = estimate.size() > truth.size();
   const auto shorter = estimate_is_longer ? truth : estimate;
   const auto longer = estimate_is_longer ? estimate : truth;
+  const NearestInTime nearest(longer);
   for (const StampedPose& pose : shorter) {
-    const StampedPose& other = longer[Nearest(longer, pose.timestamp_ns)];
+    const StampedPose& other = longer[nearest.Find(pose.timestamp_ns)];
     if (TimeBetween(other.timestamp_ns, pose.timestamp_ns) >
         static_cast<std::uint64_t>(max_difference_ns)) {
       continue;
@@ -143,6 +161,7 @@ RelativeErrors ComputeRelativeErrors(std::span<const PosePair> aligned,
 
 std::vector<double> RelativePoseErrorsDeg(std::span<const PosePair> pairs, double min_baseline) {
   std::vector<double> errors;
+  errors.reserve(pairs.size() * (pairs.size() - std::min<std::size_t>(pairs.size(), 1)) / 2);
   for (std::size_t i = 0; i < pairs.size(); ++i) {
     for (std::size_t j = i + 1; j < pairs.size(); ++j) {
       const Rigid3 estimate = pairs[i].estimate.Inverse() * pairs[j].estimate;

@@ -54,8 +54,8 @@ bool HasMade(const Json& result, const Task& task) {
   prctl(PR_SET_PDEATHSIG, SIGKILL);
   if (getppid() != parent) _exit(EXIT_FAILURE);  // it died before the line above
   const std::string log = task.result.string() + ".log";
-  int descriptor = open(log.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_NOFOLLOW, 0644);
-  if (descriptor < 0) descriptor = open("/dev/null", O_WRONLY);  // the parent says why
+  int descriptor = open(log.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_NOFOLLOW | O_CLOEXEC, 0644);
+  if (descriptor < 0) descriptor = open("/dev/null", O_WRONLY | O_CLOEXEC);  // the parent says why
   if (descriptor >= 0) {
     dup2(descriptor, STDOUT_FILENO);
     dup2(descriptor, STDERR_FILENO);

@@ -19,6 +19,7 @@
 #include "datasets/open_sequence.h"
 #include "datasets/truth/track_truth.h"
 #include "frontend/core/output.h"
+#include "frontend/core/time_difference.h"
 #include "frontend/tracks/imported_tracks.h"
 #include "frontend/tracks/track_store.h"
 #include "pipelines/evaluation/model_evaluation.h"
@@ -98,8 +99,9 @@ void CheckHasFrame(Sequence& sequence, FrameIndex last, const std::string& what,
 // Frames without times of their own are a thirtieth of a second apart.
 bool AreTimesCounted(std::span<const FrameInfo> frames) {
   return std::ranges::all_of(frames, [](const FrameInfo& frame) {
-    constexpr std::int64_t kSameNs = 1'000'000;
-    return std::abs(frame.timestamp_ns - std::llround(ToInt(frame.index) * 1e9 / 30.0)) < kSameNs;
+    constexpr std::uint64_t kSameNs = 1'000'000;
+    const std::int64_t counted_ns = std::llround(ToInt(frame.index) * 1e9 / 30.0);
+    return TimeBetween(frame.timestamp_ns, counted_ns) < kSameNs;
   });
 }
 
@@ -108,7 +110,7 @@ bool AreTimesCounted(std::span<const FrameInfo> frames) {
 void WarnIfOtherFrames(std::span<const FrameInfo> of_subject,
                        const std::string& subject,
                        Sequence& sequence) {
-  constexpr std::int64_t kSameNs = 20'000'000;  // as of true poses
+  constexpr double kSameNs = 2e7;  // as of true poses
   if (of_subject.empty()) return;
   std::vector<FrameInfo> of_clip;
   while (const auto frame = sequence.Next()) {
@@ -137,17 +139,17 @@ void WarnIfOtherFrames(std::span<const FrameInfo> of_subject,
     const FrameInfo& a = of_subject[i - 1];
     const FrameInfo& b = of_subject[i];
     if (!times.contains(a.index) || !times.contains(b.index)) continue;
-    const std::int64_t in_subject = b.timestamp_ns - a.timestamp_ns;
-    const std::int64_t in_clip = times[b.index] - times[a.index];
-    if (in_subject <= 0 || in_clip <= 0 || std::abs(in_subject - in_clip) <= kSameNs) continue;
+    const double in_subject = TimeFromTo(a.timestamp_ns, b.timestamp_ns);
+    const double in_clip = TimeFromTo(times[a.index], times[b.index]);
+    if (in_subject <= 0.0 || in_clip <= 0.0 || std::abs(in_subject - in_clip) <= kSameNs) continue;
     spdlog::warn(
         "between frames {} and {} are {:.0f} ms in {}, and {:.0f} ms in {}: are they the same "
         "frames?",
         ToInt(a.index),
         ToInt(b.index),
-        1e-6 * static_cast<double>(in_subject),
+        1e-6 * in_subject,
         subject,
-        1e-6 * static_cast<double>(in_clip),
+        1e-6 * in_clip,
         sequence.Name());
     return;
   }

@@ -33,6 +33,7 @@ constexpr std::size_t kMostTracks = 300;    // and beside them, of every frame s
 constexpr std::size_t kFewestInFrame = 60;  // so many of the longest
 constexpr std::size_t kMostPoints = 20000;
 constexpr int kPictureWidthPx = 320;
+constexpr int kMostPictureHeightPx = 1280;  // of what is more than four times as high as wide
 constexpr int kPictureQuality = 60;
 constexpr double kUnitsPerPx = 4.0;  // of positions in the page, in its pictures' pixels
 
@@ -283,11 +284,11 @@ ClipReport ReadClipReport(const fs::path& model_folder) {
           model_folder.string(),
           (model_folder / "model").string());
     }
-    report.facts = {
-        {"frames with a pose",
-         fmt::format(
-             "{} of {}", JsonLine(summary.at("registered")), JsonLine(summary.at("frames")))},
-        {"points", JsonLine(summary.at("points"))}};
+    report.facts = {{"frames with a pose",
+                     fmt::format("{} of {}",
+                                 summary.at("registered").get<std::size_t>(),
+                                 summary.at("frames").get<std::size_t>())},
+                    {"points", fmt::format("{}", summary.at("points").get<std::size_t>())}};
     if (summary.contains("quality") && summary["quality"].is_string()) {
       report.facts.emplace_back("quality", summary["quality"].get<std::string>());
     }
@@ -322,7 +323,11 @@ void WriteClipReport(const fs::path& path,
   PointColours colours(report.model);
   std::vector<cv::Mat> pictures;  // CV_32FC1
   std::vector<IntensityRange> ranges;
-  const double scale = std::min(1.0, static_cast<double>(kPictureWidthPx) / file.width_px);
+  const double scale = std::min({1.0,
+                                 static_cast<double>(kPictureWidthPx) / file.width_px,
+                                 static_cast<double>(kMostPictureHeightPx) / file.height_px});
+  const cv::Size size(std::max(1, static_cast<int>(std::lround(scale * file.width_px))),
+                      std::max(1, static_cast<int>(std::lround(scale * file.height_px))));
   sequence.Rewind();
   for (std::size_t i = 0; i < shown.size(); ++i) {
     std::optional<Frame> frame = sequence.Next();
@@ -336,7 +341,7 @@ void WriteClipReport(const fs::path& path,
     colours.See(*frame);
     cv::Mat picture;
     frame->gray.convertTo(picture, CV_32F);
-    cv::resize(picture, picture, {}, scale, scale, cv::INTER_AREA);
+    cv::resize(picture, picture, size, 0.0, 0.0, cv::INTER_AREA);
     ranges.push_back(IntensityRangeOf(picture));
     pictures.push_back(std::move(picture));
     if (progress) progress("report", i + 1, shown.size());

@@ -108,8 +108,13 @@ TrackPicture DrawTracks(const cv::Mat& picture,
 
 std::string JpegDataUri(const cv::Mat& picture, int quality) {
   std::vector<std::uint8_t> jpeg;
-  if (!cv::imencode(".jpg", picture, jpeg, {cv::IMWRITE_JPEG_QUALITY, quality})) {
-    ThrowError("OpenCV cannot write JPEG");
+  bool encoded = false;
+  try {
+    encoded = cv::imencode(".jpg", picture, jpeg, {cv::IMWRITE_JPEG_QUALITY, quality});
+  } catch (const cv::Exception&) {  // sides of more than 65,500
+  }
+  if (!encoded) {
+    ThrowError("OpenCV makes no JPEG of a picture of {}x{}", picture.cols, picture.rows);
   }
   constexpr const char* kDigits =
       "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";

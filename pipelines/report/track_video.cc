@@ -50,6 +50,15 @@ cv::Mat Panel(const TrackFile& file, const cv::Mat& picture, FrameIndex frame, i
     cv::resize(drawn.picture, drawn.picture, size, 0.0, 0.0, cv::INTER_AREA);
   }
   // H.264 takes even sizes only.
+  if (drawn.picture.cols < 2 || drawn.picture.rows < 2) {
+    cv::copyMakeBorder(drawn.picture,
+                       drawn.picture,
+                       0,
+                       drawn.picture.rows < 2 ? 1 : 0,
+                       0,
+                       drawn.picture.cols < 2 ? 1 : 0,
+                       cv::BORDER_REPLICATE);
+  }
   const int width = drawn.picture.cols / 2 * 2;
   const int height = drawn.picture.rows / 2 * 2;
   cv::Mat panel(height + kCaptionPx, width, CV_8UC3, cv::Scalar::all(255));

@@ -15,6 +15,7 @@
 #include "backend/geometry/triangulation.h"
 #include "backend/scene/mapper.h"
 #include "backend/scene/near_world.h"
+#include "frontend/core/json_text.h"
 #include "frontend/core/statistics.h"
 #include "frontend/image/exposure.h"
 #include "frontend/track/tracker.h"
@@ -220,8 +221,9 @@ TrackerOptions CompanionOptions(const TrackFile& file) {
   if (const auto options = file.meta.find("options"); options != file.meta.end()) {
     OptionLister lister;
     TrackerOptions::Visit(of_first, lister);
-    SetFromJson(
-        lister.Take(), nlohmann::ordered_json::parse(options->second), "options of the tracks");
+    SetFromJson(lister.Take(),
+                ParseWithoutTwins<nlohmann::ordered_json>(options->second),
+                "options of the tracks");
   }
   TrackerOptions klt;
   klt.tracker = TrackerKind::kKlt;

@@ -618,7 +618,10 @@ TEST_F(Safety, WhatLiesOfItsSizeIsOneLineInTwoGigabytes) {
     }
   }
   constexpr const char* kNoList = R"({"registered": 1, "frames": 1, "points": 1, "reasons": 5})";
-  for (const char* summary : {"7", "[]", "{}", kNoList, R"({"frame_range": 8})"}) {
+  const std::string deep = R"({"registered": 1, "frames": 1, "points": )" +
+                           std::string(80'000, '[') + std::string(80'000, ']') + "}";
+  for (const std::string& summary :
+       {std::string("7"), std::string("[]"), std::string("{}"), std::string(kNoList), deep}) {
     WriteBytes(Out("claims") / "summary.json", summary);
     ExpectOneLine(env,
                   {"show", In("a.tracks"), "--model", Out("claims"), "--out", Out("lies.html")});

@@ -548,6 +548,20 @@ TEST(ColmapProgram, ThatHangsIsKilledAtItsTimeLimit) {
               ThrowsMessage<Error>(HasSubstr("hangs")));
 }
 
+TEST(ColmapProgram, ReadsAHelpWithWordsOfAnyLength) {
+  const std::string digits = "head -c 1000000 /dev/zero | tr '\\0' 7";
+  const FakeColmap fake(fmt::format(
+      "case \"$*\" in\n'-h') echo 'No COLMAPs, COLMAP'; echo ' COLMAP  v3.9-dev (of COLMAP 4)' ;;\n"
+      "*-h) printf -- '--a.b_1=x ---c --9 -- --'; {} | tr 7 d ;;\nesac\n",
+      digits));
+  ColmapProgram program(fake.path());
+  EXPECT_EQ(program.version(), "3.9-dev");
+  EXPECT_THAT(program.Options("mapper"),
+              testing::UnorderedElementsAre("a.b_1", "c", std::string(1'000'000, 'd')));
+  const FakeColmap endless(fmt::format("printf 'COLMAP 3'; {}\n", digits));
+  EXPECT_EQ(ColmapProgram(endless.path()).version(), "3" + std::string(39, '7'));
+}
+
 // A program that answers as COLMAP does, and leaves files of nonsense.
 TEST(ColmapMapper, NonsenseThatTheProgramWritesIsAnError) {
   const TempDir dir;

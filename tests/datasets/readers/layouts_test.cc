@@ -411,6 +411,8 @@ TEST_F(Euroc, SaysWhatIsWrongWithTheSensorFile) {
   EXPECT_THAT(with("cols: 4", ": radial"), ThrowsMessage<Error>(HasSubstr("sensor.yaml")));
   EXPECT_THAT(with("cols: 4", "data: [1]"),
               ThrowsMessage<Error>(AllOf(HasSubstr("T_BS.data"), HasSubstr("twice"))));
+  EXPECT_THAT(with("intrinsics:", std::string(65, 'i') + ":"),
+              ThrowsMessage<Error>(HasSubstr("is not `key: value`")));
   EXPECT_THAT(with("[64, 48]", "[64, 48"), ThrowsMessage<Error>(HasSubstr("resolution")));
   EXPECT_THAT(with("[64, 48]", "64"), ThrowsMessage<Error>(HasSubstr("no list")));
   EXPECT_THAT(with("458.654", "-458.654"), ThrowsMessage<Error>(HasSubstr("focal lengths")));

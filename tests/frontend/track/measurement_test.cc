@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <cmath>
 #include <opencv2/imgproc.hpp>
@@ -70,6 +71,17 @@ TEST(MeasurePatch, FindsAShiftToAHundredthOfAPixel) {
     EXPECT_LT((m.xy - kFeature - shift).norm(), 0.01) << shift.transpose();
     EXPECT_GT(m.correlation, 0.999);
     EXPECT_LT(m.residual_variance, 1e-5);
+  }
+}
+
+// Between four neighbours, which a picture of one row or column has not.
+TEST(CopyAnchor, OfAPictureOnePixelWideIsThatPixels) {
+  const Eigen::Matrix2d warp = Eigen::Rotation2Dd(0.1).toRotationMatrix();
+  for (const cv::Size size : {cv::Size(40, 1), cv::Size(1, 40), cv::Size(1, 1)}) {
+    const cv::Mat picture(size, CV_32FC1, cv::Scalar(0.25));
+    const AnchorPatch anchor =
+        CopyAnchor(BuildPyramid(picture, 2), {0.5 * size.width, 0.5 * size.height}, 21, warp);
+    EXPECT_EQ(cv::countNonZero(anchor.full != 0.25F), 0) << size.width << " x " << size.height;
   }
 }
 

@@ -199,6 +199,7 @@ TEST(TracksNpz, SaysInOneLineWhatCannotBe) {
       {"np.savez('a.npz', tracks=tracks, vis=vis[:3])", "it is 3 x 3 instead of 4 x 3"},
       {"np.savez('a.npz', tracks=tracks, occlusion=10.0 * vis)", "10 is no probability"},
       {"np.savez('a.npz', tracks=tracks, vis=np.full((4, 3), np.nan))", "nan is no probability"},
+      {"np.savez('a.npz', tracks=tracks[:0], frame_indices=np.zeros(0, int))", "names no frame"},
       {"tracks[3, 1] = np.nan\nnp.savez('a.npz', tracks=tracks, vis=vis)",
        "track 1 in frame 3 is nan, nan and visible"},
       {"tracks[3, 1] = np.inf\nnp.savez('a.npz', tracks=tracks)", "track 1 in frame 3 is inf"},
@@ -297,11 +298,13 @@ TEST(TracksNpz, MoreCellsThanAreWrittenAreNotRead) {
         "             header + bytes(8))",
         shape);
   };
-  const Saved saved({save("4, 33554432, 2"), save("4, 33554433, 2")});
+  const Saved saved(
+      {save("4, 33554432, 2"), save("4, 33554433, 2"), save("0, 1152921504606846976, 2")});
   EXPECT_THAT([&] { saved.Read(0); }, ThrowsMessage<Error>(HasSubstr("does not fit its 8 bytes")));
   EXPECT_THAT([&] { saved.Read(1); },
               ThrowsMessage<Error>(AllOf(HasSubstr("a.npz, array tracks: it has 268435464 numbers"),
                                          HasSubstr("268435456 are the most"))));
+  EXPECT_THAT([&] { saved.Read(2); }, ThrowsMessage<Error>(HasSubstr("does not fit its 8 bytes")));
 }
 
 TEST(TracksNpz, ATableTooLargeForMemoryIsRefused) {

@@ -184,6 +184,9 @@ class WrittenByHand(unittest.TestCase):
         (self.dir / "points3D.txt").unlink()
         with self.assertRaisesRegex(import_cohort.ImportFailed, "cannot read .*points3D.txt: No"):
             import_cohort.read(self.dir)
+        os.mkfifo(self.dir / "points3D.txt")
+        with self.assertRaisesRegex(import_cohort.ImportFailed, "points3D.txt: it is no file"):
+            import_cohort.read(self.dir)
 
     def test_points_become_a_coloured_mesh(self):
         points = np.array([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]])

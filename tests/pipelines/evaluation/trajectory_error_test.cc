@@ -205,6 +205,15 @@ TEST(AssociatePoses, TakesTheNearestStampWithinTheLimit) {
   const auto swapped = AssociatePoses(truth, estimate);
   ASSERT_EQ(swapped.size(), 2u);
   EXPECT_EQ(swapped[0].truth.translation.x(), 10.0);
+  // Of stamps equally near the first of the file, which need not be in order.
+  const std::vector shuffled{at(0.5, 0), at(0.1, 1), at(0.2, 2), at(0.1, 3), at(0.2, 4)};
+  const auto nearest = AssociatePoses(
+      std::vector{at(0.1, 10), at(0.15, 20), at(0.21, 30), at(0.5, 40)}, shuffled, 60'000'000);
+  ASSERT_EQ(nearest.size(), 4u);
+  EXPECT_EQ(nearest[0].truth.translation.x(), 1.0);
+  EXPECT_EQ(nearest[1].truth.translation.x(), 1.0);
+  EXPECT_EQ(nearest[2].truth.translation.x(), 2.0);
+  EXPECT_EQ(nearest[3].truth.translation.x(), 0.0);
   EXPECT_TRUE(AssociatePoses({}, truth).empty());
   EXPECT_EQ(AssociatePoses(estimate, truth, 20'000'000).size(), 3u);
 }

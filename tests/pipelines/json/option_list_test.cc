@@ -1,5 +1,6 @@
 #include "pipelines/json/option_list.h"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -158,12 +159,31 @@ TEST(ReadJsonFile, NamesTheFileThatIsNoJson) {
 
 TEST(ReadJsonFile, NestedWithoutEndIsAnError) {
   const test::TempDir dir;
+  const auto too_deep =
+      ThrowsMessage<Error>(AllOf(HasSubstr("a.json"), HasSubstr("more than 100 levels deep")));
   WriteBytes(dir / "a.json", std::string(1'000'000, '['));
-  EXPECT_THAT([&] { ReadJsonFile(dir / "a.json"); }, ThrowsMessage<Error>(HasSubstr("is no JSON")));
-  WriteBytes(dir / "a.json", std::string(500'000, '[') + std::string(500'000, ']'));
+  EXPECT_THAT([&] { ReadJsonFile(dir / "a.json"); }, too_deep);
+  WriteBytes(dir / "a.json", std::string(101, '[') + std::string(101, ']'));
+  EXPECT_THAT([&] { ReadJsonFile(dir / "a.json"); }, too_deep);
+  WriteBytes(dir / "a.json", std::string(100, '[') + std::string(100, ']'));
   EXPECT_TRUE(ReadJsonFile(dir / "a.json").is_array());
   std::filesystem::resize_file(dir / "a.json", std::uintmax_t{1} << 40);
   EXPECT_THAT([&] { ReadJsonFile(dir / "a.json"); }, ThrowsMessage<Error>(HasSubstr("bytes")));
+}
+
+// What finds keys one by one, or looks through a list for each of its objects, would take hours.
+TEST(ReadJsonFile, ManyKeysAndManyObjectsTakeNoHours) {
+  const test::TempDir dir;
+  std::string text = "[{}";
+  for (int i = 1; i < 1'000'000; ++i) text += ",{}";
+  WriteBytes(dir / "a.json", text + "]");
+  EXPECT_EQ(ReadJsonFile(dir / "a.json").size(), 1'000'000u);
+
+  text = R"({"0":0)";
+  for (int i = 1; i < 1'000'000; ++i) text += fmt::format(R"(,"{}":0)", i);
+  WriteBytes(dir / "a.json", text + "}");
+  EXPECT_THAT([&] { ReadJsonFile(dir / "a.json"); },
+              ThrowsMessage<Error>(AllOf(HasSubstr("a.json"), HasSubstr("too many keys"))));
 }
 
 TEST(ReadJsonFile, AKeyThatStandsTwiceIsAnError) {

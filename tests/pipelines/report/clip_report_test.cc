@@ -121,6 +121,27 @@ TEST_F(Show, OfPicturesOfAnotherSizeSaysSoAndLeavesNothing) {
   }
 }
 
+TEST_F(Show, ShowsPicturesOfAnyShape) {
+  for (const cv::Size size : {cv::Size(1, 1), cv::Size(1000, 1), cv::Size(1, 1000)}) {
+    const std::string clip = Path(fmt::format("{}x{}", size.width, size.height));
+    fs::create_directory(clip);
+    for (const char* name : {"/0.png", "/1.png", "/2.png"}) {
+      cv::imwrite(clip + name, cv::Mat(size, CV_8UC1, cv::Scalar(100)));
+    }
+    Run("track " + clip + " --second-pass off --quiet --out " + clip + ".tracks");
+    for (const char* ending : {".html", ".mp4"}) {
+      Run("show " + clip + ".tracks --quiet --out " + clip + ending);
+    }
+  }
+  // JPEG has sides of 65,500 px at most; a page's pictures are small.
+  fs::create_directory(Path("tall"));
+  for (const char* name : {"/0.png", "/1.png", "/2.png"}) {
+    cv::imwrite(Path("tall") + name, cv::Mat(70'000, 20, CV_8UC1, cv::Scalar(100)));
+  }
+  Run("track " + Path("tall") + " --second-pass off --quiet --out " + Path("tall.tracks"));
+  Run("show " + Path("tall.tracks") + " --quiet --out " + Path("tall.html"));
+}
+
 TEST_F(Show, NamesTheKindsOfFilesThatItWrites) {
   const test::ProgramEnd end =
       test::RunCohort("show " + Path("a.tracks") + " --quiet --out " + Path("v.xyz"));
@@ -373,7 +394,6 @@ TEST_F(Show, NoNameAndNoTextOfAFileBecomesActive) {
   fs::copy(Path("model"), Path("attack_model"));
   nlohmann::json summary = nlohmann::json::parse(ReadBytes(Path("model/summary.json")));
   summary["quality"] = attack;
-  summary["registered"] = attack;
   summary["reasons"] = {attack, "<iframe src=javascript:alert(1)>"};
   WriteBytes(dir_->path() / "attack_model" / "summary.json", summary.dump());
   Run("show " + Path("attack.tracks") + " --images '" + clip_ + "' --model " +
