@@ -128,9 +128,9 @@ TEST_F(Show, ShowsPicturesOfAnyShape) {
     for (const char* name : {"/0.png", "/1.png", "/2.png"}) {
       cv::imwrite(clip + name, cv::Mat(size, CV_8UC1, cv::Scalar(100)));
     }
-    Run("track " + clip + " --second-pass off --quiet --out " + clip + ".tracks");
-    for (const char* ending : {".html", ".mp4"}) {
-      Run("show " + clip + ".tracks --quiet --out " + clip + ending);
+    Run(fmt::format("track {0} --second-pass off --quiet --out {0}.tracks", clip));
+    for (const char* ending : {"html", "mp4"}) {
+      Run(fmt::format("show {0}.tracks --quiet --out {0}.{1}", clip, ending));
     }
   }
   // JPEG has sides of 65,500 px at most; a page's pictures are small.
