@@ -151,10 +151,11 @@ ColmapModel WithOurIds(const ColmapModel& model, const TrackFile& clip) {
   renamed.cameras = model.cameras;
   renamed.points = model.points;
   for (const auto& [id, image] : model.images) {
-    if (!id_of_name.contains(image.name)) {
+    const auto ours = id_of_name.find(image.name);
+    if (ours == id_of_name.end()) {
       ThrowError("COLMAP's model has an image {}, which it was not given", image.name);
     }
-    renamed.images[id_of_name.at(image.name)] = image;
+    renamed.images[ours->second] = image;
   }
   for (auto& [id, point] : renamed.points) {
     for (auto& [image, index] : point.track) image = id_of_name.at(model.images.at(image).name);

@@ -161,7 +161,7 @@ RelativeErrors ComputeRelativeErrors(std::span<const PosePair> aligned,
 
 std::vector<double> RelativePoseErrorsDeg(std::span<const PosePair> pairs, double min_baseline) {
   std::vector<double> errors;
-  errors.reserve(pairs.size() * (pairs.size() - std::min<std::size_t>(pairs.size(), 1)) / 2);
+  errors.reserve(pairs.size() * pairs.size() / 2);
   for (std::size_t i = 0; i < pairs.size(); ++i) {
     for (std::size_t j = i + 1; j < pairs.size(); ++j) {
       const Rigid3 estimate = pairs[i].estimate.Inverse() * pairs[j].estimate;

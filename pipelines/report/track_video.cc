@@ -49,15 +49,12 @@ cv::Mat Panel(const TrackFile& file, const cv::Mat& picture, FrameIndex frame, i
     const cv::Size size(std::max(2, width_px), std::max(2, cvRound(scale * drawn.picture.rows)));
     cv::resize(drawn.picture, drawn.picture, size, 0.0, 0.0, cv::INTER_AREA);
   }
-  // H.264 takes even sizes only.
-  if (drawn.picture.cols < 2 || drawn.picture.rows < 2) {
-    cv::copyMakeBorder(drawn.picture,
-                       drawn.picture,
-                       0,
-                       drawn.picture.rows < 2 ? 1 : 0,
-                       0,
-                       drawn.picture.cols < 2 ? 1 : 0,
-                       cv::BORDER_REPLICATE);
+  // H.264 takes even sizes only: what is one pixel wide or high gets a second one.
+  const int more_rows = drawn.picture.rows < 2 ? 1 : 0;
+  const int more_cols = drawn.picture.cols < 2 ? 1 : 0;
+  if (more_rows + more_cols > 0) {
+    cv::copyMakeBorder(
+        drawn.picture, drawn.picture, 0, more_rows, 0, more_cols, cv::BORDER_REPLICATE);
   }
   const int width = drawn.picture.cols / 2 * 2;
   const int height = drawn.picture.rows / 2 * 2;
