@@ -288,6 +288,16 @@ std::optional<ColmapModel> ReadWritten(const fs::path& folder, const ProgramEnd&
   }
 }
 
+// None where it is no model of one camera with our ids.
+std::optional<Reconstruction> Converted(const ColmapModel& written) {
+  try {
+    return FromColmapModel(written);
+  } catch (const Error& error) {
+    spdlog::debug("{}", error.what());
+    return std::nullopt;
+  }
+}
+
 // COLMAP's bundle_adjuster from this reconstruction to the optimum; none where it fails, or loses
 // cameras or points.
 std::optional<Reconstruction> RunAdjuster(ColmapProgram& program,
@@ -303,19 +313,19 @@ std::optional<Reconstruction> RunAdjuster(ColmapProgram& program,
   arguments.push_back(Required("output_path", adjusted));
   const ProgramEnd end = program.Run("bundle_adjuster", arguments, workspace.log);
   const std::optional<ColmapModel> written = ReadWritten(adjusted, end);
-  if (!written) return std::nullopt;
-  const Reconstruction moved = FromColmapModel(*written);
+  const std::optional<Reconstruction> moved = written ? Converted(*written) : std::nullopt;
+  if (!moved) return std::nullopt;
   const bool has_all = std::ranges::all_of(reconstruction.points, [&moved](const auto& point) {
-    return moved.points.contains(point.first);
+    return moved->points.contains(point.first);
   });
   const auto frame_of = [](const auto& pose) { return pose.first; };
   const bool has_same_frames = std::ranges::equal(
-      moved.cam_from_world, reconstruction.cam_from_world, {}, frame_of, frame_of);
+      moved->cam_from_world, reconstruction.cam_from_world, {}, frame_of, frame_of);
   if (!has_all || !has_same_frames) return std::nullopt;
-  reconstruction.camera = moved.camera;
-  reconstruction.cam_from_world = moved.cam_from_world;
+  reconstruction.camera = moved->camera;
+  reconstruction.cam_from_world = moved->cam_from_world;
   for (auto& [feature, point] : reconstruction.points) {
-    point.in_world = moved.points.at(feature).in_world;
+    point.in_world = moved->points.at(feature).in_world;
   }
   RemoveOutliers(file, reconstruction);
   return reconstruction;

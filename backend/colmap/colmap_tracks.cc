@@ -65,14 +65,18 @@ class Components {
     a = Root(a);
     b = Root(b);
     if (a == b) return true;
+    // Sets only grow: a file may ask again and again for a join that cannot be.
+    if (refused_.contains(std::minmax(a, b))) return false;
     if (images_[a].size() < images_[b].size()) std::swap(a, b);
     std::vector<ColmapImageId>& many = images_[a];
     const std::vector<ColmapImageId>& few = images_[b];
-    // In the time of the fewer: a file may ask for many joins that cannot be.
     const bool fits = std::none_of(few.begin(), few.end(), [&many](ColmapImageId image) {
       return std::binary_search(many.begin(), many.end(), image);
     });
-    if (!fits) return false;
+    if (!fits) {
+      refused_.insert(std::minmax(a, b));
+      return false;
+    }
     for (const ColmapImageId image : few) {
       many.insert(std::lower_bound(many.begin(), many.end(), image), image);
     }
@@ -84,7 +88,8 @@ class Components {
 
  private:
   std::vector<std::size_t> parent_;
-  std::vector<std::vector<ColmapImageId>> images_;  // of a root: ascending
+  std::vector<std::vector<ColmapImageId>> images_;         // of a root: ascending
+  std::set<std::pair<std::size_t, std::size_t>> refused_;  // roots, the smaller first
 };
 
 }  // namespace

@@ -128,10 +128,12 @@ std::vector<ColmapMatch> SwapColumns(std::vector<ColmapMatch> matches) {
 
 void CheckIndices(const std::vector<ColmapMatch>& matches,
                   const ColmapImage& image1,
-                  const ColmapImage& image2) {
+                  const ColmapImage& image2,
+                  const std::string& database) {
   for (const ColmapMatch& match : matches) {
     if (match[0] < image1.keypoints.size() && match[1] < image2.keypoints.size()) continue;
-    ThrowError("COLMAP database: a match of images {} and {} points past their {} and {} keypoints",
+    ThrowError("{}: a match of images {} and {} points past their {} and {} keypoints",
+               database,
                image1.name,
                image2.name,
                image1.keypoints.size(),
@@ -141,12 +143,12 @@ void CheckIndices(const std::vector<ColmapMatch>& matches,
 
 void CheckMatchedOnce(const std::vector<ColmapMatch>& matches,
                       const ColmapImage& image1,
-                      const ColmapImage& image2) {
+                      const ColmapImage& image2,
+                      const std::string& database) {
   std::set<std::uint32_t> used1, used2;
   for (const ColmapMatch& match : matches) {
     if (!used1.insert(match[0]).second || !used2.insert(match[1]).second) {
-      ThrowError(
-          "COLMAP database: images {} and {} match a keypoint twice", image1.name, image2.name);
+      ThrowError("{}: images {} and {} match a keypoint twice", database, image1.name, image2.name);
     }
   }
 }
@@ -283,11 +285,18 @@ std::map<ColmapImageId, ColmapImage> ReadImages(SqliteDatabase& db,
   auto images = db.Prepare(
       "SELECT image_id, name, rows, cols, data FROM images LEFT JOIN keypoints USING(image_id)");
   while (images.Step()) {
-    ColmapImage& image = result[static_cast<ColmapImageId>(images.Int(0))];
-    image.name = images.Text(1);
-    if (const std::string fault = FaultOfPictureName(image.name); !fault.empty()) {
-      ThrowError("COLMAP database {}: the name of image '{}' {}", path.string(), image.name, fault);
+    const std::int64_t id = images.Int(0);
+    if (id < 1 || id >= kMaxImages) {
+      ThrowError("COLMAP database {}: it has an image {}, and ids are from 1 to {}",
+                 path.string(),
+                 id,
+                 kMaxImages - 1);
     }
+    const auto [entry, is_new] = result.try_emplace(static_cast<ColmapImageId>(id));
+    if (!is_new) ThrowError("COLMAP database {}: it has two images {}", path.string(), id);
+    ColmapImage& image = entry->second;
+    image.name = images.Text(1);
+    RequirePictureName(fmt::format("COLMAP database {}", path.string()), image.name);
     const std::int64_t rows = images.Int(2);
     const std::int64_t cols = images.Int(3);
     if (rows != 0 && (cols < 2 || cols > 6)) {
@@ -334,18 +343,28 @@ ColmapTwoViewGeometry ReadGeometry(const SqliteStatement& row, const std::filesy
   return g;
 }
 
+std::pair<ColmapImageId, ColmapImageId> ReadPairId(const SqliteStatement& row,
+                                                   const std::filesystem::path& path) {
+  const std::int64_t id = row.Int(0);
+  const auto images = ColmapImagesOfPair(id);
+  if (ColmapPairId(images.first, images.second) != id) {
+    ThrowError("COLMAP database {}: {} is the id of no pair of images", path.string(), id);
+  }
+  return images;
+}
+
 std::map<std::pair<ColmapImageId, ColmapImageId>, ColmapPair> ReadPairs(
     SqliteDatabase& db, const std::filesystem::path& path) {
   std::map<std::pair<ColmapImageId, ColmapImageId>, ColmapPair> pairs;
   auto matches = db.Prepare("SELECT pair_id, rows, data FROM matches");
   while (matches.Step()) {
-    pairs[ColmapImagesOfPair(matches.Int(0))].matches =
+    pairs[ReadPairId(matches, path)].matches =
         FromBytes<ColmapMatch>(matches.Blob(2), matches.Int(1), path, "matches");
   }
   auto geometries = db.Prepare(
       "SELECT pair_id, rows, data, config, F, E, H, qvec, tvec FROM two_view_geometries");
   while (geometries.Step()) {
-    pairs[ColmapImagesOfPair(geometries.Int(0))].geometry = ReadGeometry(geometries, path);
+    pairs[ReadPairId(geometries, path)].geometry = ReadGeometry(geometries, path);
   }
   return pairs;
 }
@@ -401,11 +420,11 @@ void ColmapDatabase::AddPair(ColmapImageId image1, ColmapImageId image2, ColmapP
   if (image1 == image2 || first == images.end() || second == images.end()) {
     ThrowError("COLMAP database: there is no pair of images {} and {}", image1, image2);
   }
-  CheckIndices(pair.matches, first->second, second->second);
-  CheckMatchedOnce(pair.matches, first->second, second->second);
+  CheckIndices(pair.matches, first->second, second->second, "COLMAP database");
+  CheckMatchedOnce(pair.matches, first->second, second->second, "COLMAP database");
   if (pair.geometry) {
-    CheckIndices(pair.geometry->inliers, first->second, second->second);
-    CheckMatchedOnce(pair.geometry->inliers, first->second, second->second);
+    CheckIndices(pair.geometry->inliers, first->second, second->second, "COLMAP database");
+    CheckMatchedOnce(pair.geometry->inliers, first->second, second->second, "COLMAP database");
   }
   if (!pairs.emplace(std::pair(image1, image2), std::move(pair)).second) {
     ThrowError("COLMAP database: the pair of images {} and {} occurs twice", image1, image2);
@@ -449,6 +468,7 @@ ColmapDatabase ReadColmapDatabase(const std::filesystem::path& path) {
   database.camera = ReadCameras(db, path);
   database.images = ReadImages(db, path);
   database.pairs = ReadPairs(db, path);
+  const std::string name = fmt::format("COLMAP database {}", path.string());
   for (const auto& [ids, pair] : database.pairs) {
     const auto first = database.images.find(ids.first);
     const auto second = database.images.find(ids.second);
@@ -459,8 +479,8 @@ ColmapDatabase ReadColmapDatabase(const std::filesystem::path& path) {
                  ids.first,
                  ids.second);
     }
-    CheckIndices(pair.matches, first->second, second->second);
-    if (pair.geometry) CheckIndices(pair.geometry->inliers, first->second, second->second);
+    CheckIndices(pair.matches, first->second, second->second, name);
+    if (pair.geometry) CheckIndices(pair.geometry->inliers, first->second, second->second, name);
   }
   return database;
 }

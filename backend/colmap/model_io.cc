@@ -321,12 +321,13 @@ class BinaryReader {
     return text;
   }
 
+  [[noreturn]] void Fail(const std::string& what = "is cut short or damaged") const {
+    ThrowError("{} {} at byte {}", path_.string(), what, position_);
+  }
+
  private:
   void Need(std::size_t size) const {
     if (bytes_.size() - position_ < size) Fail();
-  }
-  [[noreturn]] void Fail() const {
-    ThrowError("{} is cut short or damaged at byte {}", path_.string(), position_);
   }
 
   fs::path path_;
@@ -334,10 +335,18 @@ class BinaryReader {
   std::size_t position_ = 0;
 };
 
+// The same of AddEntry.
+template <typename Map>
+typename Map::mapped_type& AddBinaryEntry(Map& map, const char* what, BinaryReader& in) {
+  const auto [entry, is_new] = map.try_emplace(in.Get<typename Map::key_type>());
+  if (!is_new) in.Fail(fmt::format("has a second {} {}", what, entry->first));
+  return entry->second;
+}
+
 void ReadCamerasBinary(const fs::path& path, ColmapModel& model) {
   BinaryReader in(path);
   for (auto n = in.GetCount(24); n > 0; --n) {
-    ColmapCamera& camera = model.cameras[in.Get<std::uint32_t>()];
+    ColmapCamera& camera = AddBinaryEntry(model.cameras, "camera", in);
     camera.model = static_cast<ColmapCameraModel>(in.Get<std::int32_t>());
     camera.width_px = in.GetSide();
     camera.height_px = in.GetSide();
@@ -349,7 +358,7 @@ void ReadCamerasBinary(const fs::path& path, ColmapModel& model) {
 void ReadImagesBinary(const fs::path& path, ColmapModel& model) {
   BinaryReader in(path);
   for (auto n = in.GetCount(73); n > 0; --n) {
-    ColmapModelImage& image = model.images[in.Get<ColmapImageId>()];
+    ColmapModelImage& image = AddBinaryEntry(model.images, "image", in);
     Eigen::Quaterniond& q = image.cam_from_world.rotation;
     for (double* value : {&q.w(), &q.x(), &q.y(), &q.z()}) *value = in.Get<double>();
     for (double& value : image.cam_from_world.translation) value = in.Get<double>();
@@ -368,7 +377,7 @@ void ReadImagesBinary(const fs::path& path, ColmapModel& model) {
 void ReadPointsBinary(const fs::path& path, ColmapModel& model) {
   BinaryReader in(path);
   for (auto n = in.GetCount(51); n > 0; --n) {
-    ColmapPoint3D& point = model.points[in.Get<std::uint64_t>()];
+    ColmapPoint3D& point = AddBinaryEntry(model.points, "point", in);
     for (double& value : point.xyz) value = in.Get<double>();
     for (std::uint8_t& value : point.rgb) value = in.Get<std::uint8_t>();
     point.error_px = in.Get<double>();
@@ -388,9 +397,7 @@ void CheckReferences(const fs::path& folder, const ColmapModel& model) {
                  image.name,
                  image.camera_id);
     }
-    if (const std::string fault = FaultOfPictureName(image.name); !fault.empty()) {
-      ThrowError("model {}: the name of image '{}' {}", folder.string(), image.name, fault);
-    }
+    RequirePictureName(fmt::format("model {}", folder.string()), image.name);
     const Eigen::Quaterniond& q = image.cam_from_world.rotation;
     const double norm = q.norm();
     if (!(norm > 0.0) || !std::isfinite(norm) || !image.cam_from_world.translation.allFinite()) {
@@ -673,6 +680,10 @@ const std::vector<std::string>& ModelFolderNames() {
   return names;
 }
 
+bool IsOurModelFolder(const fs::path& folder) {
+  return fs::exists(folder / "trajectory.tum") || fs::exists(folder / "summary.json");
+}
+
 std::string PointsPly(const ColmapModel& model) {
   std::string bytes = fmt::format(
       "ply\nformat binary_little_endian 1.0\nelement vertex {}\n"
@@ -700,7 +711,7 @@ void WriteReconstructionFiles(const fs::path& folder,
 }
 
 void WriteReconstruction(const fs::path& folder, const Reconstruction& reconstruction) {
-  OutputFolder out(folder, ModelFolderNames());
+  OutputFolder out(folder, ModelFolderNames(), IsOurModelFolder);
   WriteReconstructionFiles(out.partial(), reconstruction);
   out.Commit();
 }

@@ -87,6 +87,8 @@ void WriteReconstructionFiles(const std::filesystem::path& existing_folder,
                               const ColmapModel& model);
 // All names that a model folder may hold: for OutputFolder.
 const std::vector<std::string>& ModelFolderNames();
+// Whether a folder of those names is ours: COLMAP's own models have neither of what is looked for.
+bool IsOurModelFolder(const std::filesystem::path& folder);
 // Whole or not at all: OutputFolder and WriteReconstructionFiles.
 void WriteReconstruction(const std::filesystem::path& folder, const Reconstruction& reconstruction);
 // A folder of ours, with the time stamps of its trajectory.tum.

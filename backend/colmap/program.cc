@@ -58,12 +58,12 @@ std::optional<std::string> VersionIn(const std::string& help) {
 
 // All words that begin with two dashes and a letter, without the dashes.
 std::set<std::string> OptionsIn(const std::string& help) {
-  constexpr const char* kLetters = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz";
-  const std::string in_names = kLetters + std::string("0123456789_.");
+  constexpr std::string_view kLetters = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz";
+  const std::string in_names = std::string(kLetters) + "0123456789_.";
   std::set<std::string> options;
   for (std::size_t at = help.find("--"); at != std::string::npos; at = help.find("--", at + 1)) {
     const std::size_t begin = at + 2;
-    if (help.find_first_of(kLetters, begin) != begin) continue;
+    if (begin == help.size() || kLetters.find(help[begin]) == std::string_view::npos) continue;
     const std::size_t end = std::min(help.find_first_not_of(in_names, begin), help.size());
     options.insert(help.substr(begin, end - begin));
   }
@@ -103,6 +103,12 @@ std::string ColmapProgram::HelpText(const std::vector<std::string>& arguments) c
     ThrowError("{} hangs: its -h had not ended after {:.2g} minutes: {}",
                path_.string(),
                limit,
+               kHowToInstall);
+  }
+  if (output.end.printed_too_much) {
+    ThrowError("{} is not COLMAP (its {} prints without end): {}",
+               path_.string(),
+               fmt::join(arguments, " "),
                kHowToInstall);
   }
   if (output.end.signal != 0) {

@@ -155,7 +155,9 @@ ColmapModel WithOurIds(const ColmapModel& model, const TrackFile& clip) {
     if (ours == id_of_name.end()) {
       ThrowError("COLMAP's model has an image {}, which it was not given", image.name);
     }
-    renamed.images[ours->second] = image;
+    if (!renamed.images.emplace(ours->second, image).second) {
+      ThrowError("COLMAP's model has two images {}", image.name);
+    }
   }
   for (auto& [id, point] : renamed.points) {
     for (auto& [image, index] : point.track) image = id_of_name.at(model.images.at(image).name);

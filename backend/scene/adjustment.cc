@@ -180,6 +180,10 @@ std::optional<ModelCovariances> CovariancesAtOptimum(WorkingModel model,
   const WhitenedTracks& whitened = model.whitened();
   const double variance = model.noise() * model.noise();
   ModelCovariances result;
+  if (refinement.focal) {
+    result.focal = std::sqrt(variance * covariances->intrinsics(0, 0)) /
+                   adjustment.bundle.solution.intrinsics.fx;
+  }
   for (std::size_t i = 0; i < frames.size(); ++i) {
     result.cameras[whitened.frames()[frames[i]].index] = variance * covariances->cameras[i];
   }

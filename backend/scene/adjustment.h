@@ -56,6 +56,7 @@ std::optional<Camera> FindBetterCamera(const WorkingModel& model,
 struct ModelCovariances {
   std::map<FrameIndex, Eigen::Matrix<double, 6, 6>> cameras;
   std::map<FeatureId, Eigen::Matrix3d> points;
+  std::optional<double> focal;  // relative standard deviation, where it is refined
 };
 // Where a last adjustment of everything, of a copy of the model and of at most ten iterations, leads:
 // that they are asked for changes no model. None where the problem is rank deficient.

@@ -1,10 +1,12 @@
 #include "backend/scene/clip_motion.h"
 
+#include <spdlog/spdlog.h>
+
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <span>
+#include <utility>
 
 #include "backend/scene/two_view_geometry.h"
 #include "frontend/core/statistics.h"
@@ -22,22 +24,70 @@ std::vector<FramePairMotion> WidestPairs(std::vector<FramePairMotion> pairs) {
   return pairs;
 }
 
-// The largest parallax of the pairs of most motion, under the one of CamerasToTry that leaves
-// least.
+// The largest parallax of these pairs.
 double LargestParallaxPx(const WhitenedTracks& whitened,
                          const Camera& camera,
                          const std::vector<FramePairMotion>& pairs) {
-  const std::vector<FramePairMotion> widest = WidestPairs(pairs);
-  double least_px = std::numeric_limits<double>::infinity();
-  for (const Camera& candidate : CamerasToTry(camera)) {
-    double largest_px = 0.0;
-    for (const FramePairMotion& pair : widest) {
-      const FramePairMotion motion = MeasureMotion(whitened, candidate, pair.frame_a, pair.frame_b);
-      largest_px = std::max(largest_px, motion.parallax_px);
+  double largest_px = 0.0;
+  for (const FramePairMotion& pair : pairs) {
+    const FramePairMotion motion = MeasureMotion(whitened, camera, pair.frame_a, pair.frame_b);
+    largest_px = std::max(largest_px, motion.parallax_px);
+  }
+  return largest_px;
+}
+
+// The least that LargestParallaxPx becomes by another focal length and k1, found step by step from
+// this camera.
+double LeastParallaxNear(const WhitenedTracks& whitened,
+                         Camera camera,
+                         const std::vector<FramePairMotion>& pairs) {
+  constexpr double kFirstStep = 0.08;  // of log f, and of k1
+  constexpr double kLastStep = 0.004;
+  constexpr double kMostK1 = 0.3;
+  double least_px = LargestParallaxPx(whitened, camera, pairs);
+  for (double step = kFirstStep; step > kLastStep;) {
+    bool better = false;
+    for (const auto& [log_f, k1] : {std::pair(step, 0.0),
+                                    std::pair(-step, 0.0),
+                                    std::pair(0.0, step),
+                                    std::pair(0.0, -step)}) {
+      Camera other = camera;
+      other.fx *= std::exp(log_f);
+      other.fy *= std::exp(log_f);
+      other.k1 = std::clamp(other.k1 + k1, -kMostK1, kMostK1);
+      const double px = LargestParallaxPx(whitened, other, pairs);
+      if (px >= least_px) continue;
+      least_px = px;
+      camera = other;
+      better = true;
     }
-    least_px = std::min(least_px, largest_px);
+    if (!better) step /= 2.0;
   }
   return least_px;
+}
+
+// Parallax below it says nothing. Two views of a point with noise s leave a median of 1.67 s after
+// the right rotation.
+double LeastParallaxThatTells(double noise_px) {
+  constexpr double kBeyondNoise = 3.0;
+  constexpr double kMinNoise = 0.3;  // px
+  return kBeyondNoise * std::max(kMinNoise, noise_px);
+}
+
+struct CameraAndParallax {
+  Camera camera;
+  double parallax_px;
+};
+// The one of CamerasToTry by which the largest parallax of these pairs is least.
+CameraAndParallax LeastOfThoseToTry(const WhitenedTracks& whitened,
+                                    const Camera& camera,
+                                    const std::vector<FramePairMotion>& pairs) {
+  CameraAndParallax least{camera, kInfinity};
+  for (const Camera& candidate : CamerasToTry(camera)) {
+    const double px = LargestParallaxPx(whitened, candidate, pairs);
+    if (px < least.parallax_px) least = {candidate, px};
+  }
+  return least;
 }
 
 using SecondDifferences = std::vector<std::pair<Eigen::Vector2d, Eigen::Vector2d>>;  // at, of
@@ -88,6 +138,9 @@ double EstimateNoise(const WhitenedTracks& whitened) {
     const WhitenedObservation& b = observations[i - 1];
     const WhitenedObservation& c = observations[i];
     if (a.track != c.track || c.frame != a.frame + 2) continue;
+    // Of a picture that is there twice nothing is learned, but that it is the same.
+    constexpr double kSamePx = 0.002;
+    if ((a.xy - b.xy).norm() < kSamePx || (b.xy - c.xy).norm() < kSamePx) continue;
     in_frames[b.frame].emplace_back(b.xy, a.xy - 2.0 * b.xy + c.xy);
   }
   std::vector<double> deviations;
@@ -117,14 +170,30 @@ ClipMotion ClassifyMotion(const WhitenedTracks& whitened,
                           const Camera& camera,
                           const std::vector<FramePairMotion>& pairs,
                           double noise_px) {
-  // Two views of a point with noise s leave a median of 1.67 s after the right rotation.
-  constexpr double kBeyondNoise = 3.0;
-  constexpr double kMinNoise = 0.3;  // px; less parallax than three times this says nothing
-  const double threshold = kBeyondNoise * std::max(kMinNoise, noise_px);
+  const double threshold = LeastParallaxThatTells(noise_px);
   const std::vector<FramePairMotion> widest = WidestPairs(pairs);
   if (widest.empty() || widest.front().motion_px < threshold) return ClipMotion::kStatic;
-  return LargestParallaxPx(whitened, camera, pairs) < threshold ? ClipMotion::kRotation
-                                                                : ClipMotion::kParallax;
+  const auto [best, least_px] = LeastOfThoseToTry(whitened, camera, widest);
+  return least_px < threshold ? ClipMotion::kRotation : ClipMotion::kParallax;
+}
+
+bool TurnsByAnotherCamera(const WhitenedTracks& whitened,
+                          const Camera& camera,
+                          const std::vector<FramePairMotion>& pairs,
+                          double noise_px) {
+  // In units of what tells: more is not made of a rotation by a focal length between those of
+  // CamerasToTry, nor by the distortion of a lens.
+  constexpr double kBeyondOtherCameras = 10.0;
+  const double threshold = LeastParallaxThatTells(noise_px);
+  const std::vector<FramePairMotion> widest = WidestPairs(pairs);
+  const auto [best, px] = LeastOfThoseToTry(whitened, camera, widest);
+  if (px < threshold || px >= kBeyondOtherCameras * threshold) return false;
+  const double least_px = LeastParallaxNear(whitened, best, widest);
+  spdlog::debug("parallax beyond a rotation {:.2f} px, by another camera {:.2f} px, {:.2f} tell",
+                px,
+                least_px,
+                threshold);
+  return least_px < threshold;
 }
 
 ClipMotion ClassifyDrift(const WhitenedTracks& whitened,

@@ -49,6 +49,10 @@ std::optional<double> CameraUncertainty(
 // A sentence where that is so much that it is to be doubted; or empty.
 std::string DescribeUncertainCameras(double uncertainty);
 
+// A sentence where the focal length, of this relative standard deviation, is as good as unknown: of a
+// camera that moves without turning, depths may be longer or shorter by any factor. Or empty.
+std::string DescribeUncertainFocal(double deviation);
+
 // Median over frames of how far the views of points spread across the line that fits them best,
 // relative to along it: RMS distances in the picture, 1 where they have no direction.
 double SpreadAcrossLine(const Reconstruction& reconstruction);

@@ -16,6 +16,7 @@
 #include "backend/scene/near_world.h"
 #include "backend/scene/parts.h"
 #include "backend/scene/rolling_shutter.h"
+#include "backend/scene/row_poses.h"
 #include "backend/scene/spread_tracks.h"
 #include "frontend/core/part_times.h"
 #include "frontend/core/stopwatch.h"
@@ -334,6 +335,11 @@ void Describe(const JudgedParts& judged,
   result.summary.reasons = DoubtModel(result, judged, camera);
   if (options.covariances) {
     if (auto covariances = CovariancesAtOptimum(model, refinement)) {
+      spdlog::debug("focal length known to {:.2g}", covariances->focal.value_or(0.0));
+      if (std::string doubt = DescribeUncertainFocal(covariances->focal.value_or(0.0));
+          !doubt.empty()) {
+        result.summary.reasons.push_back(std::move(doubt));
+      }
       result.camera_covariances = std::move(covariances->cameras);
       result.point_covariances = std::move(covariances->points);
     } else {
@@ -355,6 +361,12 @@ MapperEnd EndOfModel(const MapperResult& described, std::size_t frames) {
   const bool partial = TooFewRegistered(described.reconstruction.cam_from_world.size(), frames);
   return {partial ? MapperTermination::kPartial : MapperTermination::kSuccess,
           fmt::format("{}", fmt::join(described.summary.reasons, "; "))};
+}
+
+bool HasNeighbours(const std::vector<FrameInfo>& frames) {
+  return std::ranges::adjacent_find(frames, [](const FrameInfo& a, const FrameInfo& b) {
+           return ToInt(b.index) - ToInt(a.index) <= kMostFramesApart;
+         }) != frames.end();
 }
 
 // All but the summary's figures.
@@ -379,6 +391,14 @@ MapperResult MapTracks(const TrackFile& file, const MapperOptions& options) {
                                 options.min_track_length)});
   }
 
+  if (options.readout != 0.0 && !HasNeighbours(file.frames)) {
+    result.warnings.push_back(
+        fmt::format("the readout of {:g} changes nothing: no two frames lie {:g} or less apart, so "
+                    "that nothing is "
+                    "known of how the camera moves within one",
+                    options.readout,
+                    kMostFramesApart));
+  }
   const CameraRefinement refinement = RefinementOf(camera, options);
   const std::vector<int> keyframes =
       SelectKeyframes(whitened, camera, kKeyframeParallaxPx, kMinKeyframes);

@@ -46,7 +46,7 @@ PartResult MapBody(const WhitenedTracks& whitened,
   const std::vector<FramePairMotion> pairs = RankPairs(whitened, camera, keyframes);
   if (pairs.empty()) {
     return {{MapperTermination::kTooFewTracks,
-             fmt::format("no two frames share {} tracks", kMinCommonTracks)}};
+             fmt::format("no two keyframes that were tried share {} tracks", kMinCommonTracks)}};
   }
   // Whether it has parallax is judged by the model, if there is one: the noise of fast, shaken
   // cameras is hard to tell.

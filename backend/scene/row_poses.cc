@@ -6,8 +6,6 @@
 namespace cohort {
 namespace {
 
-// Further away a neighbour says nothing of the motion.
-constexpr double kMostFrames = 3.0;
 constexpr int kNeighbours = 3;  // on each side
 
 bool AreColumns(RowOrder order) { return order == RowOrder::kLeft || order == RowOrder::kRight; }
@@ -39,7 +37,7 @@ RowPoses::RowPoses(const std::map<FrameIndex, Rigid3>& cam_from_world,
     const auto add = [&](const auto& other) {
       const double frames =
           static_cast<double>(ToInt(other->first)) - static_cast<double>(ToInt(it->first));
-      if (std::abs(frames) > kMostFrames) return;
+      if (std::abs(frames) > kMostFramesApart) return;
       const Rigid3& there = other->second;
       motion.neighbours.push_back(
           {frames,

@@ -9,6 +9,9 @@
 
 namespace cohort {
 
+// A neighbour that is further away says nothing of a frame's motion.
+inline constexpr double kMostFramesApart = 3.0;
+
 // Where a camera with a rolling shutter is when it exposes a row of its sensor: a row of the picture,
 // or a column of one that was turned upright (Camera::row_order). Row y of a frame is exposed at
 //   tau = readout ((y + 1/2) / height - 1/2)

@@ -32,10 +32,13 @@ std::vector<int> SpreadTracks(const WhitenedTracks& whitened,
     for (int o = first; o < last; ++o) {
       const WhitenedObservation& observation = whitened.observations()[o];
       if (place[observation.frame] < 0) continue;
-      const auto column = static_cast<int>(kColumns * observation.xy.x() / camera.width_px);
-      const auto row = static_cast<int>(kRows * observation.xy.y() / camera.height_px);
-      cells.push_back(place[observation.frame] + std::clamp(row, 0, kRows - 1) * kColumns +
-                      std::clamp(column, 0, kColumns - 1));
+      // What is predicted may lie anywhere.
+      const auto cell = [](double share, int cells) {
+        return static_cast<int>(std::clamp(cells * share, 0.0, cells - 1.0));
+      };
+      cells.push_back(place[observation.frame] +
+                      cell(observation.xy.y() / camera.height_px, kRows) * kColumns +
+                      cell(observation.xy.x() / camera.width_px, kColumns));
     }
     if (std::none_of(cells.begin(), cells.end(), [&](int c) { return count[c] < per_cell; })) {
       continue;

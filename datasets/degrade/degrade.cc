@@ -320,7 +320,7 @@ class SequenceDegrader {
 
   // Recipe phone: all frames in their order through one camera and one encoder, and back.
   void Film(unsigned threads) {
-    const fs::path video = writer_.partial() / "phone.mp4";
+    const fs::path video = writer_.partial() / "rgb.partial.mp4";
     std::optional<PhoneCamera> camera;
     std::optional<VideoEncoder> encoder;
     std::vector<Job> jobs;  // without their pictures
@@ -426,6 +426,14 @@ class SequenceDegrader {
         const cv::Mat blank(size_, CV_8UC1, cv::Scalar(0));
         AddOccluder(DrawOccluder(blank, options_, ToInt(job.frame.index)).mask, job.record);
       }
+      if (frame->gray.cols < size_.width || frame->gray.rows < size_.height) {
+        ThrowError("{} has frames of {}x{} instead of {}x{}: is ffmpeg sound?",
+                   video.string(),
+                   frame->gray.cols,
+                   frame->gray.rows,
+                   size_.width,
+                   size_.height);
+      }
       job.record.picture = frame->gray(cv::Rect({}, size_));
       writer_.Write(job.place, job.record);
       job = WithoutPictures(job);
@@ -502,6 +510,11 @@ void DegradeSequence(Sequence& sequence,
   const auto scene = fs::is_directory(source) ? ReadSceneFile(source) : std::nullopt;
   if (scene && !degrader.frames().empty()) {
     writer.WriteFile("scene.json", PartOfScene(*scene, degrader.frames()).Text());
+  }
+  if (degrader.frames().empty()) {
+    const std::string why = sequence.Warning();
+    ThrowError(
+        "{}: there is no frame to degrade{}{}", source.string(), why.empty() ? "" : ": ", why);
   }
   writer.Finish();
 }

@@ -1,5 +1,6 @@
 #include "datasets/degrade/video_encoder.h"
 
+#include <algorithm>
 #include <cmath>
 #include <opencv2/core.hpp>
 #include <string>
@@ -41,6 +42,12 @@ std::string LastLine(std::string text) {
 
 }  // namespace
 
+std::chrono::seconds FfmpegLimit(std::size_t pictures) {
+  constexpr std::chrono::minutes kStart{10};
+  constexpr std::chrono::seconds kPicture{5};
+  return kStart + static_cast<int>(std::min<std::size_t>(pictures, 100'000'000)) * kPicture;
+}
+
 VideoEncoder::VideoEncoder(fs::path file, cv::Size size)
     : file_(std::move(file)),
       raw_file_(file_.string() + ".raw"),
@@ -70,6 +77,7 @@ void VideoEncoder::Add(const cv::Mat& gray) {
       gray, even, 0, size_.height - gray.rows, 0, size_.width - gray.cols, cv::BORDER_REPLICATE);
   raw_.write(reinterpret_cast<const char*>(even.data), static_cast<std::streamsize>(even.total()));
   if (!raw_) ThrowError("cannot write {}: is the disk full?", raw_file_.string());
+  ++pictures_;
 }
 
 void VideoEncoder::Finish(VideoCodec codec, int bitrate_kbit, double frames_per_second) {
@@ -101,7 +109,8 @@ void VideoEncoder::Finish(VideoCodec codec, int bitrate_kbit, double frames_per_
   add({"-maxrate", fmt::format("{}k", bitrate_kbit + bitrate_kbit / 2)});
   add({"-bufsize", fmt::format("{}k", bitrate_kbit)});
   add({"-fflags", "+bitexact", "-flags:v", "+bitexact", "-f", "mp4", "file:" + file_.string()});
-  const ProgramOutput result = RunProgramForText(ffmpeg_, std::move(arguments));
+  const ProgramOutput result =
+      RunProgramForText(ffmpeg_, std::move(arguments), FfmpegLimit(pictures_));
   if (result.end.exit_code != 0 || result.end.signal != 0) {
     ThrowError("{} cannot encode {} as {} ({}): {}",
                ffmpeg_.string(),

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <chrono>
+#include <cstddef>
 #include <filesystem>
 #include <fstream>
 #include <opencv2/core/types.hpp>
@@ -11,6 +13,9 @@ namespace cohort {
 enum class VideoCodec { kH264, kHevc };
 inline constexpr ChoiceNames<VideoCodec, 2> kVideoCodecNames{
     {{"h264", VideoCodec::kH264}, {"hevc", VideoCodec::kHevc}}};
+
+// After which ffmpeg, which takes a small part of it for so many pictures, hangs.
+std::chrono::seconds FfmpegLimit(std::size_t pictures);
 
 // Encodes grey pictures into an MP4 as a phone's encoder does, with the program ffmpeg: a key frame
 // every second, no frames that look ahead, quick decisions, a bit rate that is held within a
@@ -38,6 +43,7 @@ class VideoEncoder {
   std::filesystem::path file_;
   std::filesystem::path raw_file_;
   cv::Size size_;
+  std::size_t pictures_ = 0;
   std::ofstream raw_;
 };
 

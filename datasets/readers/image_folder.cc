@@ -41,7 +41,23 @@ fs::path GlobRoot(const fs::path& pattern) {
   return root.empty() ? fs::path(".") : root;
 }
 
+// {a,b}{c,d} is four: glob would list them one by one, however many.
+void CheckBraces(const std::string& pattern) {
+  constexpr double kMost = 10'000.0;
+  double count = 1.0;
+  double choices = 1.0;
+  for (const char c : pattern) {
+    if (c == '{') choices = 1.0;
+    if (c == ',') ++choices;
+    if (c == '}') count *= choices;
+  }
+  if (count > kMost) {
+    ThrowError("{}: its braces stand for more than {:.0f} names", OneLine(pattern), kMost);
+  }
+}
+
 std::vector<std::string> GlobNames(const fs::path& pattern, const fs::path& root) {
+  CheckBraces(pattern.string());
   glob_t found{};
   std::vector<std::string> names;
   if (::glob(pattern.c_str(), GLOB_BRACE, nullptr, &found) == 0) {

@@ -11,6 +11,7 @@
 #include "frontend/core/error.h"
 #include "frontend/core/input_file.h"
 #include "frontend/core/input_record.h"
+#include "frontend/geometry/camera_fault.h"
 #include "frontend/image/read_image.h"
 
 namespace cohort {
@@ -40,11 +41,10 @@ class ImageListSequence final : public Sequence {
                  list_.images.size(),
                  range.first);
     }
+    CheckGeometry();
     for (const ImageList::Image& image : list_.images) {
       InputRecord::Add(list_.root / image.name);  // before hours of work, not when it is read
-      if (const std::string fault = FaultOfPictureName(image.name); !fault.empty()) {
-        ThrowError("{}: the name of picture '{}' {}: rename it", list_.name, image.name, fault);
-      }
+      RequirePictureName(list_.name, image.name);
     }
     for (const auto* files : {&list_.depth_files, &list_.occluder_files}) {
       for (const auto& [frame, file] : *files) InputRecord::Add(file);
@@ -142,6 +142,20 @@ class ImageListSequence final : public Sequence {
   const std::string& Warning() const override { return warning_; }
 
  private:
+  // No layout has numbers that are none, whatever it computes them of.
+  void CheckGeometry() const {
+    if (list_.camera) {
+      if (const std::string fault = FaultOf(*list_.camera); !fault.empty()) {
+        ThrowError("{}: {}", list_.name, fault);
+      }
+    }
+    for (const auto& [frame, pose] : list_.cam_from_world) {
+      if (!pose.translation.allFinite() || !pose.rotation.coeffs().allFinite()) {
+        ThrowError("{}: the pose of frame {} is not finite", list_.name, ToInt(frame));
+      }
+    }
+  }
+
   void Warn(const std::string& what) { warning_ += (warning_.empty() ? "" : "; ") + what; }
 
   std::filesystem::path ImageFile(std::size_t image) const {

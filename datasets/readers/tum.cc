@@ -28,10 +28,7 @@ std::map<FrameIndex, fs::path> ReadCompanions(const fs::path& folder,
   if (!fs::exists(folder / list)) return {};
   std::map<std::int64_t, fs::path> by_time;
   for (const ImageList::Image& file : ReadList(folder / list)) {
-    if (const std::string fault = FaultOfPictureName(file.name); !fault.empty()) {
-      ThrowError(
-          "{}: the name of picture '{}' {}: rename it", (folder / list).string(), file.name, fault);
-    }
+    RequirePictureName((folder / list).string(), file.name);
     by_time.emplace(file.timestamp_ns, folder / file.name);
   }
   return ByNearestTime(images, by_time);

@@ -44,6 +44,16 @@ void WriteFolder(const std::filesystem::path& folder) {
   if (error) ThrowError("cannot make folder {}: {}", folder.string(), error.message());
 }
 
+// Pictures of ours are numbered; those of the benchmark, and of others who write its form, have times.
+bool WasWrittenByUs(const std::filesystem::path& folder) {
+  std::error_code none_there;
+  for (const auto& entry : std::filesystem::directory_iterator(folder / "rgb", none_there)) {
+    const std::string name = entry.path().stem().string();
+    return name.size() == 6 && name.find_first_not_of("0123456789") == std::string::npos;
+  }
+  return true;
+}
+
 }  // namespace
 
 TumWriter::TumWriter(const std::filesystem::path& folder)
@@ -56,7 +66,8 @@ TumWriter::TumWriter(const std::filesystem::path& folder)
                "occluder.txt",
                "calibration.txt",
                "groundtruth.txt",
-               "scene.json"}) {}
+               "scene.json"},
+              WasWrittenByUs) {}
 
 void TumWriter::WriteCamera(const Camera& c) {
   WriteFile("calibration.txt", fmt::format("{}\n", fmt::join(WordsOfCamera(c), " ")));

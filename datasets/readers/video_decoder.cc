@@ -25,6 +25,7 @@ extern "C" {
 
 #include "frontend/core/error.h"
 #include "frontend/core/input_file.h"
+#include "frontend/geometry/camera_fault.h"
 
 namespace cohort {
 namespace {
@@ -86,6 +87,13 @@ void CheckPixels(int width_px, int height_px, const std::string& name) {
                width_px,
                height_px,
                VideoDecoder::kMaxPixels);
+  }
+  if (std::max(width_px, height_px) > kMaxPictureSidePx) {
+    ThrowError("cannot read {}: its frames are {}x{}, and {} pixels a side are the most",
+               name,
+               width_px,
+               height_px,
+               kMaxPictureSidePx);
   }
 }
 

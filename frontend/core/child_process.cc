@@ -3,6 +3,7 @@
 #include <fcntl.h>
 #include <poll.h>
 #include <sys/prctl.h>
+#include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -58,10 +59,22 @@ class EndIsTold {
   struct sigaction before_ {};
 };
 
-// Waits for the child's end; kills it after `time_limit`, or where the check of an interruption
-// throws. Looks up to 20 times a second, more often at first: most calls are short.
-ProgramEnd WaitFor(pid_t child, std::chrono::duration<double> time_limit) {
+// When a program is killed.
+struct Limits {
+  std::chrono::duration<double> time;  // zero: never
+  off_t output_bytes;                  // of a file that it prints into
+};
+
+off_t BytesIn(int output) {
+  struct stat status {};
+  return fstat(output, &status) == 0 && S_ISREG(status.st_mode) ? status.st_size : 0;
+}
+
+// Waits for the child's end; kills it at its limits, or where the check of an interruption throws.
+// Looks up to 20 times a second, more often at first: most calls are short.
+ProgramEnd WaitFor(pid_t child, int output, const Limits& limits) {
   const auto start = std::chrono::steady_clock::now();
+  const off_t before = BytesIn(output);
   const auto kill_and_wait = [child] {
     int status = 0;
     kill(child, SIGKILL);
@@ -75,9 +88,13 @@ ProgramEnd WaitFor(pid_t child, std::chrono::duration<double> time_limit) {
     if (ended < 0 && errno != EINTR) {
       ThrowError("cannot wait for a child process: {}", std::strerror(errno));
     }
-    if (time_limit.count() > 0.0 && std::chrono::steady_clock::now() - start > time_limit) {
+    if (limits.time.count() > 0.0 && std::chrono::steady_clock::now() - start > limits.time) {
       kill_and_wait();
       return {.signal = SIGKILL, .out_of_time = true};
+    }
+    if (BytesIn(output) - before > limits.output_bytes) {
+      kill_and_wait();
+      return {.signal = SIGKILL, .printed_too_much = true};
     }
     try {
       CheckInterruption();
@@ -91,35 +108,10 @@ ProgramEnd WaitFor(pid_t child, std::chrono::duration<double> time_limit) {
   return {.exit_code = WEXITSTATUS(status)};
 }
 
-}  // namespace
-
-std::string ProgramEnd::Brief() const {
-  if (out_of_time) return "killed at its time limit";
-  return signal != 0 ? fmt::format("killed by signal {}", signal)
-                     : fmt::format("exit code {}", exit_code);
-}
-
-std::optional<fs::path> FindProgram(const std::string& program) {
-  const auto usable = [](const fs::path& path) {
-    std::error_code ignored;  // of a folder that may not be entered, as another user's
-    return fs::is_regular_file(path, ignored) && access(path.c_str(), X_OK) == 0;
-  };
-  if (program.find('/') != std::string::npos) {
-    return usable(program) ? std::optional(fs::absolute(program)) : std::nullopt;
-  }
-  const char* path = std::getenv("PATH");
-  std::istringstream folders(path != nullptr ? path : "/usr/local/bin:/usr/bin:/bin");
-  for (std::string folder; std::getline(folders, folder, ':');) {
-    const fs::path candidate = fs::path(folder.empty() ? "." : folder) / program;
-    if (usable(candidate)) return fs::absolute(candidate);
-  }
-  return std::nullopt;
-}
-
-ProgramEnd RunProgram(const fs::path& program,
-                      std::vector<std::string> arguments,
-                      int output,
-                      std::chrono::duration<double> time_limit) {
+ProgramEnd RunWithin(const Limits& limits,
+                     const fs::path& program,
+                     std::vector<std::string> arguments,
+                     int output) {
   arguments.insert(arguments.begin(), program.string());
   std::vector<std::string> environment = ChildEnvironment();
   const std::vector<char*> argv = Pointers(arguments);
@@ -155,7 +147,7 @@ ProgramEnd RunProgram(const fs::path& program,
   do {
     got = read(report_from.get(), &exec_error, sizeof(exec_error));
   } while (got < 0 && errno == EINTR);
-  const ProgramEnd end = WaitFor(child, time_limit);
+  const ProgramEnd end = WaitFor(child, output, limits);
   CheckInterruption();
   if (got == sizeof(exec_error)) {
     ThrowError("cannot run {}: {}", program.string(), std::strerror(exec_error));
@@ -163,19 +155,57 @@ ProgramEnd RunProgram(const fs::path& program,
   return end;
 }
 
+}  // namespace
+
+std::string ProgramEnd::Brief() const {
+  if (out_of_time) return "killed at its time limit";
+  if (printed_too_much) return "killed as it printed without end";
+  return signal != 0 ? fmt::format("killed by signal {}", signal)
+                     : fmt::format("exit code {}", exit_code);
+}
+
+std::optional<fs::path> FindProgram(const std::string& program) {
+  const auto usable = [](const fs::path& path) {
+    std::error_code ignored;  // of a folder that may not be entered, as another user's
+    return fs::is_regular_file(path, ignored) && access(path.c_str(), X_OK) == 0;
+  };
+  if (program.find('/') != std::string::npos) {
+    return usable(program) ? std::optional(fs::absolute(program)) : std::nullopt;
+  }
+  const char* path = std::getenv("PATH");
+  std::istringstream folders(path != nullptr ? path : "/usr/local/bin:/usr/bin:/bin");
+  for (std::string folder; std::getline(folders, folder, ':');) {
+    const fs::path candidate = fs::path(folder.empty() ? "." : folder) / program;
+    if (usable(candidate)) return fs::absolute(candidate);
+  }
+  return std::nullopt;
+}
+
+ProgramEnd RunProgram(const fs::path& program,
+                      std::vector<std::string> arguments,
+                      int output,
+                      std::chrono::duration<double> time_limit) {
+  return RunWithin({time_limit, off_t{1} << 30}, program, std::move(arguments), output);
+}
+
 ProgramOutput RunProgramForText(const fs::path& program,
                                 std::vector<std::string> arguments,
                                 std::chrono::duration<double> time_limit) {
   const std::unique_ptr<std::FILE, int (*)(std::FILE*)> file(std::tmpfile(), &std::fclose);
   if (file == nullptr) ThrowError("cannot make a temporary file: {}", std::strerror(errno));
-  fcntl(fileno(file.get()), F_SETFD, FD_CLOEXEC);  // the child has copies of it
+  // The child has copies of it, as 1 and 2: where it is one of those, as Python's may be, it would be
+  // closed there.
+  const Descriptor output(fcntl(fileno(file.get()), F_DUPFD_CLOEXEC, STDERR_FILENO + 1));
+  fcntl(fileno(file.get()), F_SETFD, FD_CLOEXEC);
+  if (output.get() < 0) ThrowError("cannot run {}: {}", program.string(), std::strerror(errno));
+  constexpr std::size_t kMostBytes = std::size_t{1} << 24;
   ProgramOutput result;
-  result.end = RunProgram(program, std::move(arguments), fileno(file.get()), time_limit);
+  result.end = RunWithin({time_limit, kMostBytes}, program, std::move(arguments), output.get());
   std::rewind(file.get());
   char buffer[4096];
   while (const std::size_t n = std::fread(buffer, 1, sizeof(buffer), file.get())) {
     result.text.append(buffer, n);
-    if (result.text.size() >= std::size_t{1} << 24) break;
+    if (result.text.size() >= kMostBytes) break;
   }
   return result;
 }

@@ -96,4 +96,10 @@ std::string FaultOfPictureName(std::string_view name) {
   return {};
 }
 
+void RequirePictureName(std::string_view source, std::string_view name) {
+  if (const std::string fault = FaultOfPictureName(name); !fault.empty()) {
+    ThrowError("{}: the name of picture '{}' {}: rename it", source, name, fault);
+  }
+}
+
 }  // namespace cohort

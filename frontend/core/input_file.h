@@ -42,5 +42,7 @@ std::string ReadBytes(const std::filesystem::path& path,
 // line each, and other programs write pictures under them into their output folders: so they have
 // no control characters, are not absolute and lead out of no folder.
 std::string FaultOfPictureName(std::string_view name);
+// Throws Error naming `source`, which has it, where it cannot.
+void RequirePictureName(std::string_view source, std::string_view name);
 
 }  // namespace cohort

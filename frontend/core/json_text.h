@@ -29,8 +29,9 @@ class JsonScan {
   bool end_array() { return Close(); }
   bool key(typename Json::string_t& name) {
     constexpr std::size_t kMostSteps = 1'000'000'000;
+    constexpr std::size_t kStepBytes = 16;  // keys may differ in their last letter alone
     std::set<std::string>& keys = keys_.back();
-    steps_ += keys.size();
+    steps_ += keys.size() * (1 + name.size() / kStepBytes);
     if (steps_ > kMostSteps) ThrowError("objects have too many keys, as {}", Json(name).dump());
     if (!keys.insert(name).second) {
       ThrowError("key {} stands twice in one object: leave one", Json(name).dump());

@@ -165,7 +165,7 @@ class HeaderParser {
   std::string_view text_;
 };
 
-// None where it does not fit.
+// None where it is more than an array may have.
 std::optional<std::size_t> CountOf(std::span<const std::size_t> shape) {
   std::size_t count = 1;
   for (const std::size_t size : shape) {
@@ -179,15 +179,26 @@ std::optional<std::size_t> CountOf(std::span<const std::size_t> shape) {
 // Fortran's order, the first index fastest, to C's.
 std::vector<double> FromFortranOrder(const std::vector<double>& values,
                                      std::span<const std::size_t> shape) {
+  struct Axis {
+    std::size_t size;
+    std::size_t stride;  // in `values`
+    std::size_t index;
+  };
+  std::vector<Axis> axes;  // those of 1 only cost time
+  std::size_t stride = 1;
+  for (const std::size_t size : shape) {
+    if (size != 1) axes.push_back({size, stride, 0});
+    stride *= size;
+  }
   std::vector<double> result(values.size());
-  std::vector<std::size_t> index(shape.size(), 0);
+  std::size_t at = 0;
   for (double& value : result) {
-    std::size_t at = 0;
-    for (std::size_t d = shape.size(); d-- > 0;) at = at * shape[d] + index[d];
     value = values[at];
-    for (std::size_t d = shape.size(); d-- > 0;) {
-      if (++index[d] < shape[d]) break;
-      index[d] = 0;
+    for (auto axis = axes.rbegin(); axis != axes.rend(); ++axis) {
+      at += axis->stride;
+      if (++axis->index < axis->size) break;
+      at -= axis->size * axis->stride;
+      axis->index = 0;
     }
   }
   return result;
@@ -280,10 +291,13 @@ Header ReadHeader(Member& member) {
   return *header;
 }
 
+const Type* FindType(const Header& header) {
+  const auto type = std::ranges::find(kTypes, header.descr, &Type::descr);
+  return type == kTypes.end() ? nullptr : &*type;
+}
+
 const Type& TypeOf(const Header& header, const Member& member) {
-  for (const Type& type : kTypes) {
-    if (type.descr == header.descr) return type;
-  }
+  if (const Type* type = FindType(header)) return *type;
   if (header.descr == "|O") {
     member.Fail("it holds Python objects, which are not read: save arrays of numbers");
   }
@@ -298,6 +312,8 @@ std::string ShapeText(std::span<const std::size_t> shape) {
 }
 
 struct NpzReader::Impl {
+  Member Open(const std::string& name) const;
+
   fs::path path;
   std::uint64_t bytes = 0;
   Zip archive;
@@ -334,18 +350,30 @@ bool NpzReader::Has(std::string_view name) const {
   return std::find(impl_->names.begin(), impl_->names.end(), name) != impl_->names.end();
 }
 
+Member NpzReader::Impl::Open(const std::string& name) const {
+  return {archive.get(),
+          fmt::format("{}, array {}", path.string(), name),
+          name + std::string(kSuffix),
+          bytes};
+}
+
+NpzReader::Description NpzReader::Describe(const std::string& name) const {
+  Member member = impl_->Open(name);
+  const Header header = ReadHeader(member);
+  const Type* type = FindType(header);
+  return {type == nullptr ? std::nullopt : std::optional(type->kind), header.shape};
+}
+
 NpzArray NpzReader::Read(const std::string& name, std::size_t max_values) {
-  Member member(impl_->archive.get(),
-                fmt::format("{}, array {}", impl_->path.string(), name),
-                name + std::string(kSuffix),
-                impl_->bytes);
+  Member member = impl_->Open(name);
   const Header header = ReadHeader(member);
   const Type& type = TypeOf(header, member);
   const auto count = CountOf(header.shape);
-  if (count && *count > max_values) {
-    member.Fail(fmt::format("it has {} numbers, and {} are the most", *count, max_values));
+  if (!count || *count > max_values) {
+    member.Fail(
+        fmt::format("it is {}: {} numbers are the most", ShapeText(header.shape), max_values));
   }
-  if (!count || *count * type.bytes != member.bytes_left()) {
+  if (*count * type.bytes != member.bytes_left()) {
     member.Fail(fmt::format("its shape {} does not fit its {} bytes of {}",
                             ShapeText(header.shape),
                             member.bytes_left(),
@@ -610,6 +638,7 @@ void NpzWriter::Commit() {
   }
   if (zip_close(archive.get()) != 0) fail(zip_strerror(archive.get()));
   static_cast<void>(archive.release());  // closed
+  impl_->file.LockAnew();                // libzip renames its own file to it
   impl_->file.Commit();
 }
 

@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -39,6 +40,12 @@ class NpzReader {
   // Of all arrays, in the file's order. What is in the archive and no .npy is not listed.
   const std::vector<std::string>& names() const;
   bool Has(std::string_view name) const;
+  // Of its header alone; no kind where the type is one that is not read.
+  struct Description {
+    std::optional<NpzKind> kind;
+    std::vector<std::size_t> shape;
+  };
+  Description Describe(const std::string& name) const;
   // More than `max_values` numbers are an error, before memory is taken for them.
   NpzArray Read(const std::string& name, std::size_t max_values = kMaxNpzValues);
 

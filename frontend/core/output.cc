@@ -62,10 +62,28 @@ bool IsOfTheSystem(const fs::path& path) {
          (folder.starts_with("/dev/") && !folder.starts_with("/dev/shm/"));
 }
 
+fs::path PartialOf(const fs::path& path) { return path.string() + ".partial"; }
+
 void CheckIsNoInput(const fs::path& path) {
   if (InputRecord::Holds(path)) {
     ThrowError("cannot write {}: this run reads that file; give another name", path.string());
   }
+}
+
+// Nor is what it is written as, which is removed.
+void CheckPartialIsNoInput(const fs::path& path) {
+  if (InputRecord::Holds(PartialOf(path))) {
+    ThrowError("cannot write {}: this run reads {}, which it is written as; give another name",
+               path.string(),
+               PartialOf(path).string());
+  }
+}
+
+// Into which another file system is mounted, or a folder of another place.
+bool IsMountPoint(const fs::path& folder) {
+  struct statx status {};
+  return statx(AT_FDCWD, folder.c_str(), 0, STATX_TYPE, &status) == 0 &&
+         (status.stx_attributes_mask & status.stx_attributes & STATX_ATTR_MOUNT_ROOT) != 0;
 }
 
 void Rename(const fs::path& from, const fs::path& to) {
@@ -85,8 +103,7 @@ struct CloseFile {
 
 }  // namespace
 
-OutputFile::OutputFile(fs::path path)
-    : path_(std::move(path)), partial_(path_.string() + ".partial") {
+OutputFile::OutputFile(fs::path path) : path_(std::move(path)), partial_(PartialOf(path_)) {
   CheckOutputPath(path_);
   lock_ = WriteLock::OfNewFile(partial_);
 }
@@ -96,21 +113,43 @@ OutputFile::~OutputFile() {
   if (!committed_) fs::remove(partial_, ignored);
 }
 
+void OutputFile::LockAnew() {
+  lock_ = WriteLock::TryOf(partial_);
+  if (!lock_) {
+    committed_ = true;  // it is not ours to remove
+    ThrowError("cannot write {}: another run is writing it", path_.string());
+  }
+}
+
 void OutputFile::Commit() {
   CheckIsNoInput(path_);  // once more: what came later
+  if (!lock_->IsAt(partial_)) {
+    committed_ = true;
+    ThrowError("cannot write {}: something has taken the place of {} meanwhile",
+               path_.string(),
+               partial_.string());
+  }
   Rename(partial_, path_);
   committed_ = true;
 }
 
-OutputFolder::OutputFolder(fs::path path, const std::vector<std::string>& own_names)
-    : OutputFolder(std::move(path), [own_names](const std::string& name) {
-        return std::find(own_names.begin(), own_names.end(), name) != own_names.end();
-      }) {}
+OutputFolder::OutputFolder(fs::path path,
+                           const std::vector<std::string>& own_names,
+                           WasOurs was_ours)
+    : OutputFolder(
+          std::move(path),
+          [own_names](const std::string& name) {
+            return std::find(own_names.begin(), own_names.end(), name) != own_names.end();
+          },
+          std::move(was_ours)) {}
 
-OutputFolder::OutputFolder(fs::path path, std::function<bool(const std::string& name)> is_own)
+OutputFolder::OutputFolder(fs::path path,
+                           std::function<bool(const std::string& name)> is_own,
+                           WasOurs was_ours)
     : path_(NameOfFolder(std::move(path))),
-      partial_(path_.string() + ".partial"),
-      is_own_(std::move(is_own)) {
+      partial_(PartialOf(path_)),
+      is_own_(std::move(is_own)),
+      was_ours_(std::move(was_ours)) {
   std::error_code ignored;
   if (fs::is_directory(path_, ignored) && fs::equivalent(path_, ".", ignored)) {
     ThrowError("cannot replace folder {}: it is the current one; run it from another",
@@ -118,6 +157,7 @@ OutputFolder::OutputFolder(fs::path path, std::function<bool(const std::string& 
   }
   CheckOld();
   CheckParent(path_);
+  CheckPartial();
   lock_ = WriteLock::OfNewFolder(partial_);
 }
 
@@ -126,7 +166,13 @@ OutputFolder::~OutputFolder() {
 }
 
 void OutputFolder::CheckOld() const {
-  if (!fs::exists(path_)) return;
+  std::error_code ignored;
+  if (!fs::exists(path_)) {
+    if (fs::is_symlink(path_, ignored)) {
+      ThrowError("cannot write folder {}: it is a link to nothing; remove it", path_.string());
+    }
+    return;
+  }
   if (!fs::is_directory(path_)) {
     ThrowError("cannot write folder {}: it is a file", path_.string());
   }
@@ -138,7 +184,32 @@ void OutputFolder::CheckOld() const {
                  name);
     }
   }
+  if (was_ours_ && !fs::is_empty(path_) && !was_ours_(path_)) {
+    ThrowError("cannot replace folder {}: what it holds was not written by us; give another folder",
+               path_.string());
+  }
+  if (IsMountPoint(path_)) {
+    ThrowError("cannot replace folder {}: something is mounted there; give a folder in it",
+               path_.string());
+  }
   CheckFolderHoldsNoInput(path_);
+}
+
+// What a killed run left has our names, or those on the way to them.
+void OutputFolder::CheckPartial() const {
+  std::error_code error;
+  if (fs::is_symlink(partial_, error)) return;  // the link is removed, and not what it leads to
+  for (fs::directory_iterator entry(partial_, error), end; !error && entry != end;
+       entry.increment(error)) {
+    const std::string name = entry->path().filename().string();
+    if (!is_own_(name) && !is_own_(name.substr(0, name.find(".partial")))) {
+      ThrowError("cannot write folder {}: it is written as {}, which holds {}, not ours: move it",
+                 path_.string(),
+                 partial_.string(),
+                 name);
+    }
+  }
+  CheckFolderHoldsNoInput(partial_);
 }
 
 void OutputFolder::Commit() {
@@ -161,8 +232,12 @@ void OutputFolder::Commit() {
       }
       try {
         Rename(partial_, path_);
-      } catch (const Error&) {
-        if (std::rename((fs::path(old) / "old").c_str(), path_.c_str()) == 0) RemoveQuietly(old);
+      } catch (const Error& error) {
+        const fs::path kept = fs::path(old) / "old";
+        if (std::rename(kept.c_str(), path_.c_str()) != 0) {
+          ThrowError("{}; what was there before is {}", error.what(), kept.string());
+        }
+        RemoveQuietly(old);
         throw;
       }
       RemoveQuietly(old);
@@ -183,6 +258,7 @@ void CheckOutputPath(const fs::path& path) {
   }
   CheckParent(path);
   CheckIsNoInput(path);
+  CheckPartialIsNoInput(path);
 }
 
 void CheckOutputsGiven(std::initializer_list<fs::path> paths) {

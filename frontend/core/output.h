@@ -31,6 +31,8 @@ class OutputFile {
   ~OutputFile();
 
   const std::filesystem::path& partial() const { return partial_; }  // PATH.partial
+  // Where another program, or a library, has put a new file in the place of partial().
+  void LockAnew();
   void Commit();
 
  private:
@@ -42,11 +44,17 @@ class OutputFile {
 
 // The same for a folder. An existing folder is replaced whole; so that a slip of the hand deletes
 // nothing, one that holds an entry whose name is not ours, or a file that the run reads, is refused: at
-// once, and in Commit where one was put there meanwhile.
+// once, and in Commit where one was put there meanwhile. So is PATH.partial. Where others give the same
+// names, `was_ours` tells from what is in a folder whether we have written it.
 class OutputFolder {
  public:
-  OutputFolder(std::filesystem::path path, const std::vector<std::string>& own_names);
-  OutputFolder(std::filesystem::path path, std::function<bool(const std::string& name)> is_own);
+  using WasOurs = std::function<bool(const std::filesystem::path& folder)>;
+  OutputFolder(std::filesystem::path path,
+               const std::vector<std::string>& own_names,
+               WasOurs was_ours = {});
+  OutputFolder(std::filesystem::path path,
+               std::function<bool(const std::string& name)> is_own,
+               WasOurs was_ours = {});
   OutputFolder(const OutputFolder&) = delete;
   OutputFolder& operator=(const OutputFolder&) = delete;
   ~OutputFolder();
@@ -56,10 +64,12 @@ class OutputFolder {
 
  private:
   void CheckOld() const;  // what is to be replaced
+  void CheckPartial() const;
 
   std::filesystem::path path_;
   std::filesystem::path partial_;
   std::function<bool(const std::string& name)> is_own_;
+  WasOurs was_ours_;
   std::optional<WriteLock> lock_;
   bool committed_ = false;
 };

@@ -257,10 +257,13 @@ SqliteDatabase SqliteDatabase::Open(const fs::path& path, Mode mode) {
   const int result = sqlite3_open_v2(uri.c_str(), &raw, flags, vfs);
   SqliteDatabase db(raw);
   if (result != SQLITE_OK) {
+    constexpr std::size_t kLongestPath = 500;  // of SQLite's 512 bytes, which take "-journal", too
+    const bool too_long = fs::absolute(file).native().size() > kLongestPath;
     const std::string what =
-        fmt::format("database {}: {}",
+        fmt::format("database {}: {}{}",
                     path.string(),
-                    raw != nullptr ? WhatSqliteSays(raw) : sqlite3_errstr(result));
+                    raw != nullptr ? WhatSqliteSays(raw) : sqlite3_errstr(result),
+                    too_long ? "; its path is longer than SQLite takes, 500 bytes" : "");
     const bool gone = raw != nullptr && sqlite3_system_errno(raw) == ENOENT;  // by now
     if (gone && mode != Mode::kCreate) throw MissingFileError(what);
     throw Error(what);

@@ -62,14 +62,6 @@ int Open(const fs::path& path) {
   return open(path.c_str(), O_RDONLY | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC);
 }
 
-// Is it still what lies at the path? Another run may have put its own there while we waited.
-bool IsAt(const fs::path& path, int descriptor) {
-  struct stat held {};
-  struct stat there {};
-  return fstat(descriptor, &held) == 0 && lstat(path.c_str(), &there) == 0 &&
-         held.st_dev == there.st_dev && held.st_ino == there.st_ino;
-}
-
 // The errno of what failed, or 0. What is there already is EEXIST.
 int Remove(const fs::path& path, bool folder) {
   if (folder) {
@@ -102,13 +94,19 @@ WriteLock WriteLock::OfNew(const fs::path& path, bool folder) {
   for (int attempt = 0; error == EEXIST && attempt < 100; ++attempt) {
     // Held while it is removed, so that nobody else's new one is.
     const WriteLock old(Open(path));
-    const bool nothing_there = old.descriptor_ < 0 && errno == ENOENT;
+    const int why_not = old.descriptor_ < 0 ? errno : 0;
+    // What is no file has no lock, what may not be opened may be another user's who is writing it.
+    if (why_not != 0 && why_not != ENOENT && why_not != ELOOP && why_not != ENXIO) {
+      ThrowError("cannot write {}: what is in its place cannot be opened: {}; remove it",
+                 path.string(),
+                 std::strerror(why_not));
+    }
     if (old.descriptor_ >= 0) {
       LockOrThrow(old.descriptor_, path, LOCK_EX);
-      if (!IsAt(path, old.descriptor_)) continue;
+      if (!old.IsAt(path)) continue;
     }
     // Where nothing was, another run may have put its own by now.
-    if (!nothing_there) {
+    if (why_not != ENOENT) {
       error = Remove(path, folder);
       if (error != 0) break;
     }
@@ -117,7 +115,7 @@ WriteLock WriteLock::OfNew(const fs::path& path, bool folder) {
     WriteLock made(descriptor);
     if (error != 0) continue;
     LockOrThrow(descriptor, path, LOCK_EX);
-    if (IsAt(path, descriptor)) return made;
+    if (made.IsAt(path)) return made;
     error = EEXIST;
   }
   if (folder) ThrowError("cannot make folder {}: {}", path.string(), std::strerror(error));
@@ -126,11 +124,22 @@ WriteLock WriteLock::OfNew(const fs::path& path, bool folder) {
              error == EISDIR ? "a folder is in its place, remove it" : std::strerror(error));
 }
 
+// Another run may have put its own there while we waited.
+bool WriteLock::IsAt(const fs::path& path) const {
+  struct stat held {};
+  struct stat there {};
+  return fstat(descriptor_, &held) == 0 && lstat(path.c_str(), &there) == 0 &&
+         held.st_dev == there.st_dev && held.st_ino == there.st_ino;
+}
+
 WriteLock WriteLock::OfNewFile(const fs::path& path) { return OfNew(path, false); }
 WriteLock WriteLock::OfNewFolder(const fs::path& path) { return OfNew(path, true); }
 
 WriteLock WriteLock::Of(const fs::path& path, bool shared) {
   WriteLock lock(open(path.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC));
+  if (lock.descriptor_ < 0 && errno != ENOENT) {
+    ThrowError("cannot write {}: {}", path.string(), std::strerror(errno));
+  }
   if (lock.descriptor_ >= 0) LockOrThrow(lock.descriptor_, path, shared ? LOCK_SH : LOCK_EX);
   return lock;
 }

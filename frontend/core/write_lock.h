@@ -16,7 +16,7 @@ class WriteLock {
   static WriteLock OfNewFile(const std::filesystem::path& path);
   // The same for a folder, in the place of a folder with all that it holds.
   static WriteLock OfNewFolder(const std::filesystem::path& path);
-  // What is there. `shared`: by several at a time, if all say so.
+  // What is there; none where nothing is. `shared`: by several at a time, if all say so.
   static WriteLock Of(const std::filesystem::path& path, bool shared = false);
   // The same without waiting: none if another run holds it.
   static std::optional<WriteLock> TryOf(const std::filesystem::path& path);
@@ -26,6 +26,9 @@ class WriteLock {
   static WriteLock OfLockFile(const std::filesystem::path& path);
   // The same, waited for as long as another run holds it. Throws Error where there are no locks.
   static WriteLock Await(const std::filesystem::path& path);
+
+  // Is what it holds still what lies at the path?
+  bool IsAt(const std::filesystem::path& path) const;
 
   WriteLock(WriteLock&& other) noexcept : descriptor_(other.descriptor_) { other.descriptor_ = -1; }
   WriteLock& operator=(WriteLock&& other) noexcept;

@@ -22,6 +22,10 @@ std::string FaultOf(const Camera& camera) {
   if (camera.fx <= 0.0 || camera.fy <= 0.0) {
     return fmt::format("focal lengths of {} and {} px are not above 0", camera.fx, camera.fy);
   }
+  constexpr double kMost = 1e12;
+  for (const double px : {camera.fx, camera.fy, std::abs(camera.cx), std::abs(camera.cy)}) {
+    if (px > kMost) return fmt::format("{} px are more than any camera has", px);
+  }
   for (const int side : {camera.width_px, camera.height_px}) {
     if (side < 0 || side > kMaxPictureSidePx) {
       return fmt::format(

@@ -8,16 +8,19 @@
 
 namespace cohort {
 
+double IntensityStep(const cv::Mat& gray) {
+  return gray.depth() == CV_16U ? 1.0 / 65535.0 : 1.0 / 255.0;
+}
+
 Pyramid BuildPyramid(const cv::Mat& gray, int num_levels) {
   const TimedPart part("pyramid");
   Check(!gray.empty() && gray.channels() == 1, "BuildPyramid takes one-channel pictures");
   Pyramid pyramid;
+  pyramid.step = IntensityStep(gray);
   cv::Mat full;
   switch (gray.depth()) {
-    case CV_16U:
-      pyramid.step = 1.0 / 65535.0;
-      [[fallthrough]];
     case CV_8U:
+    case CV_16U:
       gray.convertTo(full, CV_32F, pyramid.step);
       break;
     default:

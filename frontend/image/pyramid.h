@@ -9,11 +9,15 @@ namespace cohort {
 // halves both sides (paper 3.3). Pixel (x, y) of level k lies at (2^k x, 2^k y) of level 0.
 struct Pyramid {
   std::vector<cv::Mat> levels;
-  double step = 1.0 / 255.0;  // of the picture's intensities; of CV_32FC1 as if it came of 8 bits
+  double step = 1.0 / 255.0;  // of the picture's intensities (IntensityStep)
 
   int width() const { return levels.empty() ? 0 : levels.front().cols; }
   int height() const { return levels.empty() ? 0 : levels.front().rows; }
 };
+
+// What one level of gray is of the intensities 0..1: 1/255, of CV_16U 1/65535. Of CV_32F, which
+// does not tell, as if it came of 8 bits.
+double IntensityStep(const cv::Mat& gray);
 
 // `gray` is CV_8UC1, CV_16UC1 or CV_32FC1 (0..1). A level whose shorter side would be below 16 px
 // is left out.

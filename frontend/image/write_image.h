@@ -2,6 +2,8 @@
 
 #include <filesystem>
 #include <opencv2/core/mat.hpp>
+#include <optional>
+#include <string>
 #include <vector>
 
 namespace cohort {
@@ -11,5 +13,10 @@ namespace cohort {
 void WriteImage(const std::filesystem::path& file,
                 const cv::Mat& picture,
                 const std::vector<int>& parameters = {});
+
+// Its bytes; none where OpenCV cannot, as of a form whose sides are shorter.
+std::optional<std::vector<unsigned char>> EncodedImage(const std::string& ending,
+                                                       const cv::Mat& picture,
+                                                       const std::vector<int>& parameters = {});
 
 }  // namespace cohort

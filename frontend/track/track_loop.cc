@@ -42,7 +42,8 @@ std::optional<LossReason> TrackLoop::ReasonToEnd(const Move& move, int unconfirm
 
 FrameResult TrackLoop::Track(const Frame& frame) {
   CheckSize(frame.gray.size());
-  const Pyramid pyramid = BuildPyramid(frame.gray);
+  Pyramid pyramid = BuildPyramid(frame.gray);
+  if (frame.gray.depth() == CV_32F) pyramid.step = frame.float_step;
   FrameResult result;
   switch (options_.cuts ? watch_.Follow(pyramid) : SceneChange::kNone) {
     case SceneChange::kNone:

@@ -128,7 +128,7 @@ class TracksReader {
     return {};
   }
   bool Has(const std::string& name) const { return npz_.Has(name); }
-  NpzArray Read(const std::string& name) { return npz_.Read(name); }
+  NpzArray Read(const std::string& name) { return npz_.Read(name, kMaxCells); }
 
   [[noreturn]] void Fail(const std::string& array, const std::string& why) const {
     ThrowError("{}, array {}: {}", path_, array, why);
@@ -154,9 +154,10 @@ class TracksReader {
   void ReadFrames(std::span<const FrameInfo> frames) {
     for (const char* name : {"frame_indices", "frame_index", "frame_ids", "frames"}) {
       if (!npz_.Has(name)) continue;
-      const NpzArray indices = npz_.Read(name);
       // `frames` may be the pictures themselves.
-      if (indices.shape.size() != 1 || indices.kind != NpzKind::kInteger) continue;
+      const NpzReader::Description about = npz_.Describe(name);
+      if (about.shape.size() != 1 || about.kind != NpzKind::kInteger) continue;
+      const NpzArray indices = npz_.Read(name, kMaxCells);
       std::set<FrameIndex> known;
       for (const FrameInfo& frame : frames) known.insert(frame.index);
       for (const double index : indices.values) {

@@ -165,6 +165,13 @@ std::uint32_t ReadId(std::int64_t value, const fs::path& path, std::string_view 
   return static_cast<std::uint32_t>(value);
 }
 
+// Also in COLMAP's models, which number images from 1.
+std::uint32_t ReadFrameIndex(std::int64_t value, const fs::path& path) {
+  constexpr std::int64_t kMost = 2'147'483'645;
+  if (value > kMost) ThrowDamaged(path, fmt::format("it has frame {} of {} at most", value, kMost));
+  return ReadId(value, path, "frame");
+}
+
 int ReadSize(const std::string& text, const fs::path& path) {
   int value = 0;
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
@@ -471,7 +478,7 @@ TrackFile ReadTrackFile(const fs::path& path) {
   file.camera = ReadCamera(db, path);
   auto frames = db.Prepare("SELECT \"index\", name, timestamp_ns FROM frames ORDER BY \"index\"");
   while (frames.Step()) {
-    file.frames.push_back({.index = FrameIndex{ReadId(frames.Int(0), path, "frame")},
+    file.frames.push_back({.index = FrameIndex{ReadFrameIndex(frames.Int(0), path)},
                            .name = std::string(frames.Text(1)),
                            .timestamp_ns = frames.Int(2)});
     // Frames that came from no file may have none.

@@ -29,6 +29,7 @@ bl_info = {
 }
 
 SENSOR_WIDTH_MM = 36.0
+LAST_FRAME = 1048574  # Blender's
 
 # A pinhole: focal lengths and principal point in pixels, whose (0, 0) is the top-left corner.
 # `distorted`: the pictures have a distortion, which Blender's camera cannot have.
@@ -76,6 +77,10 @@ def checked(model, path):
     camera = model.camera
     if not all(0 < value < 2**31 for value in (*camera[:2], camera.fx, camera.fy)):
         raise ImportFailed(f"{path}: the camera {camera[:6]} is none")
+    if not all(
+        isinstance(frame.number, int) and 0 <= frame.number <= LAST_FRAME for frame in model.frames
+    ):
+        raise ImportFailed(f"{path} has frames whose numbers Blender does not have")
     poses = [frame.world_from_blender for frame in model.frames]
     numbers = (camera[:6], poses, model.points, model.colours)
     if not all(np.isfinite(np.asarray(values, float)).all() for values in numbers):
@@ -192,9 +197,8 @@ def split_image(line):
 def image_lines(folder):
     """Of images.txt, two lines an image, the ones with the poses; the others may be empty."""
     lines = data_lines(os.path.join(folder, "images.txt"))
-    while lines and not lines[0]:
-        del lines[0]
-    return list(filter(None, lines[::2]))
+    first = next((i for i, line in enumerate(lines) if line), 0)
+    return list(filter(None, lines[first::2]))
 
 
 def camera_of(name, words, folder):
@@ -431,7 +435,7 @@ def add_background(data, model):
     names = sorted(os.listdir(model.images)) if model.images and os.path.isdir(model.images) else []
     first = model.frames[0]
     name = os.path.basename(first.name)
-    if name not in names:
+    if name not in names or not os.path.isfile(os.path.join(model.images, name)):
         return
     image = bpy.data.images.load(os.path.join(model.images, name), check_existing=True)
     image.source = "SEQUENCE"

@@ -148,7 +148,7 @@ Json WriteModel(const TrackCell& cell,
                 const std::vector<FrameInfo>& frames,
                 const Reconstruction& reconstruction,
                 const ReconstructionSummary& summary) {
-  OutputFolder out(cell.Model(backend), ModelFolderNames());
+  OutputFolder out(cell.Model(backend), ModelFolderNames(), IsOurModelFolder);
   if (!reconstruction.cam_from_world.empty()) {
     WriteReconstructionFiles(out.partial(), reconstruction);
   }

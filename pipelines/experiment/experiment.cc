@@ -121,6 +121,7 @@ ExperimentPlan RunCells(const ExperimentOptions& options) {
   const std::vector<GridClip> clips = ProbeClips(options, plan);
   // Not before the inputs are known to be good. Other shards may be at work in the same folder.
   if (anew) {
+    CheckFolderHoldsNoInput(plan.cells_folder);  // once more: the mask has been read
     for (const auto& entry : fs::directory_iterator(plan.cells_folder)) {
       if (entry.path().filename() != kMark) fs::remove_all(entry.path());
     }

@@ -64,13 +64,25 @@ Json ModelMadeOf(Json made_of) {
 
 using Fingerprints = std::map<std::string, std::string>;
 
+// As a list of pairs: they may be as many as the clip has frames, of which an object of JSON would
+// have too many keys to be read again (frontend/core/json_text.h).
+Json PairsOf(const Fingerprints& files) {
+  Json pairs = Json::array();
+  for (const auto& [file, fingerprint] : files) pairs.push_back(Json::array({file, fingerprint}));
+  return pairs;
+}
+Fingerprints FilesIn(const Json& json) {
+  Fingerprints files;
+  for (const Json& pair : json) files.emplace(pair.at(0), pair.at(1));
+  return files;
+}
+
 // `stamp`, of the scene folder, says what its `files` were made of, and what they were.
 bool IsStillThere(const fs::path& folder, const char* stamp, const Json& made_of) {
   if (!fs::exists(folder / stamp)) return false;
   try {
     const Json json = ReadJsonFile(folder / stamp);
-    return json.at("made_of") == made_of &&
-           AreStillThere(folder, json.at("files").get<Fingerprints>());
+    return json.at("made_of") == made_of && AreStillThere(folder, FilesIn(json.at("files")));
   } catch (const Json::exception&) {  // of another version
     return false;
   } catch (const Error&) {  // damaged
@@ -114,7 +126,7 @@ fs::path MakeModel(const SfmJobOptions& options, std::size_t frames, const Json&
     std::error_code ignored;
     fs::remove(stamp, ignored);
     RunReconstructJob(job);
-    WriteJsonFile(stamp, {{"made_of", made_of}, {"files", FilesOfModel(options.out)}});
+    WriteJsonFile(stamp, {{"made_of", made_of}, {"files", PairsOf(FilesOfModel(options.out))}});
   }
   return fs::path(job.out) / "summary.json";
 }
@@ -142,10 +154,10 @@ std::vector<Stretch> OtherPartsOf(const fs::path& summary) {
 SfmFigures FiguresOf(const fs::path& summary) {
   SfmFigures figures;
   UseJsonFile(summary, [&figures](const Json& model) {
-    figures.model.registered = model.at("registered").get<std::size_t>();
-    figures.model.frames = model.at("frames").get<std::size_t>();
-    figures.model.points = model.at("points").get<std::size_t>();
-    figures.model.observations = model.at("observations").get<std::size_t>();
+    figures.model.registered = CountAt(model, "registered");
+    figures.model.frames = CountAt(model, "frames");
+    figures.model.points = CountAt(model, "points");
+    figures.model.observations = CountAt(model, "observations");
     figures.model.mean_track_length = model.at("mean_track_length").get<double>();
     figures.model.mean_reprojection_px = model.at("mean_reprojection_px").get<double>();
     figures.model.seconds = model.at("seconds").get<double>();
@@ -186,15 +198,15 @@ Json SummaryOf(const SfmFigures& figures,
             {"film_better", figures.film_better},
             {"clip", ClipToJson(clip)},
             {"made_of", made_of},
-            {"files", files}};
+            {"files", PairsOf(files)}};
   return json;
 }
 
 SfmFigures FiguresOfSummary(const fs::path& folder) {
   SfmFigures figures = FiguresOf(folder / "model" / "summary.json");
   UseJsonFile(folder / "summary.json", [&figures](const Json& summary) {
-    figures.images = summary.at("images").get<std::size_t>();
-    figures.points = summary.at("points").get<std::size_t>();
+    figures.images = CountAt(summary, "images");
+    figures.points = CountAt(summary, "points");
     figures.film_better = summary.at("film_better").get<std::vector<std::string>>();
   });
   return figures;

@@ -35,6 +35,10 @@ Json ReadJsonFile(const std::filesystem::path& path) {
   }
 }
 
+std::size_t CountAt(const Json& json, const char* key) {
+  return json.at(key).get_ref<const Json::number_unsigned_t&>();
+}
+
 void UseJsonFile(const std::filesystem::path& path, const std::function<void(const Json&)>& use) {
   const Json json = ReadJsonFile(path);
   try {

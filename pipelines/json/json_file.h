@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <filesystem>
 #include <functional>
 #include <nlohmann/json_fwd.hpp>
@@ -16,6 +17,10 @@ nlohmann::ordered_json ReadJsonFile(const std::filesystem::path& path);
 // Error naming the path.
 void UseJsonFile(const std::filesystem::path& path,
                  const std::function<void(const nlohmann::ordered_json&)>& use);
+
+// The count, 0 or more, that stands under `key`; another number throws what UseJsonFile makes an
+// Error of, as a key that is missing does (get() would take -1 and 1e300, too).
+std::size_t CountAt(const nlohmann::ordered_json& json, const char* key);
 
 // One line of JSON. Bytes that are no UTF-8, as names of files may have, are replaced: JSON cannot
 // hold them.

@@ -284,11 +284,10 @@ ClipReport ReadClipReport(const fs::path& model_folder) {
           model_folder.string(),
           (model_folder / "model").string());
     }
-    report.facts = {{"frames with a pose",
-                     fmt::format("{} of {}",
-                                 summary.at("registered").get<std::size_t>(),
-                                 summary.at("frames").get<std::size_t>())},
-                    {"points", fmt::format("{}", summary.at("points").get<std::size_t>())}};
+    report.facts = {
+        {"frames with a pose",
+         fmt::format("{} of {}", CountAt(summary, "registered"), CountAt(summary, "frames"))},
+        {"points", fmt::format("{}", CountAt(summary, "points"))}};
     if (summary.contains("quality") && summary["quality"].is_string()) {
       report.facts.emplace_back("quality", summary["quality"].get<std::string>());
     }

@@ -1,12 +1,14 @@
 #include "pipelines/report/track_picture.h"
 
 #include <algorithm>
+#include <iterator>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 #include <optional>
 #include <vector>
 
 #include "frontend/core/error.h"
+#include "frontend/image/write_image.h"
 
 namespace cohort {
 namespace {
@@ -68,20 +70,16 @@ TrackPicture DrawTracks(const cv::Mat& picture,
       if (is_observed && error_px <= kNearPx) ++result.near_truth;
       if (is_observed && error_px > kFarPx) ++result.far;
     }
-    const Observation* before = nullptr;
-    for (const Observation& other : track) {
-      if (other.frame > frame) break;
-      const bool is_recent = other.frame >= *(here - tail);
-      if (before != nullptr && is_recent) {
-        cv::line(result.picture,
-                 FixedPoint(before->xy),
-                 FixedPoint(other.xy),
-                 color,
-                 1,
-                 cv::LINE_AA,
-                 kShift);
-      }
-      before = &other;
+    auto other = std::ranges::lower_bound(track, *(here - tail), {}, &Observation::frame);
+    for (; other != track.end() && other->frame <= frame; ++other) {
+      if (other == track.begin()) continue;
+      cv::line(result.picture,
+               FixedPoint(std::prev(other)->xy),
+               FixedPoint(other->xy),
+               color,
+               1,
+               cv::LINE_AA,
+               kShift);
     }
     const int radius = 3 << kShift;
     cv::circle(result.picture,
@@ -107,15 +105,11 @@ TrackPicture DrawTracks(const cv::Mat& picture,
 }
 
 std::string JpegDataUri(const cv::Mat& picture, int quality) {
-  std::vector<std::uint8_t> jpeg;
-  bool encoded = false;
-  try {
-    encoded = cv::imencode(".jpg", picture, jpeg, {cv::IMWRITE_JPEG_QUALITY, quality});
-  } catch (const cv::Exception&) {  // sides of more than 65,500
-  }
-  if (!encoded) {
+  const auto encoded = EncodedImage(".jpg", picture, {cv::IMWRITE_JPEG_QUALITY, quality});
+  if (!encoded) {  // sides of more than 65,500
     ThrowError("OpenCV makes no JPEG of a picture of {}x{}", picture.cols, picture.rows);
   }
+  const std::vector<unsigned char>& jpeg = *encoded;
   constexpr const char* kDigits =
       "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
   std::string uri = "data:image/jpeg;base64,";

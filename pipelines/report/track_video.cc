@@ -5,11 +5,13 @@
 
 #include <algorithm>
 #include <chrono>
+#include <fstream>
 #include <opencv2/imgproc.hpp>
 #include <opencv2/videoio.hpp>
 #include <set>
 #include <string>
 
+#include "datasets/degrade/video_encoder.h"
 #include "datasets/open_sequence.h"
 #include "frontend/core/child_process.h"
 #include "frontend/core/error.h"
@@ -25,6 +27,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr int kCaptionPx = 44;
+constexpr int kMostSidePx = 16384;  // of H.264
 
 std::string TrackerOf(const TrackFile& file) {
   const auto tracker = file.meta.find("tracker");
@@ -151,6 +154,15 @@ void WriteMp4(const fs::path& path,
     }
     cv::Mat picture;
     cv::hconcat(panels, picture);
+    if (std::max(picture.cols, picture.rows) > kMostSidePx) {
+      ThrowError(
+          "cannot write {}: its pictures would be {}x{}, and H.264 has {} at most: give a "
+          "smaller --width-px",
+          name,
+          picture.cols,
+          picture.rows,
+          kMostSidePx);
+    }
     if (!writer.isOpened() && !writer.open(path.string(),
                                            cv::CAP_FFMPEG,
                                            cv::VideoWriter::fourcc('a', 'v', 'c', '1'),
@@ -168,7 +180,18 @@ void WriteMp4(const fs::path& path,
   CheckVideo(path, name, wanted.size());
 }
 
-void ToGif(const fs::path& video, const fs::path& gif, const std::string& name) {
+bool IsWholeGif(const fs::path& file) {
+  std::ifstream in(file, std::ios::binary);
+  std::string begin(6, '\0');
+  in.read(begin.data(), static_cast<std::streamsize>(begin.size()));
+  in.seekg(-1, std::ios::end);
+  return begin == "GIF89a" && in.get() == ';';
+}
+
+void ToGif(const fs::path& video,
+           const fs::path& gif,
+           const std::string& name,
+           std::size_t frames) {
   const auto ffmpeg = FindProgram("ffmpeg");
   if (!ffmpeg)
     ThrowError("a GIF needs the program ffmpeg: install it, or give a name that ends in .mp4");
@@ -185,8 +208,10 @@ void ToGif(const fs::path& video, const fs::path& gif, const std::string& name) 
                   "-f",
                   "gif",
                   gif.string()},
-                 null.get());
-  if (end.Failed()) {
+                 null.get(),
+                 FfmpegLimit(frames));
+  if (end.out_of_time) ThrowError("cannot write {}: ffmpeg hangs, and was killed", name);
+  if (end.Failed() || !IsWholeGif(gif)) {
     ThrowError("cannot write {}: ffmpeg ended with {}; is the disk full?", name, end.Brief());
   }
 }
@@ -223,9 +248,10 @@ void WriteTrackVideo(const fs::path& path,
   } const remove{video};
   WriteMp4(video, path.string(), files, sequence, frames_per_second, width_px, progress);
   if (path.extension() == ".gif") {
-    ToGif(video, out.partial(), path.string());
+    ToGif(video, out.partial(), path.string(), FramesOfAll(files).size());
   } else {
     fs::rename(video, out.partial());
+    out.LockAnew();
   }
   out.Commit();
 }

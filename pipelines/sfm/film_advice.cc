@@ -153,11 +153,16 @@ std::string_view WhyNoModel(std::string_view termination) {
   const auto ended = [&](MapperTermination end) {
     return termination.starts_with(NameOf(kMapperTerminationNames, end));
   };
-  if (ended(MapperTermination::kStaticCamera)) {
+  // The others are of COLMAP's (backend/scene/initial_pair.cc).
+  const auto says = [&](std::string_view phrase) {
+    return termination.find(phrase) != std::string_view::npos;
+  };
+  if (ended(MapperTermination::kStaticCamera) || says("no initial pair: the camera stands still")) {
     return "The camera stood still: only a camera that moves sees how far away things are. Walk "
            "past what you film, or around it.";
   }
-  if (ended(MapperTermination::kPureRotation)) {
+  if (ended(MapperTermination::kPureRotation) ||
+      says("no initial pair: the camera turns on the spot")) {
     return "The camera only turned on its spot, or one thing that moves filled the picture. A "
            "camera that turns does not see how far away things are: walk sideways while you film, "
            "a tenth of the distance to what you film or more.";
@@ -167,7 +172,7 @@ std::string_view WhyNoModel(std::string_view termination) {
            "bends. Keep people, cars, leaves and water out of the picture, or cover them by "
            "--mask.";
   }
-  if (ended(MapperTermination::kWeakDepth)) {
+  if (ended(MapperTermination::kWeakDepth) || says("no initial pair: too little parallax")) {
     return "The camera went too little way for so uncertain points. Walk further, sideways to what "
            "you film, in more light.";
   }

@@ -12,7 +12,8 @@
 #include <string_view>
 #include <vector>
 
-#include "frontend/core/output.h"
+#include "frontend/core/error.h"
+#include "frontend/core/input_file.h"
 
 namespace cohort {
 namespace {
@@ -59,9 +60,16 @@ void AddFile(const fs::path& path, Fnv1a& hash) {
   }
 }
 
-std::string FingerprintOfFile(const fs::path& file) {
+// Of all its bytes; empty where it cannot be read.
+std::string FingerprintOfFile(const fs::path& path) {
   Fnv1a hash;
-  AddFile(file, hash);
+  std::ifstream file(path, std::ios::binary);
+  if (!file) return "";
+  std::vector<char> block(std::size_t{1} << 20);
+  while (file) {
+    file.read(block.data(), static_cast<std::streamsize>(block.size()));
+    hash << std::string_view(block.data(), static_cast<std::size_t>(file.gcount()));
+  }
   return hash.Digits();
 }
 
@@ -121,7 +129,10 @@ std::map<std::string, std::string> FingerprintsOfOutputs(const fs::path& folder,
 }
 
 std::string FingerprintOfBytes(const fs::path& file) {
-  return (Fnv1a() << ReadBytes(file)).Digits();
+  CheckInputFile(file);
+  std::string digits = FingerprintOfFile(file);
+  if (digits.empty()) ThrowError("cannot read {}", file.string());
+  return digits;
 }
 
 bool AreStillThere(const fs::path& folder, const std::map<std::string, std::string>& fingerprints) {

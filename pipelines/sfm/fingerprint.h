@@ -24,10 +24,10 @@ std::string FingerprintOfClip(const Sequence& sequence,
                               const std::string& input,
                               const std::filesystem::path& outputs);
 
-// Of all bytes, for what is small.
+// Of all bytes. Throws Error naming a file that cannot be read.
 std::string FingerprintOfBytes(const std::filesystem::path& file);
 
-// The fingerprints of what a run wrote, by their names in `folder`: `names` are files, or folders
+// The fingerprints of what a run wrote, of all bytes, by their names in `folder`: `names` are files, or folders
 // of which all files count.
 std::map<std::string, std::string> FingerprintsOfOutputs(const std::filesystem::path& folder,
                                                          const std::vector<std::string>& names);

@@ -89,6 +89,20 @@ ReconstructResult MapByColmap(const TrackFile& file,
   return {std::move(model.reconstruction), std::move(model.summary), {}, std::nullopt};
 }
 
+// Why the tracks tell nothing of depths, if that is what Ceres found: COLMAP registers cameras that
+// only turn, too, as its points may lie anywhere then.
+std::string DoubtByCeres(const MapperResult& by_ceres) {
+  switch (by_ceres.termination) {
+    case MapperTermination::kStaticCamera:
+    case MapperTermination::kPureRotation:
+    case MapperTermination::kWeakDepth:
+    case MapperTermination::kNotRigid:
+      return fmt::format("by Ceres these tracks give no model: {}", by_ceres.summary.termination);
+    default:
+      return "";
+  }
+}
+
 // What COLMAP's mapper makes of the tracks or, where that got stuck, its bundle adjuster of Ceres'
 // model, if this is the better optimum.
 ReconstructResult MapOrAdjust(const TrackFile& file,
@@ -130,13 +144,18 @@ ReconstructResult ReconstructByColmap(TrackFile file,
     file.camera = by_ceres.reconstruction.camera;
     options.colmap.hold_guess = true;
   }
-  if (!options.global_shutter || by_ceres.reconstruction.readout == 0.0) {
-    return MapOrAdjust(file, by_ceres, options, work_folder);
-  }
-  ReconstructResult result =
-      MapOrAdjust(AsGlobalShutter(file, by_ceres.reconstruction), by_ceres, options, work_folder);
+  const auto map = [&](const TrackFile& tracks) {
+    ReconstructResult mapped = MapOrAdjust(tracks, by_ceres, options, work_folder);
+    std::string doubt = DoubtByCeres(by_ceres);
+    if (!mapped.summary.Failed() && !doubt.empty()) {
+      mapped.summary.reasons.push_back(std::move(doubt));
+    }
+    return mapped;
+  };
+  if (!options.global_shutter || by_ceres.reconstruction.readout == 0.0) return map(file);
+  ReconstructResult result = map(AsGlobalShutter(file, by_ceres.reconstruction));
   // A bent model of Ceres' may correct what was right.
-  if (result.summary.Failed()) return MapOrAdjust(file, by_ceres, options, work_folder);
+  if (result.summary.Failed()) return map(file);
   result.reconstruction.camera.row_order = by_ceres.reconstruction.camera.row_order;
   MoveViewsToTracks(file.tracks, by_ceres.reconstruction.readout, result.reconstruction);
   return result;
@@ -284,7 +303,7 @@ Reconstruction ReadModelFolder(const fs::path& folder) {
 void WriteModelFolder(const Reconstruction& model,
                       const std::string& summary,
                       const fs::path& folder) {
-  OutputFolder out(folder, ModelFolderNames());
+  OutputFolder out(folder, ModelFolderNames(), IsOurModelFolder);
   if (!model.cam_from_world.empty()) WriteReconstructionFiles(out.partial(), model);
   Json json = Json::parse(summary);
   json.erase("frame_of_image");  // what is written has images numbered by frame
@@ -297,7 +316,7 @@ ReconstructResult ReconstructIntoFolder(const TrackFile& file,
                                         const fs::path& folder,
                                         const StageProgress& progress,
                                         const std::string& summary_options) {
-  OutputFolder out(folder, ModelFolderNames());
+  OutputFolder out(folder, ModelFolderNames(), IsOurModelFolder);
   ReconstructResult result = Reconstruct(file, options, out.partial() / "colmap", progress);
   if (!result.reconstruction.cam_from_world.empty()) {
     WriteReconstructionFiles(out.partial(), result.reconstruction);

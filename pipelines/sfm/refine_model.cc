@@ -297,7 +297,7 @@ RefinedModel RefineModelIntoFolder(const fs::path& model,
                                    const StageProgress& progress) {
   std::vector<std::string> names = ModelFolderNames();
   names.emplace_back(kTracksName);
-  OutputFolder out(folder, names);
+  OutputFolder out(folder, names, IsOurModelFolder);
   RefinedModel refined =
       RefineModel(ReadColmapModel(model), model, sequence, ReadMask(mask), options, progress);
   NoteMask(mask, refined.file);

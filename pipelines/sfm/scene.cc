@@ -11,6 +11,7 @@
 #include <set>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "backend/colmap/model_io.h"
 #include "backend/scene/row_poses.h"
@@ -484,7 +485,9 @@ void CheckSceneFolder(const fs::path& folder) {
   const OutputFolder sparse(folder / "sparse", {"0"});
   // COLMAP's and Nerfstudio's projects have the same names: a folder without our files is none of ours.
   const bool is_ours = fs::exists(folder / "clip.tracks") || fs::exists(folder / "model_of.json");
-  for (const char* name : kSceneOutputs) {
+  std::vector<std::string> names(kSceneOutputs.begin(), kSceneOutputs.end());
+  names.insert(names.end(), {"summary.json", "report.html"});
+  for (const std::string& name : names) {
     if (fs::exists(folder / name) && !is_ours) {
       ThrowError("{} holds {}, which is not of a scene of ours: give another folder",
                  folder.string(),

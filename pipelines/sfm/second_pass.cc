@@ -199,11 +199,12 @@ struct LightsOfClip {
   Exposure exposure;
   std::map<FrameIndex, LightChange> of_frame;
 
-  // As the frame would look in the light of the first; the first time frames are in order.
-  cv::Mat Without(const Frame& frame) {
+  // The frame as it would look in the light of the first; the first time frames are in order.
+  void TakeFrom(Frame& frame) {
     const auto [light, first_time] = of_frame.try_emplace(frame.index);
     if (first_time) light->second = exposure.Follow(frame.gray);
-    return WithoutLight(frame.gray, light->second);
+    frame.float_step = IntensityStep(frame.gray);
+    frame.gray = WithoutLight(frame.gray, light->second);
   }
 };
 
@@ -249,7 +250,7 @@ void TrackCompanion(std::span<const Stretch> stretches,
   std::uint32_t base = next;  // of this stretch
   auto stretch = stretches.begin();
   ForEachFrame(file, pictures.sequence, "bridge", progress, [&](Frame& frame) {
-    frame.gray = pictures.lights.Without(frame);
+    pictures.lights.TakeFrom(frame);
     if (stretch == stretches.end() || frame.index < stretch->first) return;
     if (!tracker) {
       tracker = MakeTracker(options, pictures.mask);
@@ -306,12 +307,12 @@ TrackSet MeasureWith(const TrackFile& file,
       file, model, pictures.mask, options.measurement.template_frames);
   SecondPassMeasurer measurer(options.measurement);
   ForEachFrame(file, pictures.sequence, "learn", progress, [&](Frame& frame) {
-    frame.gray = pictures.lights.Without(frame);
+    pictures.lights.TakeFrom(frame);
     measurer.Learn(frame, predictions.ForTemplates(frame.index));
   });
   ForEachFrame(file, pictures.sequence, "measure", progress, [&](Frame& frame) {
     if (!model.cam_from_world.contains(frame.index)) return;
-    frame.gray = pictures.lights.Without(frame);
+    pictures.lights.TakeFrom(frame);
     measurer.Measure(frame, predictions.InSight(frame.index));
   });
   std::vector<Observation> observations = measurer.Finish();

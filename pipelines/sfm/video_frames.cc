@@ -1,5 +1,6 @@
 #include "pipelines/sfm/video_frames.h"
 
+#include <opencv2/imgcodecs.hpp>
 #include <set>
 #include <string>
 
@@ -10,6 +11,18 @@
 #include "frontend/tracks/frame_name.h"
 
 namespace cohort {
+namespace {
+
+// As we write them; those that others take from a video have its colours.
+bool AreGray(const std::filesystem::path& folder) {
+  for (const auto& picture : std::filesystem::directory_iterator(folder)) {
+    const cv::Mat read = cv::imread(picture.path().string(), cv::IMREAD_UNCHANGED);
+    return read.empty() || read.channels() == 1;
+  }
+  return true;
+}
+
+}  // namespace
 
 void WriteVideoFrames(const TrackFile& file,
                       const std::filesystem::path& folder,
@@ -23,9 +36,12 @@ void WriteVideoFrames(const TrackFile& file,
   std::set<std::string> names;
   for (const FrameInfo& frame : file.frames) names.insert(frame.name);
   // Also what other tracks of the video have left.
-  OutputFolder out(folder, [&names](const std::string& name) {
-    return names.contains(name) || IsNumberedFrameName(name);
-  });
+  OutputFolder out(
+      folder,
+      [&names](const std::string& name) {
+        return names.contains(name) || IsNumberedFrameName(name);
+      },
+      AreGray);
   const auto video = OpenSequence(file.source, Layout::kVideo);
   std::size_t done = 0;
   for (const FrameInfo& wanted : file.frames) {

@@ -29,15 +29,22 @@ def read(path):
 
 
 def write(path, value):
-    with open(path + ".partial", "w", encoding="utf-8") as out:
+    with open(new_file(path + ".partial"), "w", encoding="utf-8") as out:
         json.dump(value, out, indent=2)
         out.write("\n")
     os.replace(path + ".partial", path)
 
 
+def new_file(path):
+    """A descriptor of an empty file in the place of what was there, not of where a link leads."""
+    with contextlib.suppress(FileNotFoundError):
+        os.unlink(path)
+    return os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW, 0o666)
+
+
 def lock(path):
     """A descriptor: held until this process and all that inherit it have ended."""
-    descriptor = os.open(path, os.O_WRONLY | os.O_CREAT, 0o666)
+    descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_NOFOLLOW, 0o666)
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
@@ -63,7 +70,7 @@ def error_of(log, exit_code):
 
 def run(command, log, held):
     """Its exit code, and its error or None."""
-    with open(log, "wb") as output:
+    with open(new_file(log), "wb") as output:
         exit_code = subprocess.call(command, stdout=output, stderr=subprocess.STDOUT, pass_fds=[held])
     return exit_code, error_of(log, exit_code)
 

@@ -548,11 +548,18 @@ TEST(ColmapProgram, ThatHangsIsKilledAtItsTimeLimit) {
               ThrowsMessage<Error>(HasSubstr("hangs")));
 }
 
+TEST(ColmapProgram, WhoseHelpHasNoEndIsKilled) {
+  const FakeColmap endless("exec yes COLMAP 3.8\n");
+  EXPECT_THAT([&] { ColmapProgram(endless.path()); },
+              ThrowsMessage<Error>(HasSubstr("-h prints without end")));
+}
+
 TEST(ColmapProgram, ReadsAHelpWithWordsOfAnyLength) {
   const std::string digits = "head -c 1000000 /dev/zero | tr '\\0' 7";
   const FakeColmap fake(fmt::format(
       "case \"$*\" in\n'-h') echo 'No COLMAPs, COLMAP'; echo ' COLMAP  v3.9-dev (of COLMAP 4)' ;;\n"
-      "*-h) printf -- '--a.b_1=x ---c --9 -- --'; {} | tr 7 d ;;\nesac\n",
+      "*-h) printf -- '--a.b_1=x ---c --9 -- --'; {} | tr 7 d; {} | tr 7 - ;;\nesac\n",
+      digits,
       digits));
   ColmapProgram program(fake.path());
   EXPECT_EQ(program.version(), "3.9-dev");
@@ -701,6 +708,15 @@ TEST(ColmapMapper, ADeathWhileItWritesLosesNoOtherModel) {
   EXPECT_EQ(mapped.summary.registered, 8u);
   EXPECT_GT(mapped.summary.points, 50u);
   EXPECT_THAT(mapped.summary.termination, HasSubstr("though its bundle_adjuster failed"));
+  const ColmapResult unlike = reconstruct(
+      "colmap \"$@\" || exit $?\ncase \"$*\" in 'bundle_adjuster --'*) ;; *) exit 0 ;; esac\n"
+      "for last; do :; done\nrm \"$last\"/*.bin\ncd \"$last\"\n"
+      "echo '1 PINHOLE 640 480 500 500 320 240' > cameras.txt\n"
+      "echo '2 PINHOLE 640 480 400 400 320 240' >> cameras.txt\n"
+      "printf '1 1 0 0 0 0 0 0 1 a.png\\n\\n2 1 0 0 0 0 0 0 2 b.png\\n\\n' > images.txt\n"
+      "touch points3D.txt points3D.bin\n");
+  EXPECT_EQ(unlike.summary.registered, 8u);
+  EXPECT_THAT(unlike.summary.termination, HasSubstr("though its bundle_adjuster failed"));
   const FakeColmap adjuster(dying("'bundle_adjuster --'*", ""));
   options.program = adjuster.path();
   EXPECT_THAT(

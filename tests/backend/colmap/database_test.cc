@@ -798,6 +798,9 @@ TEST(ColmapDatabase, RefusesACameraAndAPairThatCannotBe) {
                             "INSERT INTO matches VALUES(2147483647 * 2 + 2, 0, 2, NULL)",
                             "INSERT INTO matches VALUES(2147483647 * 2 + 9, 0, 2, NULL)",
                             "INSERT INTO matches VALUES(-5, 0, 2, NULL)",
+                            "INSERT INTO matches VALUES(9223372034707292160, 0, 2, NULL)",
+                            "PRAGMA ignore_check_constraints = 1; "
+                            "UPDATE images SET image_id = 4294967298 WHERE image_id = 2",
                             "UPDATE images SET name = '../x.png' WHERE image_id = 1",
                             "UPDATE images SET name = '/x.png' WHERE image_id = 1",
                             "UPDATE images SET name = 'a' || char(10) || 'b' WHERE image_id = 1"}) {

@@ -253,6 +253,22 @@ TEST(ColmapModel, NamesTheLineOrByteThatIsDamaged) {
   WriteBytes(dir / "images.bin", bytes.substr(0, bytes.size() / 2));
   EXPECT_THAT([&] { ReadColmapModel(dir.path()); },
               ThrowsMessage<Error>(HasSubstr("images.bin is cut short or damaged")));
+  const std::string camera_twice = ReadBytes(dir / "cameras.bin");
+  WriteBytes(dir / "cameras.bin",
+             std::string("\2") + camera_twice.substr(1) + camera_twice.substr(8));
+  EXPECT_THAT([&] { ReadColmapModel(dir.path()); },
+              ThrowsMessage<Error>(HasSubstr("cameras.bin has a second camera")));
+}
+
+TEST(ModelFolder, OfColmapsOwnIsNotReplaced) {
+  const TempDir dir;
+  const Reconstruction truth = TrueReconstruction(SmallScene());
+  std::filesystem::create_directory(dir / "sparse");
+  WriteColmapModel(dir / "sparse", ToColmapModel(truth), ColmapModelFormat::kBinary);
+  EXPECT_THAT([&] { WriteReconstruction(dir / "sparse", truth); },
+              ThrowsMessage<Error>(HasSubstr("was not written by us")));
+  WriteReconstruction(dir / "model", truth);
+  EXPECT_NO_THROW(WriteReconstruction(dir / "model", truth));
 }
 
 // As COLMAP does.
@@ -333,7 +349,7 @@ TEST(ColmapModel, TakesNoNameThatLeadsOutOrIsTwoLines) {
     model.images.begin()->second.name = name;
     WriteColmapModel(dir.path(), model, ColmapModelFormat::kBinary);
     EXPECT_THAT([&] { ReadColmapModel(dir.path()); },
-                ThrowsMessage<Error>(HasSubstr("the name of image '")))
+                ThrowsMessage<Error>(HasSubstr("the name of picture '")))
         << name;
   }
 }

@@ -5,12 +5,14 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Eigenvalues>
+#include <numbers>
 
 #include "backend/scene/near_world.h"
 #include "frontend/core/error.h"
 #include "frontend/core/interruption.h"
 #include "frontend/core/random_stream.h"
 #include "frontend/geometry/sim3.h"
+#include "frontend/tracks/imported_tracks.h"
 #include "tests/support/cameras.h"
 #include "tests/support/shared_data.h"
 #include "tests/support/shared_tracks.h"
@@ -134,6 +136,71 @@ TEST(IncrementalMapper, NamesACameraThatDoesNotMoveOrOnlyTurns) {
       EXPECT_TRUE(result.reconstruction.cam_from_world.empty());
     }
   }
+}
+
+// Between the focal lengths that are tried.
+TEST(IncrementalMapper, ACameraThatOnlyTurnsIsNeverTakenForGood) {
+  SyntheticTracks turning = MakeSyntheticTracks(Scene(CameraPath::kRotation, 0.3));
+  for (const double wrong : {0.92, 1.09}) {
+    TrackFile file = turning.file;
+    file.camera->known = false;
+    file.camera->fx *= wrong;
+    file.camera->fy *= wrong;
+    const MapperResult result = ReconstructWithCeres(file);
+    EXPECT_NE(result.summary.Quality(), ModelQuality::kGood) << result.summary.termination;
+  }
+}
+
+// Points 4 to 9 before a camera of f = 500 px that goes sideways and turns by so many degrees a frame.
+TrackFile StraightPath(double turn_deg) {
+  RandomStream random(5, "test/mapper/straight");
+  TrackFile file;
+  file.width_px = 640;
+  file.height_px = 480;
+  Camera camera = SyntheticTracksOptions::DefaultCamera();
+  std::vector<Observation> observations;
+  for (std::uint32_t f = 0; f < 24; ++f) {
+    file.frames.push_back({FrameIndex{f}, fmt::format("{}.png", f), 0});
+  }
+  for (std::uint32_t p = 0; p < 200; ++p) {
+    const Eigen::Vector3d point(
+        6.0 * random.Uniform() - 2.5, 4.0 * random.Uniform() - 2.0, 4.0 + 5.0 * random.Uniform());
+    for (std::uint32_t f = 0; f < 24; ++f) {
+      const Eigen::Quaterniond turn(
+          Eigen::AngleAxisd(f * turn_deg * std::numbers::pi / 180.0, Eigen::Vector3d::UnitY()));
+      const auto xy = camera.Project(turn * (point - Eigen::Vector3d(0.05 * f, 0.0, 0.0)));
+      if (!xy || !IsInPicture(*xy, 640, 480)) continue;
+      const Eigen::Vector2d noise(random.Gaussian(), random.Gaussian());
+      observations.push_back(
+          {.feature = FeatureId{p}, .frame = FrameIndex{f}, .xy = *xy + 0.2 * noise});
+    }
+  }
+  camera.known = false;
+  camera.fx = camera.fy = 650.0;
+  file.camera = camera;
+  file.tracks = TrackSet::Build(std::move(observations));
+  return file;
+}
+
+// Of a path without a turn all focal lengths fit, each with depths of its own.
+TEST(IncrementalMapper, SaysWhenTheFocalLengthIsAsGoodAsUnknown) {
+  MapperOptions options;
+  options.covariances = true;
+  const MapperResult straight = ReconstructWithCeres(StraightPath(0.0), options);
+  EXPECT_THAT(straight.summary.termination, HasSubstr("success: the focal length is known to"));
+  const MapperResult turned = ReconstructWithCeres(StraightPath(1.0), options);
+  EXPECT_EQ(turned.summary.termination, "success");
+  EXPECT_NEAR(turned.reconstruction.camera.fx, 500.0, 15.0);
+}
+
+TEST(IncrementalMapper, SaysWhenAReadoutChangesNothing) {
+  SyntheticTracksOptions scene = Scene(CameraPath::kArc);
+  MapperOptions options;
+  options.readout = 0.5;
+  EXPECT_TRUE(ReconstructWithCeres(MakeSyntheticTracks(scene).file, options).warnings.empty());
+  scene.frame_stride = 4;
+  EXPECT_THAT(ReconstructWithCeres(MakeSyntheticTracks(scene).file, options).warnings,
+              testing::ElementsAre(HasSubstr("the readout of 0.5 changes nothing")));
 }
 
 // What looks like parallax is each track's own drift: no model without a doubt of it.
@@ -420,7 +487,7 @@ TEST(IncrementalMapper, SaysWhatIsMissing) {
   one_frame.frames.resize(1);
   expect(one_frame, "the clip has 1 frame, at least 3 are needed");
   expect(Changed(scene.file, [](Observation& o) { return ToInt(o.feature) < 30; }),
-         "no two frames share 12 tracks");
+         "no two keyframes that were tried share 12 tracks");
 
   TrackFile broken = scene.file;
   broken.camera->fx = 0.0;

@@ -9,6 +9,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "datasets/open_sequence.h"
+#include "datasets/readers/tum_writer.h"
 #include "frontend/core/child_process.h"
 #include "frontend/core/error.h"
 #include "frontend/core/output.h"
@@ -307,8 +308,8 @@ TEST_F(DegradeClip, PhoneVideoIsDecodedBesideItsTruth) {
   }
   EXPECT_EQ(ReadBytes(dir_ / "phone/groundtruth.txt"), ReadBytes(dir_ / "sensor/groundtruth.txt"));
   EXPECT_EQ(ReadBytes(dir_ / "phone/scene.json"), ReadBytes(dir_ / "clip/scene.json"));
-  EXPECT_FALSE(fs::exists(dir_ / "phone/phone.mp4"));
-  EXPECT_FALSE(fs::exists(dir_ / "phone/phone.mp4.raw"));
+  EXPECT_FALSE(fs::exists(dir_ / "phone/rgb.partial.mp4"));
+  EXPECT_FALSE(fs::exists(dir_ / "phone/rgb.partial.mp4.raw"));
 }
 
 TEST_F(DegradeClip, PhoneWithoutItsEncoderLeavesNothing) {
@@ -354,6 +355,29 @@ TEST_F(DegradeClip, RefusesToOverwriteItsInput) {
   EXPECT_THAT([&] { Degrade({}, "clip"); }, ThrowsMessage<Error>(HasSubstr("another folder")));
   EXPECT_THAT([&] { Degrade({}, "no/where"); }, ThrowsMessage<Error>(HasSubstr("no/where")));
   EXPECT_EQ(OpenSequence(dir_ / "clip")->FrameCount(), 4u);
+}
+
+TEST(DegradeSequence, WithoutAFrameThereIsNoClip) {
+  const TempDir dir;
+  for (int i = 0; i < 3; ++i) WriteImage(dir / fmt::format("in/{}.png", i), 200);
+  const auto sequence = OpenSequence(dir / "in");
+  for (int i = 0; i < 3; ++i) WriteBytes(dir / fmt::format("in/{}.png", i), "no picture");
+  EXPECT_THAT(
+      [&] {
+        DegradeSequence(
+            *sequence, dir / "in", std::nullopt, Options(DegradeRecipe::kSensor, 2.0), dir / "out");
+      },
+      ThrowsMessage<Error>(HasSubstr("there is no frame to degrade")));
+  EXPECT_FALSE(fs::exists(dir / "out"));
+}
+
+TEST_F(DegradeClip, ReplacesNoClipThatOthersWrote) {
+  fs::create_directories(dir_ / "tum/rgb");
+  WriteBytes(dir_ / "tum/rgb/1305031102.175304.png", "precious");
+  WriteBytes(dir_ / "tum/rgb.txt", "1305031102.175304 rgb/1305031102.175304.png\n");
+  EXPECT_THAT([&] { TumWriter writer(dir_ / "tum"); },
+              ThrowsMessage<Error>(HasSubstr("was not written by us")));
+  EXPECT_TRUE(fs::exists(dir_ / "tum/rgb/1305031102.175304.png"));
 }
 
 TEST(DegradeSequence, TakesAPlainImageFolder) {

@@ -423,5 +423,13 @@ TEST(OpenSequence, AFolderThatMayNotBeReadIsNoPlaceToLookFor) {
   std::filesystem::permissions(dir / "a_lost", std::filesystem::perms::owner_all);
 }
 
+TEST(ImageFolder, BracesThatStandForMillionsAreNotListed) {
+  const TempDir dir;
+  std::string pattern = dir / "frame";
+  for (int i = 0; i < 40; ++i) pattern += "{,}";
+  EXPECT_THAT([&] { OpenSequence(pattern + "*.png"); },
+              ThrowsMessage<Error>(HasSubstr("more than 10000 names")));
+}
+
 }  // namespace
 }  // namespace cohort

@@ -484,6 +484,18 @@ TEST_F(Kitti, ReadsGreyImagesCalibrationTimesAndPoses) {
   }
 }
 
+// Finite in the file, but not where its camera stands.
+TEST_F(Kitti, NumbersThatOverflowAreAnError) {
+  WriteImages("image_0");
+  WriteText(sequence_ / "calib.txt", "P0: 1e-300 0 48 1e300 0 1e-300 36 1e300 0 0 1 1e300");
+  WriteText(sequence_ / "poses.txt", kPoses);
+  EXPECT_THAT([&] { OpenSequence(sequence_); },
+              ThrowsMessage<Error>(HasSubstr("pose of frame 0 is not finite")));
+  WriteText(sequence_ / "calib.txt", "P0: 1e300 0 48 0 0 1e300 36 0 0 0 1 0");
+  EXPECT_THAT([&] { OpenSequence(sequence_); },
+              ThrowsMessage<Error>(HasSubstr("more than any camera has")));
+}
+
 TEST_F(Kitti, ReadsColourImagesFromTheirOwnCamera) {
   WriteImages("image_2");
   WriteText(sequence_ / "calib.txt",

@@ -47,6 +47,16 @@ TEST(ChildProcess, IsKilledAtItsTimeLimit) {
   EXPECT_FALSE(Shell("exit 0", 60.0).end.out_of_time);
 }
 
+TEST(ChildProcess, IsKilledWhereItPrintsWithoutEnd) {
+  const Stopwatch stopwatch;
+  const ProgramOutput endless = Shell("exec yes", 600.0);
+  EXPECT_LT(stopwatch.Seconds(), 300.0);
+  EXPECT_TRUE(endless.end.printed_too_much);
+  EXPECT_EQ(endless.end.Brief(), "killed as it printed without end");
+  EXPECT_EQ(endless.text.size(), std::size_t{1} << 24);
+  EXPECT_FALSE(Shell("head -c 16777216 /dev/zero").end.printed_too_much);
+}
+
 TEST(ChildProcess, EndsWhereTheJobIsInterrupted) {
   const test::TempDir dir;
   const std::string pid_file = dir / "pid";

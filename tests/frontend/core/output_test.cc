@@ -108,6 +108,15 @@ TEST(InputRecord, NoOutputTakesThePlaceOfAFileThatTheRunReads) {
       ThrowsMessage<Error>(HasSubstr("folder/a; give another folder")));
   EXPECT_EQ(ReadBytes(dir / "folder/a"), "precious");
   EXPECT_NO_THROW(CheckOutputPath(dir / "folder/b"));
+  WriteBytes(dir / "folder/c.partial", "precious");
+  static_cast<void>(ReadBytes(dir / "folder/c.partial"));
+  EXPECT_THAT([&] { CheckOutputPath(dir / "folder/c"); },
+              ThrowsMessage<Error>(HasSubstr("c.partial, which it is written as")));
+  std::filesystem::create_directory(dir / "out.partial");
+  WriteBytes(dir / "out.partial/a", "precious");
+  static_cast<void>(ReadBytes(dir / "out.partial/a"));
+  EXPECT_THAT([&] { OutputFolder out(dir / "out", {"a"}); },
+              ThrowsMessage<Error>(HasSubstr("out.partial/a; give another folder")));
   InputRecord::Forget(dir / "folder/a");
   EXPECT_NO_THROW(CheckOutputPath(dir / "folder/a"));
 }
@@ -249,6 +258,61 @@ TEST(OutputFolder, RefusesToReplaceAFolderWithForeignFiles) {
   EXPECT_THAT([&] { OutputFolder out(dir / "home", {"a"}); },
               ThrowsMessage<Error>(HasSubstr("holds thesis.tex")));
   EXPECT_EQ(ReadBytes(dir / "home" / "thesis.tex"), "years");
+}
+
+TEST(OutputFolder, RefusesOneThatWasWrittenByOthersUnderTheSameNames) {
+  const test::TempDir dir;
+  const auto has_mark = [](const std::filesystem::path& folder) {
+    return std::filesystem::exists(folder / "mark");
+  };
+  const auto open = [&] { OutputFolder out(dir / "model", {"a", "mark"}, has_mark); };
+  std::filesystem::create_directory(dir / "model");
+  EXPECT_NO_THROW(open());
+  WriteBytes(dir / "model/a", "precious");
+  EXPECT_THAT(open, ThrowsMessage<Error>(HasSubstr("was not written by us")));
+  EXPECT_EQ(ReadBytes(dir / "model/a"), "precious");
+  WriteBytes(dir / "model/mark", "");
+  EXPECT_NO_THROW(open());
+}
+
+// Only what a killed run may have left there is removed.
+TEST(OutputFolder, RefusesToRemoveAPartialFolderWithForeignFiles) {
+  const test::TempDir dir;
+  const auto open = [&] { OutputFolder out(dir / "s", {"a"}); };
+  std::filesystem::create_directory(dir / "s.partial");
+  WriteBytes(dir / "s.partial/a", "half");
+  WriteBytes(dir / "s.partial/a.partial-journal", "half");
+  EXPECT_NO_THROW(open());
+  std::filesystem::create_directory(dir / "s.partial");
+  WriteBytes(dir / "s.partial/thesis.tex", "years");
+  EXPECT_THAT(open, ThrowsMessage<Error>(HasSubstr("s.partial, which holds thesis.tex")));
+  EXPECT_EQ(ReadBytes(dir / "s.partial/thesis.tex"), "years");
+}
+
+TEST(OutputFolder, ALinkToNothingIsSaidBeforeTheWork) {
+  const test::TempDir dir;
+  std::filesystem::create_directory_symlink("nowhere", dir / "out");
+  EXPECT_THAT([&] { OutputFolder out(dir / "out", {"a"}); },
+              ThrowsMessage<Error>(HasSubstr("a link to nothing")));
+}
+
+TEST(OutputFile, NothingThatTookItsPlaceIsRenamed) {
+  const test::TempDir dir;
+  WriteBytes(dir / "a", "old");
+  {
+    OutputFile out(dir / "a");
+    WriteBytes(dir / "other", "of another run");
+    std::filesystem::rename(dir / "other", out.partial());
+    EXPECT_THAT([&] { out.Commit(); }, ThrowsMessage<Error>(HasSubstr("taken the place of")));
+  }
+  EXPECT_EQ(ReadBytes(dir / "a"), "old");
+  EXPECT_EQ(ReadBytes(dir / "a.partial"), "of another run");
+  OutputFile out(dir / "a");
+  WriteBytes(dir / "b", "new");
+  std::filesystem::rename(dir / "b", out.partial());
+  out.LockAnew();
+  out.Commit();
+  EXPECT_EQ(ReadBytes(dir / "a"), "new");
 }
 
 TEST(OutputFolder, ReplacesNothingThatCameWhileTheRunWorked) {

@@ -55,6 +55,27 @@ TEST(Corners, AreFoundAtTheCornersOfSquares) {
   }
 }
 
+// By night the rest of the picture has a hundredth of a lamp's contrast.
+TEST(Corners, ALampTakesNoneFromTheRestOfADarkPicture) {
+  const cv::Mat dark = 0.02 + 0.05 * (TexturePicture() - 0.5);
+  cv::Mat with_lamp = dark.clone();
+  with_lamp(cv::Rect(150, 110, 12, 12)).setTo(0.98);
+  const std::size_t without = Detect(dark).size();
+  EXPECT_GT(without, 100u);
+  EXPECT_GT(Detect(with_lamp).size(), 0.7 * static_cast<double>(without));
+}
+
+// What stands on a blank ground is the picture.
+TEST(Corners, ABlankGroundHasNoSay) {
+  cv::Mat picture(kHeight, kWidth, CV_32FC1, cv::Scalar::all(0.0));
+  Squares()(cv::Rect(30, 30, 50, 50)).copyTo(picture(cv::Rect(30, 30, 50, 50)));
+  const cv::Mat faint = 0.002 * TexturePicture()(cv::Rect(0, 0, 60, 60));
+  faint.copyTo(picture(cv::Rect(200, 120, 60, 60)));
+  for (const auto& xy : Detect(picture)) {
+    EXPECT_LT(xy.x(), 120.0) << "a corner of what is fainter by a thousand: " << xy.transpose();
+  }
+}
+
 TEST(Corners, DetectionLeavesThePictureAsItIs) {
   const cv::Mat picture = TexturePicture();
   const cv::Mat before = picture.clone();

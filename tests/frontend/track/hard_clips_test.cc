@@ -380,6 +380,25 @@ TEST(SubspaceTrackerOfHardClips, DoesNotObserveWhatIsOneBlobNow) {
   }
 }
 
+// Half the light from frame 6 on, and from frame 12 another scene of less contrast than a step of 8
+// bits: a picture whose light was changed has the steps that it was decoded with.
+TEST(SubspaceTrackerOfHardClips, FindsACutIntoADarknessOfSixteenBitsInAnotherLight) {
+  Pictures clip = test::Joined(test::MovingClip(0.0, 12), test::MovingClip(4000.0, 8));
+  for (std::size_t t = 0; t < clip.size(); ++t) {
+    if (t < 12) {
+      clip[t].convertTo(clip[t], CV_16U, t < 6 ? 257.0 : 128.5);
+    } else {
+      clip[t].convertTo(clip[t], CV_16U, 1.0, 200.0);
+    }
+  }
+  for (const char* tracker : {"Strong", "Weak"}) {
+    const std::vector<FrameResult> frames = TrackAll(Trackers().at(tracker), clip);
+    // One later: of so dark a frame the next one tells whether it is blank.
+    EXPECT_EQ(CutsOf(frames), std::vector<std::size_t>{13}) << tracker;
+    EXPECT_GE(Observed(frames.back()), 50u) << tracker;
+  }
+}
+
 // ---- pictures of any size and depth ----
 
 TEST(TrackersOfAnyPicture, PicturesOfAFewPixelsHaveNoFeatures) {

@@ -302,9 +302,23 @@ TEST(TracksNpz, MoreCellsThanAreWrittenAreNotRead) {
       {save("4, 33554432, 2"), save("4, 33554433, 2"), save("0, 1152921504606846976, 2")});
   EXPECT_THAT([&] { saved.Read(0); }, ThrowsMessage<Error>(HasSubstr("does not fit its 8 bytes")));
   EXPECT_THAT([&] { saved.Read(1); },
-              ThrowsMessage<Error>(AllOf(HasSubstr("a.npz, array tracks: it has 268435464 numbers"),
-                                         HasSubstr("268435456 are the most"))));
-  EXPECT_THAT([&] { saved.Read(2); }, ThrowsMessage<Error>(HasSubstr("does not fit its 8 bytes")));
+              ThrowsMessage<Error>(AllOf(HasSubstr("a.npz, array tracks: it is 4 x 33554433 x 2"),
+                                         HasSubstr("268435456 numbers are the most"))));
+  EXPECT_THAT([&] { saved.Read(2); }, ThrowsMessage<Error>(HasSubstr("268435456 numbers are")));
+}
+
+// Which may be many GB, and are not needed: the header says what they are.
+TEST(TracksNpz, PicturesBesideTheTracksAreNotRead) {
+  const Saved saved(
+      {"np.savez('a.npz', tracks=tracks, vis=vis)\n"
+       "import zipfile, struct\n"
+       "header = b\"{'descr': '|u1', 'fortran_order': False, 'shape': (4, 20000, 20000, 3), }\"\n"
+       "with zipfile.ZipFile('a.npz', 'a') as z:\n"
+       "  z.writestr('frames.npy', b'\\x93NUMPY\\x01\\x00' + struct.pack('<H', len(header)) +\n"
+       "             header)",
+       "np.savez('a.npz', tracks=tracks, vis=vis, frames=np.array(['a', 'b', 'c', 'd']))"});
+  ExpectTheTracks(saved.Read(0), "pictures");
+  ExpectTheTracks(saved.Read(1), "names");
 }
 
 TEST(TracksNpz, ATableTooLargeForMemoryIsRefused) {

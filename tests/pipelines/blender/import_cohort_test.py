@@ -173,6 +173,7 @@ class WrittenByHand(unittest.TestCase):
         scene = {"w": 6, "h": 4, "fl_x": 5, "fl_y": 5, "cx": 3, "cy": 2,
                  "frames": [{"file_path": "a", "transform_matrix": pose}]}
         for changed in ({"w": 0}, {"w": float("inf")}, {"fl_x": float("nan")}, {"frames": {"a": 1}},
+                        {"frames": [{**scene["frames"][0], "colmap_im_id": 2**40}]},
                         {"ply_file_path": 5}, {"ply_file_path": "/dev/zero"},
                         {"frames": [{"file_path": "a", "transform_matrix": [float("nan")] * 16}]}):
             (self.dir / "transforms.json").write_text(json.dumps({**scene, **changed}))
@@ -181,6 +182,9 @@ class WrittenByHand(unittest.TestCase):
         (self.dir / "transforms.json").write_text(json.dumps(scene))
         import_cohort.read(self.dir / "transforms.json")
         write_by_hand(self.dir)
+        images = (self.dir / "images.txt").read_text()
+        (self.dir / "images.txt").write_text("\n" * 1_000_000 + images)
+        self.assertEqual(len(import_cohort.read(self.dir).frames), 4)
         (self.dir / "points3D.txt").unlink()
         with self.assertRaisesRegex(import_cohort.ImportFailed, "cannot read .*points3D.txt: No"):
             import_cohort.read(self.dir)

@@ -376,6 +376,18 @@ TEST_F(Sfm, ReplacesNothingThatIsNotItsOwn) {
   EXPECT_FALSE(fs::exists(scene / "clip.tracks")) << "it says so before the work";
 }
 
+TEST_F(Sfm, APageAndASummaryOfOthersAreLeftAlone) {
+  for (const char* name : {"report.html", "summary.json"}) {
+    const test::TempDir project;
+    WriteBytes(project / name, "precious");
+    const test::ProgramEnd end = RunSfm(project.path());
+    EXPECT_EQ(end.exit_code, 1);
+    EXPECT_THAT(end.err, HasSubstr(name));
+    EXPECT_EQ(ReadBytes(project / name), "precious");
+    EXPECT_FALSE(fs::exists(project / "clip.tracks")) << "it says so before the work";
+  }
+}
+
 // COLMAP's and Nerfstudio's projects have folders of the same names.
 TEST_F(Sfm, AProjectOfOthersIsLeftAlone) {
   const test::TempDir project;

@@ -18,6 +18,7 @@
 #include <vector>
 
 #include "datasets/open_sequence.h"
+#include "frontend/core/error.h"
 #include "frontend/core/output.h"
 #include "frontend/tracks/track_store.h"
 #include "pipelines/report/clip_report.h"
@@ -97,6 +98,21 @@ TEST_F(Show, WritesAGif) {
   EXPECT_EQ(video.get(cv::CAP_PROP_FRAME_WIDTH), 160);
 }
 
+TEST_F(Show, AGifThatFfmpegDidNotWriteIsAnError) {
+  fs::create_directory(Path("bin"));
+  WriteBytes(Path("bin/ffmpeg"), "#!/bin/sh\nexit 0\n");
+  fs::permissions(Path("bin/ffmpeg"), fs::perms::owner_all);
+  WriteBytes(Path("kept.gif"), "old");
+  const std::string path = std::getenv("PATH");
+  ASSERT_EQ(setenv("PATH", (Path("bin") + ":" + path).c_str(), 1), 0);
+  const test::ProgramEnd end = test::RunCohort("show " + Path("a.tracks") +
+                                               " --width-px 160 --quiet --out " + Path("kept.gif"));
+  ASSERT_EQ(setenv("PATH", path.c_str(), 1), 0);
+  EXPECT_EQ(end.exit_code, 1);
+  EXPECT_THAT(end.err, HasSubstr("kept.gif"));
+  EXPECT_EQ(ReadBytes(Path("kept.gif")), "old");
+}
+
 TEST_F(Show, OfClipsThatAreNotOneSaysSoAndLeavesNothing) {
   Run("synth " + Path("other") +
       " --frames 6 --width-px 160 --height-px 120 --focal-px 130 --quiet");
@@ -140,6 +156,10 @@ TEST_F(Show, ShowsPicturesOfAnyShape) {
   }
   Run("track " + Path("tall") + " --second-pass off --quiet --out " + Path("tall.tracks"));
   Run("show " + Path("tall.tracks") + " --quiet --out " + Path("tall.html"));
+  const test::ProgramEnd end =
+      test::RunCohort("show " + Path("tall.tracks") + " --quiet --out " + Path("tall.mp4"));
+  EXPECT_THAT(end.err, AllOf(HasSubstr("20x70044"), HasSubstr("--width-px")));
+  Run("show " + Path("tall.tracks") + " --quiet --width-px 2 --out " + Path("tall.mp4"));
 }
 
 TEST_F(Show, NamesTheKindsOfFilesThatItWrites) {
@@ -434,6 +454,17 @@ TEST_F(Show, AModelThatFailedSaysSoThoughNothingIsKnownOfItsErrors) {
                  "camera_uncertainty": null, "termination": "static camera"})");
   const ClipReport report = ReadClipReport(Path("failed"));
   EXPECT_THAT(report.sentences, testing::ElementsAre("There is no model: static camera"));
+}
+
+TEST_F(Show, CountsOfAModelThatAreNoneAreAnError) {
+  fs::create_directory(Path("lies"));
+  for (const char* frames : {"-1", "2.7", "1e300", "\"2\""}) {
+    WriteBytes(Path("lies/summary.json"),
+               fmt::format(R"({{"registered": 0, "frames": {}, "points": 0}})", frames));
+    EXPECT_THAT([&] { ReadClipReport(Path("lies")); },
+                testing::ThrowsMessage<Error>(HasSubstr("summary.json")))
+        << frames;
+  }
 }
 
 // The numbers of a page have five digits.

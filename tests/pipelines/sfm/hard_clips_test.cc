@@ -79,9 +79,12 @@ TEST_P(ModelOfHardClip, SaysHowItEndedInBothTrackers) {
     const ReconstructionSummary& summary = outcome.result.summary;
     EXPECT_THAT(summary.termination, StartsWith(termination));
     EXPECT_EQ(summary.frames, pictures.size());
-    const bool has_model = termination == "success";
+    const bool has_model = termination.starts_with("success");
     EXPECT_EQ(summary.registered, has_model ? pictures.size() : 0u);
-    EXPECT_EQ(summary.Quality(), has_model ? ModelQuality::kGood : ModelQuality::kFailed);
+    EXPECT_EQ(summary.Quality(),
+              termination == "success" ? ModelQuality::kGood
+              : has_model              ? ModelQuality::kDoubtful
+                                       : ModelQuality::kFailed);
     if (tracker == TrackerKind::kSubspace) {
       EXPECT_THAT(outcome.file.meta.at("second_pass"),
                   StartsWith(has_model ? "done" : "none: the tracks do not reconstruct"));
@@ -100,7 +103,8 @@ INSTANTIATE_TEST_SUITE_P(Of,
                                          Expected{"OnePlane", "success"},
                                          Expected{"FeaturesOnALine", "too few tracks"},
                                          Expected{"FewerFeaturesThanTheRank", "too few tracks"},
-                                         Expected{"FramesDropped", "success"},
+                                         // A plane that goes by, less far than a lens may bend.
+                                         Expected{"FramesDropped", "success: a camera that only"},
                                          Expected{"FramesRepeated", "success"},
                                          Expected{"FramesOutOfOrder", "success"},
                                          Expected{"StillAtFirst", "success"}),
