@@ -512,7 +512,7 @@ void DegradeSequence(Sequence& sequence,
     writer.WriteFile("scene.json", PartOfScene(*scene, degrader.frames()).Text());
   }
   if (degrader.frames().empty()) {
-    const std::string why = sequence.Warning();
+    const std::string& why = sequence.Warning();
     ThrowError(
         "{}: there is no frame to degrade{}{}", source.string(), why.empty() ? "" : ": ", why);
   }

@@ -789,6 +789,9 @@ TEST(ColmapDatabase, RefusesACameraAndAPairThatCannotBe) {
   const TempDir dir;
   constexpr const char* kNoNumber =
       "UPDATE cameras SET params = CAST(x'000000000000F87F' || zeroblob(24) AS BLOB)";
+  constexpr const char* kWideId =
+      "PRAGMA ignore_check_constraints = 1; UPDATE images SET image_id = 4294967298 WHERE image_id "
+      "= 2";
   for (const char* wrong : {"UPDATE cameras SET width = 0",
                             "UPDATE cameras SET height = 1 << 40",
                             "UPDATE cameras SET model = 77",
@@ -799,8 +802,7 @@ TEST(ColmapDatabase, RefusesACameraAndAPairThatCannotBe) {
                             "INSERT INTO matches VALUES(2147483647 * 2 + 9, 0, 2, NULL)",
                             "INSERT INTO matches VALUES(-5, 0, 2, NULL)",
                             "INSERT INTO matches VALUES(9223372034707292160, 0, 2, NULL)",
-                            "PRAGMA ignore_check_constraints = 1; "
-                            "UPDATE images SET image_id = 4294967298 WHERE image_id = 2",
+                            kWideId,
                             "UPDATE images SET name = '../x.png' WHERE image_id = 1",
                             "UPDATE images SET name = '/x.png' WHERE image_id = 1",
                             "UPDATE images SET name = 'a' || char(10) || 'b' WHERE image_id = 1"}) {
