@@ -333,13 +333,13 @@ void Describe(const JudgedParts& judged,
   result.noise = model.noise();
   if (camera.known) result.better_camera = FindBetterCamera(model, keyframes);
   result.summary.reasons = DoubtModel(result, judged, camera);
+  const auto add_doubt = [&result](std::string doubt) {
+    if (!doubt.empty()) result.summary.reasons.push_back(std::move(doubt));
+  };
   if (options.covariances) {
     if (auto covariances = CovariancesAtOptimum(model, refinement)) {
       spdlog::debug("focal length known to {:.2g}", covariances->focal.value_or(0.0));
-      if (std::string doubt = DescribeUncertainFocal(covariances->focal.value_or(0.0));
-          !doubt.empty()) {
-        result.summary.reasons.push_back(std::move(doubt));
-      }
+      add_doubt(DescribeUncertainFocal(covariances->focal.value_or(0.0)));
       result.camera_covariances = std::move(covariances->cameras);
       result.point_covariances = std::move(covariances->points);
     } else {
@@ -348,13 +348,9 @@ void Describe(const JudgedParts& judged,
     }
   }
   result.reconstruction = ToReconstruction(model, observed, judged.readout);
-  if (std::string doubt = DescribeLine(result.reconstruction); !doubt.empty()) {
-    result.summary.reasons.push_back(std::move(doubt));
-  }
+  add_doubt(DescribeLine(result.reconstruction));
   const auto uncertainty = CameraUncertainty(result.camera_covariances, result.reconstruction);
-  if (std::string doubt = DescribeUncertainCameras(uncertainty.value_or(0.0)); !doubt.empty()) {
-    result.summary.reasons.push_back(std::move(doubt));
-  }
+  add_doubt(DescribeUncertainCameras(uncertainty.value_or(0.0)));
 }
 
 MapperEnd EndOfModel(const MapperResult& described, std::size_t frames) {

@@ -507,14 +507,13 @@ void DegradeSequence(Sequence& sequence,
   } else {
     ParallelFor(ThreadCount(threads), threads, [&](std::size_t) { degrader.Work(); });
   }
-  const auto scene = fs::is_directory(source) ? ReadSceneFile(source) : std::nullopt;
-  if (scene && !degrader.frames().empty()) {
-    writer.WriteFile("scene.json", PartOfScene(*scene, degrader.frames()).Text());
-  }
   if (degrader.frames().empty()) {
     const std::string& why = sequence.Warning();
     ThrowError(
         "{}: there is no frame to degrade{}{}", source.string(), why.empty() ? "" : ": ", why);
+  }
+  if (const auto scene = fs::is_directory(source) ? ReadSceneFile(source) : std::nullopt) {
+    writer.WriteFile("scene.json", PartOfScene(*scene, degrader.frames()).Text());
   }
   writer.Finish();
 }

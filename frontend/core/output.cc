@@ -62,8 +62,6 @@ bool IsOfTheSystem(const fs::path& path) {
          (folder.starts_with("/dev/") && !folder.starts_with("/dev/shm/"));
 }
 
-fs::path PartialOf(const fs::path& path) { return path.string() + ".partial"; }
-
 void CheckIsNoInput(const fs::path& path) {
   if (InputRecord::Holds(path)) {
     ThrowError("cannot write {}: this run reads that file; give another name", path.string());
@@ -102,6 +100,8 @@ struct CloseFile {
 };
 
 }  // namespace
+
+fs::path PartialOf(const fs::path& path) { return path.string() + ".partial"; }
 
 OutputFile::OutputFile(fs::path path) : path_(std::move(path)), partial_(PartialOf(path_)) {
   CheckOutputPath(path_);

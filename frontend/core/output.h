@@ -14,6 +14,9 @@
 
 namespace cohort {
 
+// PATH.partial, as which an output is written.
+std::filesystem::path PartialOf(const std::filesystem::path& path);
+
 // Outputs are written whole or not at all: into a new file or folder, PATH.partial, beside the final
 // path, renamed at the end. Until Commit the old one stays; without Commit (an exception) the partial one
 // is removed. No other run can write the same one at the same time. Throws Error naming the path.

@@ -176,4 +176,10 @@ cv::Mat WithoutLight(const cv::Mat& gray, const LightChange& light) {
   return (picture - light.offset) / light.gain;
 }
 
+Frame WithoutLight(Frame frame, const LightChange& light) {
+  frame.float_step = IntensityStep(frame.gray);
+  frame.gray = WithoutLight(frame.gray, light);
+  return frame;
+}
+
 }  // namespace cohort

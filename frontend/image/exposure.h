@@ -3,6 +3,7 @@
 #include <opencv2/core/mat.hpp>
 #include <optional>
 
+#include "frontend/image/frame.h"
 #include "frontend/image/pyramid.h"
 
 namespace cohort {
@@ -40,6 +41,8 @@ class Exposure {
 // The picture as the light would show it that `light` is measured against: CV_32FC1, or `gray`
 // itself where there is no difference.
 cv::Mat WithoutLight(const cv::Mat& gray, const LightChange& light);
+// The frame with that picture, and the step of what it was.
+Frame WithoutLight(Frame frame, const LightChange& light);
 
 // Of `current` against `previous`, where their coarsest levels overlap after registration, by the
 // reduced major axis (both are noisy: the gain is the ratio of the standard deviations; Ricker,

@@ -3,10 +3,7 @@
 namespace cohort {
 
 FrameResult SteadyLightTracker::Track(const Frame& frame) {
-  Frame steady = frame;
-  steady.float_step = IntensityStep(frame.gray);
-  steady.gray = WithoutLight(frame.gray, exposure_.Follow(frame.gray));
-  return tracker_->Track(steady);
+  return tracker_->Track(WithoutLight(frame, exposure_.Follow(frame.gray)));
 }
 
 }  // namespace cohort

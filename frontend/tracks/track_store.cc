@@ -119,8 +119,6 @@ struct Inserter {
   SqliteStatement frame, observation, end;
 };
 
-fs::path PartialOf(const fs::path& path) { return path.string() + ".partial"; }
-
 // With the journal that SQLite leaves beside it when it fails on a full disk.
 void RemoveDatabase(const fs::path& path) {
   std::error_code ignored;

@@ -252,7 +252,7 @@ std::optional<TrackFigures> RunTrackJob(const TrackJobOptions& options) {
                            .source = options.input.input});
   const TrackFile header = DescribeJob(options, *sequence, tracker);
   const OwnFile own(options.out);
-  const OwnFile own_partial(options.out + ".partial");
+  const OwnFile own_partial(PartialOf(options.out));
   const EarlierRun earlier = options.resume ? FindEarlierRun(options.out, header) : EarlierRun{};
   // The end came when all was written and nothing renamed.
   if (earlier.complete && earlier.unfinished) {

@@ -27,8 +27,8 @@ std::string FingerprintOfClip(const Sequence& sequence,
 // Of all bytes. Throws Error naming a file that cannot be read.
 std::string FingerprintOfBytes(const std::filesystem::path& file);
 
-// The fingerprints of what a run wrote, of all bytes, by their names in `folder`: `names` are files, or folders
-// of which all files count.
+// The fingerprints of what a run wrote, of all bytes, by their names in `folder`: `names` are files,
+// or folders of which all files count.
 std::map<std::string, std::string> FingerprintsOfOutputs(const std::filesystem::path& folder,
                                                          const std::vector<std::string>& names);
 // Whether they are all there as they were. Others may have come since.

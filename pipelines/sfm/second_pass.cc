@@ -10,6 +10,7 @@
 #include <optional>
 #include <set>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "backend/geometry/triangulation.h"
@@ -203,8 +204,7 @@ struct LightsOfClip {
   void TakeFrom(Frame& frame) {
     const auto [light, first_time] = of_frame.try_emplace(frame.index);
     if (first_time) light->second = exposure.Follow(frame.gray);
-    frame.float_step = IntensityStep(frame.gray);
-    frame.gray = WithoutLight(frame.gray, light->second);
+    frame = WithoutLight(std::move(frame), light->second);
   }
 };
 
