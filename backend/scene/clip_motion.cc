@@ -5,6 +5,7 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <span>
 #include <utility>
 
@@ -82,7 +83,7 @@ struct CameraAndParallax {
 CameraAndParallax LeastOfThoseToTry(const WhitenedTracks& whitened,
                                     const Camera& camera,
                                     const std::vector<FramePairMotion>& pairs) {
-  CameraAndParallax least{camera, kInfinity};
+  CameraAndParallax least{camera, std::numeric_limits<double>::infinity()};
   for (const Camera& candidate : CamerasToTry(camera)) {
     const double px = LargestParallaxPx(whitened, candidate, pairs);
     if (px < least.parallax_px) least = {candidate, px};
