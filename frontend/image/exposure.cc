@@ -22,9 +22,11 @@ struct PixelPairs {
   std::vector<double> current;
 };
 
-// The pixels of the coarsest level that both show, black and saturated ones left out.
-PixelPairs Overlap(const cv::Mat& previous, const cv::Mat& current, const Eigen::Vector2i& shift) {
-  constexpr float kBlack = 0.004F;
+// The pixels of the coarsest level that both show, black (up to `black`) and saturated ones left out.
+PixelPairs Overlap(const cv::Mat& previous,
+                   const cv::Mat& current,
+                   const Eigen::Vector2i& shift,
+                   float black) {
   constexpr float kSaturated = 0.98F;
   PixelPairs pairs;
   for (int y = std::max(0, -shift.y()); y < std::min(previous.rows, current.rows - shift.y());
@@ -33,7 +35,7 @@ PixelPairs Overlap(const cv::Mat& previous, const cv::Mat& current, const Eigen:
          ++x) {
       const float p = previous.at<float>(y, x);
       const float c = current.at<float>(y + shift.y(), x + shift.x());
-      if (std::min(p, c) <= kBlack || std::max(p, c) >= kSaturated) continue;
+      if (std::min(p, c) <= black || std::max(p, c) >= kSaturated) continue;
       pairs.previous.push_back(p);
       pairs.current.push_back(c);
     }
@@ -107,10 +109,14 @@ std::optional<LightChange> EstimateLightChange(const Pyramid& previous, const Py
   constexpr std::size_t kEnough = 200;  // pixels
   constexpr int kRounds = 2;
   constexpr double kAlike = 0.95;  // correlation; by eye on the tuning clips
+  constexpr double kBlack = 1.02;  // steps of the intensities
   const Eigen::Vector2d d = RegisterFrames(Standardised(previous), Standardised(current));
   const double scale = std::ldexp(1.0, -static_cast<int>(current.levels.size() - 1));
   const Eigen::Vector2i shift = (scale * d).array().round().cast<int>();
-  PixelPairs pairs = Overlap(previous.levels.back(), current.levels.back(), shift);
+  PixelPairs pairs = Overlap(previous.levels.back(),
+                             current.levels.back(),
+                             shift,
+                             static_cast<float>(kBlack * std::max(previous.step, current.step)));
   LightFit fit;
   for (int round = 0; round < kRounds; ++round) {
     if (pairs.previous.size() < kEnough) return std::nullopt;
@@ -124,18 +130,14 @@ std::optional<LightChange> EstimateLightChange(const Pyramid& previous, const Py
 
 const LightChange& Exposure::Follow(const cv::Mat& gray) {
   const TimedPart part("light");
-  // Of a picture with less contrast nothing can be said, nor is it a light to bring others to. But
-  // one that has lost so much of it since the last may be the same in another light.
-  constexpr double kLeastDeviation = 0.05;
-  constexpr double kLeastAfterJump = 0.01;
-  constexpr double kJump = 1.5;
+  // Of a picture with less contrast, in steps of its intensities, nothing can be said, nor is it a
+  // light to bring others to.
+  constexpr double kLeastDeviation = 2.5;
   Pyramid picture = BuildPyramid(gray);
   cv::Scalar mean;
   cv::Scalar deviation;
   cv::meanStdDev(picture.levels.back(), mean, deviation);
-  const bool jumped =
-      std::exchange(deviation_, deviation[0]) > std::max(kLeastDeviation, kJump * deviation[0]);
-  if (deviation[0] < (jumped ? kLeastAfterJump : kLeastDeviation)) return light_;
+  if (deviation[0] < kLeastDeviation * picture.step) return light_;
   const std::optional<LightChange> light = LightOf(picture);
   if (light) {
     // How the picture would differ from itself in the light of the last one.
@@ -177,7 +179,7 @@ cv::Mat WithoutLight(const cv::Mat& gray, const LightChange& light) {
 }
 
 Frame WithoutLight(Frame frame, const LightChange& light) {
-  frame.float_step = IntensityStep(frame.gray);
+  frame.float_step = IntensityStep(frame.gray) / light.gain;
   frame.gray = WithoutLight(frame.gray, light);
   return frame;
 }

@@ -33,7 +33,6 @@ class Exposure {
   std::optional<LightChange> LightOf(const Pyramid& picture);
 
   LightChange light_;
-  double deviation_ = 0.0;  // of the last picture
   std::optional<Seen> reference_;
   std::optional<Seen> last_;
 };
@@ -41,7 +40,7 @@ class Exposure {
 // The picture as the light would show it that `light` is measured against: CV_32FC1, or `gray`
 // itself where there is no difference.
 cv::Mat WithoutLight(const cv::Mat& gray, const LightChange& light);
-// The frame with that picture, and the step of what it was.
+// The frame with that picture, and the step of what it was in that light.
 Frame WithoutLight(Frame frame, const LightChange& light);
 
 // Of `current` against `previous`, where their coarsest levels overlap after registration, by the

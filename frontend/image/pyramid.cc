@@ -38,9 +38,16 @@ Pyramid BuildPyramid(const cv::Mat& gray, int num_levels) {
   return pyramid;
 }
 
+Pyramid BuildPyramid(const Frame& frame, int num_levels) {
+  Pyramid pyramid = BuildPyramid(frame.gray, num_levels);
+  if (frame.gray.depth() == CV_32F) pyramid.step = frame.float_step;
+  return pyramid;
+}
+
 Pyramid SmoothPyramid(const Pyramid& pyramid, double sigma_px) {
   const TimedPart part("pyramid");
   Pyramid smooth;
+  smooth.step = pyramid.step;
   if (sigma_px <= 0.0) {
     smooth.levels.assign(pyramid.levels.begin(),
                          pyramid.levels.begin() + static_cast<std::ptrdiff_t>(std::min<std::size_t>(

@@ -3,6 +3,8 @@
 #include <opencv2/core/mat.hpp>
 #include <vector>
 
+#include "frontend/image/frame.h"
+
 namespace cohort {
 
 // Levels of a picture as CV_32FC1 with intensities 0..1. Level 0 is full resolution; each level
@@ -22,6 +24,8 @@ double IntensityStep(const cv::Mat& gray);
 // `gray` is CV_8UC1, CV_16UC1 or CV_32FC1 (0..1). A level whose shorter side would be below 16 px
 // is left out.
 Pyramid BuildPyramid(const cv::Mat& gray, int num_levels = 4);
+// Of a frame, whose picture may be CV_32FC1 for the change of its light: it knows the step.
+Pyramid BuildPyramid(const Frame& frame, int num_levels = 4);
 
 // The two finest levels of a picture that is first blurred by a Gaussian (0: as it is): what
 // alignment by least squares gains in the dark, as the product of two pictures' noise misleads it.

@@ -58,11 +58,15 @@ Eigen::Matrix2d CurvatureOf(const TranslationEquations& equations) {
   return rest(0, 0) > 0.0 && rest.determinant() > 0.0 ? equations.cross : equations.hessian;
 }
 
+// What is nothing beside the steps of the intensities depends on how fine they are.
+double InStepsOf8Bits(const Pyramid& pyramid) { return 255.0 * pyramid.step; }
+
 constexpr double kUnbounded = std::numeric_limits<double>::infinity();
 
 // Gauss-Newton for the translation on one level; `x` in px of the level. None where the window has
 // no texture. Ends where it is further from its start than `reach_px`.
-std::optional<Eigen::Vector2d> Align(const cv::Mat& picture,
+std::optional<Eigen::Vector2d> Align(const Pyramid& pyramid,
+                                     std::size_t level,
                                      const PatchWindow& window,
                                      int max_iterations,
                                      const Eigen::Matrix2d& prior,
@@ -71,15 +75,18 @@ std::optional<Eigen::Vector2d> Align(const cv::Mat& picture,
   // If no step is ever small: slow is not wrong, the tests on the result decide.
   constexpr double kSmallStepPx = 0.01;
   constexpr double kMaxStepPx = 2.0;
+  constexpr double kNoTexture = 1e-12;  // of 8 bits
   constexpr double kLeastStretch = 0.4;
   constexpr double kMostStretch = 3.0;
+  const cv::Mat& picture = pyramid.levels[level];
+  const double least_determinant = kNoTexture * std::pow(InStepsOf8Bits(pyramid), 4);
   const Eigen::Vector2d start = x;
   Eigen::Vector2d newton_before = Eigen::Vector2d::Zero();
   Eigen::Vector2d moved = Eigen::Vector2d::Zero();
   for (int i = 0; i < max_iterations; ++i) {
     const TranslationEquations equations = LinearizeTranslation(picture, x, window);
     const Eigen::Matrix2d H = CurvatureOf(equations) + prior;
-    if (!(H.determinant() > 1e-12)) return std::nullopt;
+    if (!(H.determinant() > least_determinant)) return std::nullopt;
     const Eigen::Vector2d newton = -H.inverse() * (equations.gradient + prior * (x - start));
     if (!newton.allFinite()) return std::nullopt;
     if (newton.norm() < kSmallStepPx) return x + newton;
@@ -171,7 +178,7 @@ void Step(const Vector7d& step,
 }
 
 // Anchor against picture at m.xy: the statistics, and the joint step of translation and warp.
-void Conclude(const cv::Mat& picture,
+void Conclude(const Pyramid& pyramid,
               const PatchWindow& window,
               double noise_factor,
               const AnchorPatch& anchor,
@@ -180,11 +187,13 @@ void Conclude(const cv::Mat& picture,
               Measurement& m) {
   const int area = window.n * window.n;
   PatchWindow seen;
-  FillWindow(picture, m.xy, window.n, seen);
+  FillWindow(pyramid.levels[0], m.xy, window.n, seen);
   Compare(seen, window, m);
   const auto [normal, rhs, cross] = LinearizeWarp(seen, window);
 
-  const double variance = std::max(m.residual_variance, 1e-6) * noise_factor;
+  constexpr double kLeastVariance = 1e-6;  // of 8 bits
+  const double least = kLeastVariance * std::pow(InStepsOf8Bits(pyramid), 2);
+  const double variance = std::max(m.residual_variance, least) * noise_factor;
   Matrix7d information = normal / variance;
   Vector7d b = rhs / variance;
   information.block<4, 4>(2, 2) +=
@@ -258,7 +267,7 @@ Measurement MeasurePatch(const Pyramid& current,
   FillAnchorWindow(anchor.full, anchor.warp, window_px, window);
   const Eigen::Matrix2d full_prior = noise_variance * noise_factor * prior;
   const auto align = [&](const Eigen::Vector2d& from, double reach_px) {
-    return Align(current.levels[0], window, 15, full_prior, from, reach_px);
+    return Align(current, 0, window, 15, full_prior, from, reach_px);
   };
   // The half resolution finds what is further off, and misleads now and then.
   constexpr double kNearPx = 1.5;
@@ -268,14 +277,14 @@ Measurement MeasurePatch(const Pyramid& current,
   if (has_half && !(full && (*full - start).norm() <= kNearPx)) {
     PatchWindow half_window;
     FillAnchorWindow(anchor.half, anchor.warp, window_px, half_window);
-    const auto half = Align(current.levels[1], half_window, 10, prior, start / 2);
+    const auto half = Align(current, 1, half_window, 10, prior, start / 2);
     const bool leads = half && (2 * *half - start).norm() < kAstrayPx;
     full = align(leads ? 2 * *half : start, kUnbounded);
   }
   if (!full) return m;
   m.xy = *full;
   m.converged = true;
-  Conclude(current.levels[0], window, noise_factor, anchor, start, prior, m);
+  Conclude(current, window, noise_factor, anchor, start, prior, m);
   return m;
 }
 
@@ -291,8 +300,8 @@ std::optional<Eigen::Vector2d> TrackWindow(const Pyramid& from,
     const auto l = static_cast<std::size_t>(level);
     PatchWindow window;
     FillWindow(from.levels[l], scale * xy, window_px, window);
-    const auto found = Align(
-        to.levels[l], window, kMaxIterations, Eigen::Matrix2d::Zero(), scale * (xy + displacement));
+    const auto found =
+        Align(to, l, window, kMaxIterations, Eigen::Matrix2d::Zero(), scale * (xy + displacement));
     if (!found) return std::nullopt;
     displacement = *found / scale - xy;
     if (level > 0) continue;

@@ -26,7 +26,7 @@ constexpr double kLeastRelativeCorrelation = 0.7;
 
 Pyramid SmoothPyramidOf(const Frame& frame, double sigma_px) {
   constexpr int kLevels = 2;
-  return SmoothPyramid(BuildPyramid(frame.gray, kLevels), sigma_px);
+  return SmoothPyramid(BuildPyramid(frame, kLevels), sigma_px);
 }
 
 // Of the middle of a template.

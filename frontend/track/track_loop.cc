@@ -42,8 +42,7 @@ std::optional<LossReason> TrackLoop::ReasonToEnd(const Move& move, int unconfirm
 
 FrameResult TrackLoop::Track(const Frame& frame) {
   CheckSize(frame.gray.size());
-  Pyramid pyramid = BuildPyramid(frame.gray);
-  if (frame.gray.depth() == CV_32F) pyramid.step = frame.float_step;
+  const Pyramid pyramid = BuildPyramid(frame);
   FrameResult result;
   switch (options_.cuts ? watch_.Follow(pyramid) : SceneChange::kNone) {
     case SceneChange::kNone:

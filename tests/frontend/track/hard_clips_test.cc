@@ -459,5 +459,21 @@ TEST(TrackersOfAnyPicture, SixteenBitsAreFollowedLikeEight) {
   }
 }
 
+// A contrast of 50 of 65535: less than a step of 8 bits is something, where there are 16. From frame
+// 6 on in half the light.
+TEST(SubspaceTrackerOfHardClips, FollowsWhatOnlySixteenBitsShow) {
+  const Pictures bright = test::MovingClip();
+  Pictures dim;
+  for (const cv::Mat& picture : bright) {
+    picture.convertTo(dim.emplace_back(), CV_16U, dim.size() < 6 ? 0.4 : 0.2, 20000.0);
+  }
+  for (const char* tracker : {"Strong", "Weak"}) {
+    const std::vector<FrameResult> frames = TrackAll(Trackers().at(tracker), dim);
+    ExpectFiniteAndWhole(frames, bright.front().size());
+    EXPECT_GE(Observed(frames.back()), 50u) << tracker;
+    EXPECT_LT(WrongShare(frames, AsItMoves), 0.01) << tracker;
+  }
+}
+
 }  // namespace
 }  // namespace cohort
