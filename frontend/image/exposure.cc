@@ -14,8 +14,13 @@ namespace cohort {
 namespace {
 
 // A gain and an offset (of the picture's spread) nearer to none than this are none: the errors of
-// the estimate itself. By eye on the tuning clips.
-constexpr double kLeastChange = 0.04;
+// the estimate itself, which grow where the contrast is few steps of the intensities. By eye on the
+// tuning clips.
+double LeastChange(double deviation_in_steps) {
+  constexpr double kLeast = 0.04;
+  constexpr double kManySteps = 12.75;  // 0.05 of 8 bits
+  return kLeast * std::max(1.0, kManySteps / deviation_in_steps);
+}
 
 struct PixelPairs {
   std::vector<double> previous;
@@ -143,8 +148,9 @@ const LightChange& Exposure::Follow(const cv::Mat& gray) {
     // How the picture would differ from itself in the light of the last one.
     const double gain = light->gain / light_.gain;
     const double offset = light->offset - gain * light_.offset;
-    if (std::abs(std::log(gain)) > kLeastChange ||
-        std::abs(offset + (gain - 1.0) * mean[0]) > kLeastChange * deviation[0]) {
+    const double least = LeastChange(deviation[0] / picture.step);
+    if (std::abs(std::log(gain)) > least ||
+        std::abs(offset + (gain - 1.0) * mean[0]) > least * deviation[0]) {
       light_ = *light;
     }
   }

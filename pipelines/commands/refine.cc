@@ -16,6 +16,7 @@
 #include "pipelines/jobs/track_doubts.h"
 #include "pipelines/json/json_file.h"
 #include "pipelines/json/option_list.h"
+#include "pipelines/sfm/doubts.h"
 #include "pipelines/sfm/input.h"
 #include "pipelines/sfm/reconstruct.h"
 

@@ -9,6 +9,7 @@
 #include "pipelines/jobs/track_doubts.h"
 #include "pipelines/report/clip_report.h"
 #include "pipelines/report/track_video.h"
+#include "pipelines/sfm/input.h"
 
 namespace cohort {
 namespace {
