@@ -1,10 +1,12 @@
 #include "datasets/readers/image_folder.h"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <unistd.h>
 
 #include <cmath>
+#include <filesystem>
 #include <fstream>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
@@ -215,7 +217,7 @@ TEST(ImageFolder, AnImageOfAnotherSizeIsAnErrorNamingBothSizes) {
 TEST(ImageFolder, ALinkThatLeadsToItselfEndsTheSequenceAsAFileThatIsGone) {
   const TempDir dir;
   for (const int i : {1, 2, 4}) WriteImage(dir / fmt::format("{}.png", i), i);
-  fs::create_symlink("3.png", dir / "3.png");
+  std::filesystem::create_symlink("3.png", dir / "3.png");
   const auto sequence = OpenSequence(dir.path());
   EXPECT_EQ(test::ReadAll(*sequence).size(), 2u);
   EXPECT_THAT(sequence->Warning(), AllOf(HasSubstr("2 frames of 4"), HasSubstr("3.png")));
