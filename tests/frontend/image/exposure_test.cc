@@ -80,6 +80,7 @@ TEST(Exposure, LightIsFollowedInTheDark) {
   Exposure exposure;
   exposure.Follow(picture);
   EXPECT_NEAR(exposure.Follow(InLight(picture, 0.15, 0.0)).gain, 0.15, 0.01);
+  EXPECT_NEAR(exposure.Follow(InLight(picture, 0.15, 0.0)).gain, 0.15, 0.01);
   EXPECT_NEAR(exposure.Follow(InLight(picture, 0.1, 0.0)).gain, 0.1, 0.01);
   Exposure in_the_dark;
   in_the_dark.Follow(InLight(picture, 0.15, 0.0));

@@ -463,9 +463,9 @@ TEST(TrackersOfAnyPicture, SixteenBitsAreFollowedLikeEight) {
 // 6 on in half the light.
 TEST(SubspaceTrackerOfHardClips, FollowsWhatOnlySixteenBitsShow) {
   const Pictures bright = test::MovingClip();
-  Pictures dim;
-  for (const cv::Mat& picture : bright) {
-    picture.convertTo(dim.emplace_back(), CV_16U, dim.size() < 6 ? 0.4 : 0.2, 20000.0);
+  Pictures dim(bright.size());
+  for (std::size_t t = 0; t < bright.size(); ++t) {
+    bright[t].convertTo(dim[t], CV_16U, t < 6 ? 0.4 : 0.2, 20000.0);
   }
   for (const char* tracker : {"Strong", "Weak"}) {
     const std::vector<FrameResult> frames = TrackAll(Trackers().at(tracker), dim);
