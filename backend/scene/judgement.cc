@@ -5,6 +5,7 @@
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
+#include <string>
 
 #include "backend/scene/clip_motion.h"
 #include "frontend/core/statistics.h"
@@ -125,20 +126,25 @@ Judgement JudgeModel(const WorkingModel& model,
          "or most of them are on things that move"});
   }
   if (TurnsByAnotherCamera(model.whitened(), camera, pairs, EstimateNoise(model.whitened()))) {
-    judgement.doubts.push_back(fmt::format(
-        "a camera that only turns, of another lens than {}, explains all motion as well, and then "
-        "there is no depth: walk sideways while you film, {}",
-        camera.known ? "the one given" : "was found",
-        camera.known ? "check --camera" : "give --camera if you know it"));
+    judgement.doubts.push_back(
+        {DoubtCode::kOnlyTurns,
+         fmt::format("a camera that only turns, of another lens than {}, explains all motion as "
+                     "well, and then there is no depth: walk sideways while you film, {}",
+                     camera.known ? "the one given" : "was found",
+                     camera.known ? "check --camera" : "give --camera if you know it")});
   }
   if (uncertainty > kWeakDepth) {
-    judgement.doubts.push_back(DescribeDepths(uncertainty) + ": move the camera further sideways");
+    judgement.doubts.push_back({DoubtCode::kWeakDepth,
+                                DescribeDepths(uncertainty) + ": move the camera further sideways",
+                                {{"depth_uncertainty", uncertainty}}});
   }
   if (unexplained > kMuchUnexplained) {
     judgement.doubts.push_back(
-        DescribeUnexplained(unexplained) +
-        ": the tracks drift, are on things that move, or the camera hardly left its place; film a "
-        "longer way, in more light");
+        {DoubtCode::kUnexplainedParallax,
+         DescribeUnexplained(unexplained) +
+             ": the tracks drift, are on things that move, or the camera hardly left its place; "
+             "film a longer way, in more light",
+         {{"unexplained_parallax", unexplained}}});
   }
   return judgement;
 }
@@ -155,27 +161,31 @@ std::optional<double> CameraUncertainty(
   return Median(std::move(deviations)) / distance;
 }
 
-std::string DescribeUncertainCameras(double uncertainty) {
+std::optional<Doubt> DescribeUncertainCameras(double uncertainty) {
   // Models of error 0.5 % and less said 0.3 % and less; one of a clip from black to glare, whose
   // error was 15 %, 2.2 %.
   constexpr double kUncertain = 0.01;
-  if (!(uncertainty > kUncertain)) return "";
-  return fmt::format(
-      "the cameras are known to {:.1f} % of the distance to the scene only, and noise is not all "
-      "that puts them off: film in steady light, with more texture in the picture",
-      100.0 * uncertainty);
+  if (!(uncertainty > kUncertain)) return std::nullopt;
+  return Doubt{
+      DoubtCode::kCamerasUncertain,
+      fmt::format("the cameras are known to {:.1f} % of the distance to the scene only, and noise "
+                  "is not all that puts them off: film in steady light, with more texture in the "
+                  "picture",
+                  100.0 * uncertainty),
+      {{"camera_uncertainty", uncertainty}}};
 }
 
-std::string DescribeUncertainFocal(double deviation) {
+std::optional<Doubt> DescribeUncertainFocal(double deviation) {
   // Of nine real clips without their cameras, three of straight paths (two sliders, a drive) said 6 to
   // 13 %, and were off by 1, 15 and 88 %; the others less than 5 %, and were off by 10 % at most, where
   // the truth is known.
   constexpr double kUncertain = 0.05;
-  if (!(deviation > kUncertain)) return "";
-  return fmt::format(
-      "the focal length is known to {:.0f} % only, and depths as badly: turn the camera while it "
-      "moves, or give --camera",
-      100.0 * deviation);
+  if (!(deviation > kUncertain)) return std::nullopt;
+  return Doubt{DoubtCode::kFocalUncertain,
+               fmt::format("the focal length is known to {:.0f} % only, and depths as badly: turn "
+                           "the camera while it moves, or give --camera",
+                           100.0 * deviation),
+               {{"focal_sigma", deviation}}};
 }
 
 double SpreadAcrossLine(const Reconstruction& reconstruction) {
@@ -200,14 +210,17 @@ double SpreadAcrossLine(const Reconstruction& reconstruction) {
   return ratios.empty() ? 1.0 : Median(std::move(ratios));
 }
 
-std::string DescribeLine(const Reconstruction& reconstruction) {
+std::optional<Doubt> DescribeLine(const Reconstruction& reconstruction) {
   // Eleven real clips had 0.26 to 0.91. Nineteen sets of points near a line of six of their scenes
   // had 0.05 to 0.12, and cameras that were off by 0.5 to 60 % of their path, half of them by 8.6 %
   // and more; as many random points of the same clips 0.21 to 0.76, and half of them 1.1 % or less.
   constexpr double kLine = 0.15;
-  if (!(SpreadAcrossLine(reconstruction) < kLine)) return "";
-  return "the points lie along a line, about which the cameras may be turned at will: film what "
-         "has texture beside it, too";
+  const double spread = SpreadAcrossLine(reconstruction);
+  if (!(spread < kLine)) return std::nullopt;
+  return Doubt{DoubtCode::kPointsOnALine,
+               "the points lie along a line, about which the cameras may be turned at will: film "
+               "what has texture beside it, too",
+               {{"spread_across_line", spread}}};
 }
 
 double UnexplainedParallax(const WorkingModel& model, const std::vector<int>& keyframes) {
@@ -242,21 +255,24 @@ double NoiseLeftPx(const WorkingModel& model) {
   return Median(std::move(errors)) / kMedianOfRayleigh;
 }
 
-std::string DescribeExcessNoise(const WorkingModel& model, bool camera_known) {
+std::optional<Doubt> DescribeExcessNoise(const WorkingModel& model, bool camera_known) {
   // Clips whose camera was right leave up to 1.3 times the tracks' noise, those with a wrong one
   // from 2.2 on.
   constexpr double kMuchNoise = 2.0;
   const double noise_px = EstimateNoise(model.whitened());
   const double left_px = NoiseLeftPx(model);
-  if (noise_px == 0.0) return "";  // nothing is known of it
-  if (!(left_px > kMuchNoise * std::max(noise_px, kMinNoisePx))) return "";
-  return fmt::format(
-      "the model leaves a noise of {:.2f} px where that of the tracks is {:.2f} px: the camera is "
-      "another than {}, or the tracks drift or are on things that move; {}",
-      left_px,
-      noise_px,
-      camera_known ? "the one given" : "was found",
-      camera_known ? "check --camera" : "give --camera if you know it");
+  if (noise_px == 0.0) return std::nullopt;  // nothing is known of it
+  if (!(left_px > kMuchNoise * std::max(noise_px, kMinNoisePx))) return std::nullopt;
+  return Doubt{
+      DoubtCode::kExcessNoise,
+      fmt::format(
+          "the model leaves a noise of {:.2f} px where that of the tracks is {:.2f} px: the "
+          "camera is another than {}, or the tracks drift or are on things that move; {}",
+          left_px,
+          noise_px,
+          camera_known ? "the one given" : "was found",
+          camera_known ? "check --camera" : "give --camera if you know it"),
+      {{"noise_left_px", left_px}, {"noise_px", noise_px}}};
 }
 
 }  // namespace cohort

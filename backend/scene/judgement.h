@@ -3,7 +3,6 @@
 #include <Eigen/Core>
 #include <map>
 #include <optional>
-#include <string>
 #include <vector>
 
 #include "backend/scene/keyframes.h"
@@ -31,7 +30,7 @@ struct Judgement {
   double depth_uncertainty = 0.0;      // median over points of a depth's deviation, relative
   double unexplained_parallax = 0.0;   // UnexplainedParallax
   std::optional<MapperEnd> worthless;  // it says nothing of the scene; why
-  std::vector<std::string> doubts;     // of one that is returned: a sentence each, with what to do
+  std::vector<Doubt> doubts;           // of one that is returned
 };
 
 // By how much of the parallax the model explains and how well it knows its depths. `camera` is what
@@ -46,18 +45,18 @@ Judgement JudgeModel(const WorkingModel& model,
 std::optional<double> CameraUncertainty(
     const std::map<FrameIndex, Eigen::Matrix<double, 6, 6>>& covariances,
     const Reconstruction& reconstruction);
-// A sentence where that is so much that it is to be doubted; or empty.
-std::string DescribeUncertainCameras(double uncertainty);
+// Where that is so much that the cameras are to be doubted.
+std::optional<Doubt> DescribeUncertainCameras(double uncertainty);
 
-// A sentence where the focal length, of this relative standard deviation, is as good as unknown: of a
-// camera that moves without turning, depths may be longer or shorter by any factor. Or empty.
-std::string DescribeUncertainFocal(double deviation);
+// Where the focal length, of this relative standard deviation, is as good as unknown: of a camera that
+// moves without turning, depths may be longer or shorter by any factor.
+std::optional<Doubt> DescribeUncertainFocal(double deviation);
 
 // Median over frames of how far the views of points spread across the line that fits them best,
 // relative to along it: RMS distances in the picture, 1 where they have no direction.
 double SpreadAcrossLine(const Reconstruction& reconstruction);
-// A sentence where the points lie along a line, about which cameras may turn; or empty.
-std::string DescribeLine(const Reconstruction& reconstruction);
+// Where the points lie along a line, about which cameras may turn.
+std::optional<Doubt> DescribeLine(const Reconstruction& reconstruction);
 
 // How much of the parallax the model leaves unexplained: over the pairs of keyframes with most of
 // it, the median distance of the observations from the model's points, relative to that from the
@@ -69,7 +68,7 @@ double UnexplainedParallax(const WorkingModel& model, const std::vector<int>& ke
 // tracks' own noise (EstimateNoise), unless the camera is another or the tracks drift.
 double NoiseLeftPx(const WorkingModel& model);
 
-// A sentence where the model leaves much more noise than the tracks have by themselves; or empty.
-std::string DescribeExcessNoise(const WorkingModel& model, bool camera_known);
+// Where the model leaves much more noise than the tracks have by themselves.
+std::optional<Doubt> DescribeExcessNoise(const WorkingModel& model, bool camera_known);
 
 }  // namespace cohort

@@ -113,8 +113,8 @@ MapperResult WithSummary(MapperResult result, const TrackFile& file, const Stopw
   return result;
 }
 
-std::string DescribeBetterCamera(const Camera& better, const Camera& given) {
-  return fmt::format(
+Doubt DescribeBetterCamera(const Camera& better, const Camera& given) {
+  std::string sentence = fmt::format(
       "the tracks contradict the camera given: they ask for fx {:.1f} instead of {:.1f} px and k1 "
       "{:.3f}, k2 {:.3f} instead of {:.3f}, {:.3f}: give another --camera, or none",
       better.fx,
@@ -123,6 +123,14 @@ std::string DescribeBetterCamera(const Camera& better, const Camera& given) {
       better.k2,
       given.k1,
       given.k2);
+  return {DoubtCode::kCameraContradicted,
+          std::move(sentence),
+          {{"fx", better.fx},
+           {"k1", better.k1},
+           {"k2", better.k2},
+           {"given_fx", given.fx},
+           {"given_k1", given.k1},
+           {"given_k2", given.k2}}};
 }
 
 // The parts of a clip, the largest first, adjusted by the camera given; or why there is none.
@@ -296,26 +304,28 @@ JudgedParts JudgeParts(std::vector<MappedPart> parts,
   return judged;
 }
 
-// What there is to doubt of the model that is returned: a sentence each.
-std::vector<std::string> DoubtModel(const MapperResult& result,
-                                    const JudgedParts& judged,
-                                    const Camera& camera) {
+// What there is to doubt of the model that is returned.
+std::vector<Doubt> DoubtModel(const MapperResult& result,
+                              const JudgedParts& judged,
+                              const Camera& camera) {
   const WorkingModel& model = judged.parts[judged.chosen].model;
-  std::vector<std::string> doubts = judged.parts[judged.chosen].doubts;
-  const std::vector<std::string>& judged_doubts = judged.judgements[judged.chosen].doubts;
+  std::vector<Doubt> doubts = judged.parts[judged.chosen].doubts;
+  const std::vector<Doubt>& judged_doubts = judged.judgements[judged.chosen].doubts;
   doubts.insert(doubts.end(), judged_doubts.begin(), judged_doubts.end());
   if (judged.parts.size() > 1) {
-    doubts.push_back(fmt::format(
-        "the clip breaks into {} parts, this is the largest{}: film what lies between them slower "
-        "or, where it is cut, give its scenes one by one",
-        judged.parts.size(),
-        judged.chosen > 0 ? " of worth" : ""));
+    doubts.push_back(
+        {DoubtCode::kParts,
+         fmt::format("the clip breaks into {} parts, this is the largest{}: film what lies between "
+                     "them slower or, where it is cut, give its scenes one by one",
+                     judged.parts.size(),
+                     judged.chosen > 0 ? " of worth" : ""),
+         {{"parts", static_cast<double>(judged.parts.size())}}});
   }
   if (result.better_camera) {
     doubts.push_back(DescribeBetterCamera(*result.better_camera, camera));
-  } else if (std::string noise = DescribeExcessNoise(model, camera.known); !noise.empty()) {
+  } else if (std::optional<Doubt> noise = DescribeExcessNoise(model, camera.known)) {
     // Refined from a camera that is far off, the better one may not be found.
-    doubts.push_back(std::move(noise));
+    doubts.push_back(std::move(*noise));
   }
   return doubts;
 }
@@ -333,8 +343,8 @@ void Describe(const JudgedParts& judged,
   result.noise = model.noise();
   if (camera.known) result.better_camera = FindBetterCamera(model, keyframes);
   result.summary.reasons = DoubtModel(result, judged, camera);
-  const auto add_doubt = [&result](std::string doubt) {
-    if (!doubt.empty()) result.summary.reasons.push_back(std::move(doubt));
+  const auto add_doubt = [&result](std::optional<Doubt> doubt) {
+    if (doubt) result.summary.reasons.push_back(std::move(*doubt));
   };
   if (options.covariances) {
     if (auto covariances = CovariancesAtOptimum(model, refinement)) {
@@ -356,7 +366,7 @@ void Describe(const JudgedParts& judged,
 MapperEnd EndOfModel(const MapperResult& described, std::size_t frames) {
   const bool partial = TooFewRegistered(described.reconstruction.cam_from_world.size(), frames);
   return {partial ? MapperTermination::kPartial : MapperTermination::kSuccess,
-          fmt::format("{}", fmt::join(described.summary.reasons, "; "))};
+          fmt::format("{}", fmt::join(SentencesOf(described.summary.reasons), "; "))};
 }
 
 bool HasNeighbours(const std::vector<FrameInfo>& frames) {
@@ -470,8 +480,11 @@ MapperResult AdjustAndJudgeWithCeres(const TrackFile& file,
 
   MapperResult result;
   if (const auto& worthless = judged.judgements.front().worthless) {
-    judged.judgements.front().doubts.push_back(fmt::format(
-        "{}: {}", NameOf(kMapperTerminationNames, worthless->termination), worthless->detail));
+    judged.judgements.front().doubts.push_back(
+        {DoubtCode::kWorthless,
+         fmt::format("{}: {}",
+                     NameOf(kMapperTerminationNames, worthless->termination),
+                     worthless->detail)});
   }
   result.depth_uncertainty = judged.judgements.front().depth_uncertainty;
   result.unexplained_parallax = judged.judgements.front().unexplained_parallax;

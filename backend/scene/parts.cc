@@ -31,10 +31,11 @@ PartResult GrowStart(std::vector<StartModel> starts,
                 rival_cost);
   PartResult result{{}, std::move(cost <= rival_cost ? best : rival->model)};
   if (!IsWorse(std::max(cost, rival_cost), std::min(cost, rival_cost), noise)) {
-    result.doubts.emplace_back(
-        "two different scenes explain the tracks equally well (a plane, or too little "
-        "perspective): "
-        "move the camera nearer, or film something beside the plane");
+    result.doubts.push_back(
+        {DoubtCode::kTwoScenes,
+         "two different scenes explain the tracks equally well (a plane, or too little "
+         "perspective): move the camera nearer, or film something beside the plane",
+         {{"cost", std::min(cost, rival_cost)}, {"rival_cost", std::max(cost, rival_cost)}}});
   }
   return result;
 }

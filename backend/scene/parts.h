@@ -12,7 +12,7 @@ namespace cohort {
 struct PartResult {
   MapperEnd end;  // of one without a model
   std::optional<WorkingModel> model = std::nullopt;
-  std::vector<std::string> doubts = {};  // of the model: sentences
+  std::vector<Doubt> doubts = {};  // of the model
 };
 
 // Finds a start among these keyframes and grows it over them; with it a rival, a start of equal
@@ -26,7 +26,7 @@ PartResult MapPart(const WhitenedTracks& whitened,
 // A part of the clip, and what there was to doubt when it began (PartResult).
 struct MappedPart {
   WorkingModel model;
-  std::vector<std::string> doubts;
+  std::vector<Doubt> doubts;
 };
 
 // Models of the clip's parts: `first`, which has a model, with the frames between its keyframes and,

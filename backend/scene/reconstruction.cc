@@ -65,6 +65,12 @@ double MedianDistance(const Reconstruction& reconstruction) {
   return Median(std::move(distances));
 }
 
+std::vector<std::string> SentencesOf(const std::vector<Doubt>& doubts) {
+  std::vector<std::string> sentences;
+  for (const Doubt& doubt : doubts) sentences.push_back(doubt.sentence);
+  return sentences;
+}
+
 ReconstructionSummary Summarize(const Reconstruction& reconstruction, std::size_t frames) {
   ReconstructionSummary summary;
   summary.registered = reconstruction.cam_from_world.size();
@@ -84,10 +90,13 @@ ReconstructionSummary Summarize(const Reconstruction& reconstruction, std::size_
   }
   if (summary.registered > 0 && TooFewRegistered(summary.registered, frames)) {
     summary.reasons.push_back(
-        fmt::format("only {} of {} frames have a camera: film the others slower, in more light, or "
-                    "with more overlap",
-                    summary.registered,
-                    frames));
+        {DoubtCode::kFewFrames,
+         fmt::format("only {} of {} frames have a camera: film the others slower, in more light, "
+                     "or with more overlap",
+                     summary.registered,
+                     frames),
+         {{"registered", static_cast<double>(summary.registered)},
+          {"frames", static_cast<double>(frames)}}});
   }
   return summary;
 }

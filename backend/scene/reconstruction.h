@@ -1,8 +1,10 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cstdint>
 #include <map>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "frontend/core/options.h"
@@ -62,6 +64,52 @@ inline constexpr ChoiceNames<ModelQuality, 3> kModelQualityNames{
      {"doubtful", ModelQuality::kDoubtful},
      {"failed", ModelQuality::kFailed}}};
 
+// Why a model is to be doubted. The names are written to files and do not change; a new reason gets
+// a new one. docs/files.md says what each means and what its figures are.
+enum class DoubtCode : std::uint8_t {
+  kFewFrames,            // fewer than 80 % of the frames have a pose
+  kParts,                // the clip breaks into parts, and this is one of them
+  kTwoScenes,            // two scenes explain the tracks equally well
+  kOnlyTurns,            // a camera of another lens that only turns explains the tracks as well
+  kWeakDepth,            // the depths are uncertain
+  kUnexplainedParallax,  // the model does not explain much of the parallax
+  kWorthless,            // the model says nothing of the scene: how else there would be none
+  kCameraContradicted,   // the tracks ask for another camera than the one given
+  kExcessNoise,          // the model leaves more noise than the tracks have
+  kFocalUncertain,       // the focal length is uncertain
+  kCamerasUncertain,     // the cameras' positions are uncertain
+  kPointsOnALine,        // the points lie along a line
+  kNoModelByCeres,       // COLMAP made a model of tracks that tell Ceres nothing of depths
+  kOther,                // of a file that another version wrote
+};
+inline constexpr ChoiceNames<DoubtCode, 14> kDoubtCodeNames{
+    {{"few-frames", DoubtCode::kFewFrames},
+     {"parts", DoubtCode::kParts},
+     {"two-scenes", DoubtCode::kTwoScenes},
+     {"only-turns", DoubtCode::kOnlyTurns},
+     {"weak-depth", DoubtCode::kWeakDepth},
+     {"unexplained-parallax", DoubtCode::kUnexplainedParallax},
+     {"worthless", DoubtCode::kWorthless},
+     {"camera-contradicted", DoubtCode::kCameraContradicted},
+     {"excess-noise", DoubtCode::kExcessNoise},
+     {"focal-uncertain", DoubtCode::kFocalUncertain},
+     {"cameras-uncertain", DoubtCode::kCamerasUncertain},
+     {"points-on-a-line", DoubtCode::kPointsOnALine},
+     {"no-model-by-ceres", DoubtCode::kNoModelByCeres},
+     {"other", DoubtCode::kOther}}};
+
+// A reason to doubt a model.
+struct Doubt {
+  DoubtCode code = DoubtCode::kOther;
+  std::string sentence;  // for people: what is doubtful and what to do
+  // What it was judged by, by name; a figure may be infinite.
+  std::vector<std::pair<std::string, double>> figures = {};
+
+  bool operator==(const Doubt&) const = default;
+};
+
+std::vector<std::string> SentencesOf(const std::vector<Doubt>& doubts);
+
 // How a reconstruction ended.
 struct ReconstructionSummary {
   std::size_t registered = 0;
@@ -71,8 +119,8 @@ struct ReconstructionSummary {
   double mean_track_length = 0.0;
   double mean_reprojection_px = 0.0;
   double seconds = 0.0;
-  std::string termination;           // one line
-  std::vector<std::string> reasons;  // to doubt the model: a sentence each, with what to do
+  std::string termination;     // one line
+  std::vector<Doubt> reasons;  // to doubt the model
 
   // Failed: there is no model. Doubtful: there are reasons.
   ModelQuality Quality() const;

@@ -108,7 +108,7 @@ void RefineColmapModel(const RefineCommandOptions& options) {
   for (const std::string& note : refined.notes) spdlog::warn("{}", note);
   for (const std::string& warning : refined.adjusted.warnings) spdlog::warn("{}", warning);
   const ReconstructionSummary& summary = refined.adjusted.summary;
-  for (const std::string& reason : summary.reasons) spdlog::warn("{}", reason);
+  for (const Doubt& reason : summary.reasons) spdlog::warn("{}", reason.sentence);
   if (!options.json.empty()) {
     WriteJsonFile(options.json, ReadJsonFile(std::filesystem::path(options.out) / "summary.json"));
   }

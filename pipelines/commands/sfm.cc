@@ -28,7 +28,7 @@ void PrintFigures(const SfmFigures& figures, const std::string& out) {
   }
   rows.push_back({"to look at", (fs::path(out) / "report.html").string()});
   fmt::print("{}", AlignedTable(rows));
-  for (const std::string& reason : figures.reasons) PrintLine("Doubt: {}", reason);
+  for (const Doubt& reason : figures.reasons) PrintLine("Doubt: {}", reason.sentence);
   for (const std::string& advice : figures.film_better) PrintLine("To film better: {}", advice);
 }
 

@@ -16,6 +16,7 @@
 #include "pipelines/json/option_list.h"
 #include "pipelines/sfm/cuts.h"
 #include "pipelines/sfm/fingerprint.h"
+#include "pipelines/sfm/summary_json.h"
 
 namespace cohort {
 namespace {
@@ -163,7 +164,7 @@ SfmFigures FiguresOf(const fs::path& summary) {
     figures.model.seconds = model.at("seconds").get<double>();
     figures.model.termination = model.at("termination").get<std::string>();
     figures.quality = Find<std::string>(model, "quality").value_or("");
-    figures.reasons = Find<std::vector<std::string>>(model, "reasons").value_or(figures.reasons);
+    if (model.contains("reasons")) figures.reasons = DoubtsFromJson(model.at("reasons"));
     figures.camera_uncertainty = Find<double>(model, "camera_uncertainty");
   });
   return figures;
@@ -191,7 +192,7 @@ Json SummaryOf(const SfmFigures& figures,
             {"failed", figures.model.Failed()},
             {"termination", figures.model.termination},
             {"quality", figures.quality.empty() ? Json() : Json(figures.quality)},
-            {"reasons", figures.reasons},
+            {"reasons", DoubtsToJson(figures.reasons)},
             {"camera_uncertainty",
              figures.camera_uncertainty ? Json(*figures.camera_uncertainty) : Json()},
             {"cuts", NumbersOf(cuts)},

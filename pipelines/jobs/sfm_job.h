@@ -67,7 +67,7 @@ struct SfmFigures {
   std::size_t points = 0;  // of the scene
   std::string quality;     // as summary.json of the model has it; empty: not judged
   std::optional<double> camera_uncertainty;  // share of the distance to the scene
-  std::vector<std::string> reasons;          // to doubt the model
+  std::vector<Doubt> reasons;                // to doubt the model
   std::vector<std::string> film_better;      // FilmAdvice
   std::optional<WriteLock> lock;             // of the scene: held until its page is written, too
 };

@@ -21,6 +21,7 @@
 #include "pipelines/report/track_picture.h"
 #include "pipelines/sfm/input.h"
 #include "pipelines/sfm/reconstruct.h"
+#include "pipelines/sfm/summary_json.h"
 
 namespace cohort {
 namespace {
@@ -297,7 +298,7 @@ ClipReport ReadClipReport(const fs::path& model_folder) {
           fmt::format("{:.2g} %", 100.0 * summary["camera_uncertainty"].get<double>()));
     }
     if (summary.contains("reasons")) {
-      report.sentences = summary["reasons"].get<std::vector<std::string>>();
+      report.sentences = SentencesOf(DoubtsFromJson(summary["reasons"]));
     }
     if (summary.at("registered") == 0) {
       report.sentences.push_back("There is no model: " +

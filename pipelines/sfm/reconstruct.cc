@@ -91,15 +91,17 @@ ReconstructResult MapByColmap(const TrackFile& file,
 
 // Why the tracks tell nothing of depths, if that is what Ceres found: COLMAP registers cameras that
 // only turn, too, as its points may lie anywhere then.
-std::string DoubtByCeres(const MapperResult& by_ceres) {
+std::optional<Doubt> DoubtByCeres(const MapperResult& by_ceres) {
   switch (by_ceres.termination) {
     case MapperTermination::kStaticCamera:
     case MapperTermination::kPureRotation:
     case MapperTermination::kWeakDepth:
     case MapperTermination::kNotRigid:
-      return fmt::format("by Ceres these tracks give no model: {}", by_ceres.summary.termination);
+      return Doubt{
+          DoubtCode::kNoModelByCeres,
+          fmt::format("by Ceres these tracks give no model: {}", by_ceres.summary.termination)};
     default:
-      return "";
+      return std::nullopt;
   }
 }
 
@@ -146,9 +148,9 @@ ReconstructResult ReconstructByColmap(TrackFile file,
   }
   const auto map = [&](const TrackFile& tracks) {
     ReconstructResult mapped = MapOrAdjust(tracks, by_ceres, options, work_folder);
-    std::string doubt = DoubtByCeres(by_ceres);
-    if (!mapped.summary.Failed() && !doubt.empty()) {
-      mapped.summary.reasons.push_back(std::move(doubt));
+    std::optional<Doubt> doubt = DoubtByCeres(by_ceres);
+    if (!mapped.summary.Failed() && doubt) {
+      mapped.summary.reasons.push_back(std::move(*doubt));
     }
     return mapped;
   };

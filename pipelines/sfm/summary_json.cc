@@ -54,6 +54,27 @@ Json FindingsToJson(const CeresFindings& findings, const Reconstruction& reconst
   return json;
 }
 
+Json DoubtToJson(const Doubt& doubt) {
+  Json figures = Json::object();
+  for (const auto& [name, value] : doubt.figures) {
+    if (std::isfinite(value)) figures[name] = value;
+  }
+  return {{"code", NameOf(kDoubtCodeNames, doubt.code)},
+          {"sentence", doubt.sentence},
+          {"figures", std::move(figures)}};
+}
+
+Doubt DoubtFromJson(const Json& json) {
+  if (json.is_string()) return {DoubtCode::kOther, json.get<std::string>()};
+  Doubt doubt{
+      ValueOf(kDoubtCodeNames, json.at("code").get<std::string>()).value_or(DoubtCode::kOther),
+      json.at("sentence").get<std::string>()};
+  for (const auto& [name, value] : json.at("figures").get_ref<const Json::object_t&>()) {
+    doubt.figures.emplace_back(name, value.get<double>());
+  }
+  return doubt;
+}
+
 Json ShutterToJson(const Reconstruction& reconstruction) {
   return {{"readout", reconstruction.readout},
           {"row_order", NameOf(kRowOrderNames, reconstruction.camera.row_order)}};
@@ -68,6 +89,20 @@ std::string RangeOf(const std::vector<FrameInfo>& frames) {
   for (const FrameInfo& frame : frames) stride = std::gcd(stride, ToInt(frame.index) - first);
   stride = std::max(stride, 1U);
   return fmt::format("{}:{}:{}", first, ToInt(frames.back().index) + 1, stride);
+}
+
+Json DoubtsToJson(const std::vector<Doubt>& doubts) {
+  Json json = Json::array();
+  for (const Doubt& doubt : doubts) json.push_back(DoubtToJson(doubt));
+  return json;
+}
+
+std::vector<Doubt> DoubtsFromJson(const Json& json) {
+  std::vector<Doubt> doubts;
+  for (const Json& doubt : json.get_ref<const Json::array_t&>()) {
+    doubts.push_back(DoubtFromJson(doubt));
+  }
+  return doubts;
 }
 
 nlohmann::ordered_json SummaryToJson(const ReconstructionSummary& summary,
@@ -111,7 +146,7 @@ Json SummaryToJson(const ReconstructResult& result,
   if (result.ceres) {
     // COLMAP's models are judged by nobody.
     summary["quality"] = NameOf(kModelQualityNames, result.summary.Quality());
-    summary["reasons"] = result.summary.reasons;
+    summary["reasons"] = DoubtsToJson(result.summary.reasons);
     summary.update(FindingsToJson(*result.ceres, result.reconstruction));
   }
   return summary;

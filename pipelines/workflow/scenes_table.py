@@ -55,8 +55,14 @@ def row(folder, name):
         "expected_error_percent": "" if failed or error is None else f"{100 * error:.2g}",
         "seconds": record["seconds"],
         "exit_code": record["exit_code"],
-        "note": record["error"] or "; ".join(figures.get("reasons", []) + figures.get("film_better", [])),
+        "note": record["error"] or "; ".join(words_of(figures)),
     }
+
+
+def words_of(figures):
+    # Reasons that an earlier version wrote are sentences alone.
+    reasons = [r if isinstance(r, str) else r["sentence"] for r in figures.get("reasons", [])]
+    return reasons + figures.get("film_better", [])
 
 
 def print_table(rows):

@@ -21,6 +21,7 @@
 #include "datasets/truth/track_truth.h"
 #include "pipelines/evaluation/model_evaluation.h"
 #include "pipelines/sfm/refine_model.h"
+#include "pipelines/sfm/summary_json.h"
 
 namespace cohort {
 namespace {
@@ -243,7 +244,7 @@ void Run(const std::string& model_folder,
       {"found", refined.found.replaced},
       {"not_found", refined.found.left},
       {"camera_refined", refined.camera_refined},
-      {"reasons", refined.adjusted.summary.reasons}};
+      {"reasons", DoubtsToJson(refined.adjusted.summary.reasons)}};
   fmt::print("{}\n", json.dump(2));
 }
 

@@ -13,6 +13,7 @@ frame: x right, y down, z ahead. Options are keywords with the names that the pr
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import logging
 import operator
@@ -30,6 +31,7 @@ __all__ = [
     "OBSERVATION",
     "Camera",
     "DenseTracks",
+    "Doubt",
     "Error",
     "Reconstruction",
     "Tracks",
@@ -311,6 +313,18 @@ class Tracks:
         )
 
 
+@dataclasses.dataclass(frozen=True)
+class Doubt:
+    """A reason to doubt a model; str() gives the sentence. docs/files.md lists the codes."""
+
+    code: str  # does not change between versions
+    sentence: str  # what is doubtful and what to do, for people; may change
+    figures: dict[str, float]  # what it was judged by; without those that are infinite
+
+    def __str__(self) -> str:
+        return self.sentence
+
+
 class Reconstruction:
     """Cameras and points of a clip, up to a similarity of the world."""
 
@@ -323,6 +337,7 @@ class Reconstruction:
         reasons = self._summary.get("reasons", []) if isinstance(self._summary, dict) else None
         if not isinstance(reasons, list):
             raise Error("the model's summary.json is not as cohort writes it")
+        self._reasons = [_doubt(reason) for reason in reasons]
 
     @staticmethod
     def read(folder: Path) -> Reconstruction:
@@ -396,9 +411,9 @@ class Reconstruction:
         return self._summary.get("quality")
 
     @property
-    def reasons(self) -> list[str]:
-        """Why to doubt it, a sentence each."""
-        return list(self._summary.get("reasons", []))
+    def reasons(self) -> list[Doubt]:
+        """Why to doubt it."""
+        return list(self._reasons)
 
     def write(self, folder: Path) -> None:
         """Writes COLMAP's files, trajectory.tum, points.ply and summary.json."""
@@ -558,6 +573,16 @@ def _with_doubt(file: _cohort.TrackFile, doubt: str) -> Tracks:
     if doubt:
         _log.warning("%s", doubt)
     return Tracks(file)
+
+
+def _doubt(reason: Any) -> Doubt:
+    if isinstance(reason, str):  # of a version before there were codes
+        return Doubt("other", reason, {})
+    try:
+        figures = {str(name): float(value) for name, value in reason["figures"].items()}
+        return Doubt(str(reason["code"]), str(reason["sentence"]), figures)
+    except (AttributeError, KeyError, TypeError, ValueError):
+        raise Error("the model's summary.json is not as cohort writes it") from None
 
 
 def _mask(mask: Union[Path, Array, None]) -> tuple[Optional[Array], str]:

@@ -3,6 +3,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
+
 #include "backend/scene/mapper.h"
 #include "tests/backend/scene/true_model.h"
 
@@ -14,8 +16,8 @@ using test::CameraPath;
 using test::LateralScene;
 using test::SyntheticTracks;
 using test::TrueModel;
-using testing::Contains;
 using testing::ElementsAre;
+using testing::Field;
 using testing::HasSubstr;
 using testing::StartsWith;
 
@@ -29,7 +31,7 @@ TEST(Judgement, ATrueModelIsWorthReturningAndLeavesTheTracksNoise) {
   EXPECT_TRUE(judgement.doubts.empty());
   EXPECT_LT(UnexplainedParallax(model, keyframes), 0.2);
   EXPECT_NEAR(NoiseLeftPx(model), 0.5, 0.1);
-  EXPECT_EQ(DescribeExcessNoise(model, true), "");
+  EXPECT_FALSE(DescribeExcessNoise(model, true));
 }
 
 TEST(Judgement, AModelWithoutDepthIsWorthless) {
@@ -41,9 +43,12 @@ TEST(Judgement, AModelWithoutDepthIsWorthless) {
   const Judgement judgement = JudgeModel(model, *scene.file.camera, {0, 8, 16});
   ASSERT_TRUE(judgement.worthless);
   EXPECT_THAT(judgement.worthless->detail, HasSubstr("depths are not known at all: too little"));
-  EXPECT_THAT(judgement.doubts,
+  EXPECT_THAT(SentencesOf(judgement.doubts),
               ElementsAre(HasSubstr("depths are not known at all: move"),
                           HasSubstr("none of the parallax is explained: the tracks drift")));
+  EXPECT_THAT(judgement.doubts,
+              ElementsAre(Field(&Doubt::code, DoubtCode::kWeakDepth),
+                          Field(&Doubt::code, DoubtCode::kUnexplainedParallax)));
 }
 
 TEST(Judgement, SaysThatPointsLieAlongALine) {
@@ -56,7 +61,13 @@ TEST(Judgement, SaysThatPointsLieAlongALine) {
   };
   const MapperResult line = reconstruct(0.03);
   EXPECT_LT(SpreadAcrossLine(line.reconstruction), 0.06);
-  EXPECT_THAT(line.summary.reasons, Contains(StartsWith("the points lie along a line, about")));
+  const std::vector<Doubt>& reasons = line.summary.reasons;
+  const auto doubt = std::ranges::find(reasons, DoubtCode::kPointsOnALine, &Doubt::code);
+  ASSERT_NE(doubt, reasons.end());
+  EXPECT_THAT(doubt->sentence, StartsWith("the points lie along a line, about"));
+  EXPECT_THAT(
+      doubt->figures,
+      ElementsAre(testing::Pair("spread_across_line", SpreadAcrossLine(line.reconstruction))));
   EXPECT_EQ(line.summary.Quality(), ModelQuality::kDoubtful);
   const MapperResult flat = reconstruct(0.5);
   EXPECT_GT(SpreadAcrossLine(flat.reconstruction), 0.2);

@@ -188,6 +188,10 @@ TEST(IncrementalMapper, SaysWhenTheFocalLengthIsAsGoodAsUnknown) {
   options.covariances = true;
   const MapperResult straight = ReconstructWithCeres(StraightPath(0.0), options);
   EXPECT_THAT(straight.summary.termination, HasSubstr("success: the focal length is known to"));
+  ASSERT_FALSE(straight.summary.reasons.empty());
+  EXPECT_EQ(straight.summary.reasons.front().code, DoubtCode::kFocalUncertain);
+  EXPECT_THAT(straight.summary.reasons.front().figures,
+              testing::ElementsAre(testing::Pair("focal_sigma", testing::Gt(0.05))));
   const MapperResult turned = ReconstructWithCeres(StraightPath(1.0), options);
   EXPECT_EQ(turned.summary.termination, "success");
   EXPECT_NEAR(turned.reconstruction.camera.fx, 500.0, 15.0);
@@ -213,7 +217,8 @@ TEST(IncrementalMapper, TracksThatDriftGiveNoGoodModelWhereTheCameraHasNoParalla
       const MapperResult result = ReconstructWithCeres(MakeSyntheticTracks(options).file);
       EXPECT_NE(result.summary.Quality(), ModelQuality::kGood) << result.summary.Brief();
       if (result.summary.Quality() == ModelQuality::kDoubtful) {
-        EXPECT_THAT(result.summary.reasons, Contains(HasSubstr("parallax is left unexplained")));
+        EXPECT_THAT(SentencesOf(result.summary.reasons),
+                    Contains(HasSubstr("parallax is left unexplained")));
       } else {
         EXPECT_THAT(result.summary.termination,
                     HasSubstr("they drift, or are on things that move"));

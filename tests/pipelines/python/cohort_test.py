@@ -404,6 +404,26 @@ class Reconstruct(Clip):
         read = cohort.Reconstruction.read(self.dir / "written")
         self.assertEqual((rolling.readout, read.readout), (0.4, 0.4))
 
+    def test_reasons_have_a_code_a_sentence_and_figures(self):
+        self.assertEqual(self.model.reasons, [])
+        self.model.write(self.dir / "doubtful")
+        summary = self.dir / "doubtful/summary.json"
+
+        def read(*reasons):
+            figures = json.loads(summary.read_text())
+            summary.write_text(json.dumps({**figures, "reasons": list(reasons)}))
+            return cohort.Reconstruction.read(self.dir / "doubtful").reasons
+
+        weak = {"code": "weak-depth", "sentence": "depths: move", "figures": {"depth_uncertainty": 0.5}}
+        new, old = read(weak, "a sentence of an earlier version")
+        self.assertEqual((new.code, new.sentence), ("weak-depth", "depths: move"))
+        self.assertEqual(new.figures, {"depth_uncertainty": 0.5})
+        self.assertEqual(f"{new}; {old}", "depths: move; a sentence of an earlier version")
+        self.assertEqual((old.code, old.figures), ("other", {}))
+        for wrong in (5, {"code": "parts"}, {**weak, "figures": [1]}):
+            with self.assertRaisesRegex(cohort.Error, "summary.json"):
+                read(wrong)
+
     def test_a_clip_without_a_model_is_no_exception(self):
         still = cohort.track([self.frames[0]] * 4, detector=FEW, second_pass=ONE_PASS)
         model = cohort.reconstruct(still)

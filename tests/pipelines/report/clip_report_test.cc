@@ -414,7 +414,9 @@ TEST_F(Show, NoNameAndNoTextOfAFileBecomesActive) {
   fs::copy(Path("model"), Path("attack_model"));
   nlohmann::json summary = nlohmann::json::parse(ReadBytes(Path("model/summary.json")));
   summary["quality"] = attack;
-  summary["reasons"] = {attack, "<iframe src=javascript:alert(1)>"};
+  summary["reasons"] = {
+      {{"code", attack}, {"sentence", attack}, {"figures", nlohmann::json::object()}},
+      "<iframe src=javascript:alert(1)>"};
   WriteBytes(dir_->path() / "attack_model" / "summary.json", summary.dump());
   Run("show " + Path("attack.tracks") + " --images '" + clip_ + "' --model " +
       Path("attack_model") + " --quiet --out " + Path("attack.html"));
