@@ -79,10 +79,11 @@ enum class DoubtCode : std::uint8_t {
   kFocalUncertain,       // the focal length is uncertain
   kCamerasUncertain,     // the cameras' positions are uncertain
   kPointsOnALine,        // the points lie along a line
-  kNoModelByCeres,       // COLMAP made a model of tracks that tell Ceres nothing of depths
+  kNoModelByCeres,       // COLMAP made a model of tracks of which Ceres makes none
+  kNotJudged,            // COLMAP made it, and Ceres was not asked
   kOther,                // of a file that another version wrote
 };
-inline constexpr ChoiceNames<DoubtCode, 14> kDoubtCodeNames{
+inline constexpr ChoiceNames<DoubtCode, 15> kDoubtCodeNames{
     {{"few-frames", DoubtCode::kFewFrames},
      {"parts", DoubtCode::kParts},
      {"two-scenes", DoubtCode::kTwoScenes},
@@ -96,6 +97,7 @@ inline constexpr ChoiceNames<DoubtCode, 14> kDoubtCodeNames{
      {"cameras-uncertain", DoubtCode::kCamerasUncertain},
      {"points-on-a-line", DoubtCode::kPointsOnALine},
      {"no-model-by-ceres", DoubtCode::kNoModelByCeres},
+     {"not-judged", DoubtCode::kNotJudged},
      {"other", DoubtCode::kOther}}};
 
 // A reason to doubt a model.

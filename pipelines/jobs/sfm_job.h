@@ -64,8 +64,8 @@ struct SfmJobOptions {
 struct SfmFigures {
   ReconstructionSummary model;
   std::size_t images = 0;
-  std::size_t points = 0;  // of the scene
-  std::string quality;     // as summary.json of the model has it; empty: not judged
+  std::size_t points = 0;                    // of the scene
+  std::string quality;                       // as summary.json of the model has it
   std::optional<double> camera_uncertainty;  // share of the distance to the scene
   std::vector<Doubt> reasons;                // to doubt the model
   std::vector<std::string> film_better;      // FilmAdvice

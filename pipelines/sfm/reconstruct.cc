@@ -4,6 +4,7 @@
 #include <cerrno>
 #include <cstdlib>
 #include <cstring>
+#include <iterator>
 #include <nlohmann/json.hpp>
 #include <set>
 #include <string>
@@ -89,20 +90,49 @@ ReconstructResult MapByColmap(const TrackFile& file,
   return {std::move(model.reconstruction), std::move(model.summary), {}, std::nullopt};
 }
 
-// Why the tracks tell nothing of depths, if that is what Ceres found: COLMAP registers cameras that
-// only turn, too, as its points may lie anywhere then.
-std::optional<Doubt> DoubtByCeres(const MapperResult& by_ceres) {
-  switch (by_ceres.termination) {
-    case MapperTermination::kStaticCamera:
-    case MapperTermination::kPureRotation:
-    case MapperTermination::kWeakDepth:
-    case MapperTermination::kNotRigid:
-      return Doubt{
-          DoubtCode::kNoModelByCeres,
-          fmt::format("by Ceres these tracks give no model: {}", by_ceres.summary.termination)};
-    default:
-      return std::nullopt;
+// Whether what Ceres doubts is of the tracks, and so of any model of them; or of its model alone.
+bool IsOfTracks(DoubtCode code) {
+  switch (code) {
+    case DoubtCode::kTwoScenes:
+    case DoubtCode::kOnlyTurns:
+    case DoubtCode::kWeakDepth:
+    case DoubtCode::kUnexplainedParallax:
+    case DoubtCode::kCameraContradicted:
+    case DoubtCode::kExcessNoise:
+    case DoubtCode::kFocalUncertain:
+    case DoubtCode::kCamerasUncertain:
+    case DoubtCode::kPointsOnALine:
+      return true;
+    case DoubtCode::kFewFrames:
+    case DoubtCode::kParts:
+    case DoubtCode::kWorthless:
+    case DoubtCode::kNoModelByCeres:
+    case DoubtCode::kNotJudged:
+    case DoubtCode::kOther:
+      return false;
   }
+  return false;
+}
+
+// COLMAP judges no model of its own: it registers cameras that only turn, too, as its points may lie
+// anywhere then. So what Ceres finds to doubt of the same tracks counts.
+std::vector<Doubt> DoubtsByCeres(const MapperResult& by_ceres) {
+  if (by_ceres.summary.registered == 0) {
+    return {{DoubtCode::kNoModelByCeres,
+             fmt::format("by Ceres these tracks give no model: {}", by_ceres.summary.termination)}};
+  }
+  std::vector<Doubt> doubts;
+  for (Doubt doubt : by_ceres.summary.reasons) {
+    if (!IsOfTracks(doubt.code)) continue;
+    doubt.sentence = "by Ceres' model of the same tracks: " + doubt.sentence;
+    doubts.push_back(std::move(doubt));
+  }
+  return doubts;
+}
+
+void AddDoubts(std::vector<Doubt> doubts, ReconstructResult& result) {
+  if (result.summary.registered == 0) return;
+  std::ranges::move(doubts, std::back_inserter(result.summary.reasons));
 }
 
 // What COLMAP's mapper makes of the tracks or, where that got stuck, its bundle adjuster of Ceres'
@@ -139,7 +169,13 @@ ReconstructResult ReconstructByColmap(TrackFile file,
     file.image_root = (work_folder / "images").string();
   }
   if (!options.global_shutter && !options.ceres_start) {
-    return MapByColmap(file, options.colmap, work_folder);
+    ReconstructResult mapped = MapByColmap(file, options.colmap, work_folder);
+    AddDoubts(
+        {{DoubtCode::kNotJudged,
+          "nobody has judged this model, as Ceres was not asked: leave out --no-ceres-start or "
+          "--no-global-shutter"}},
+        mapped);
+    return mapped;
   }
   const MapperResult by_ceres = ReconstructWithCeres(file, options.ceres);
   if (options.ceres_start && !file.KnowsCamera() && !by_ceres.summary.Failed()) {
@@ -148,10 +184,7 @@ ReconstructResult ReconstructByColmap(TrackFile file,
   }
   const auto map = [&](const TrackFile& tracks) {
     ReconstructResult mapped = MapOrAdjust(tracks, by_ceres, options, work_folder);
-    std::optional<Doubt> doubt = DoubtByCeres(by_ceres);
-    if (!mapped.summary.Failed() && doubt) {
-      mapped.summary.reasons.push_back(std::move(*doubt));
-    }
+    AddDoubts(DoubtsByCeres(by_ceres), mapped);
     return mapped;
   };
   if (!options.global_shutter || by_ceres.reconstruction.readout == 0.0) return map(file);

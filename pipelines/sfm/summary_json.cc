@@ -143,12 +143,9 @@ Json SummaryToJson(const ReconstructResult& result,
   summary.update(SummaryToJson(result.summary, frames));
   summary.update(ShutterToJson(result.reconstruction));
   summary["options"] = ToJson(options);
-  if (result.ceres) {
-    // COLMAP's models are judged by nobody.
-    summary["quality"] = NameOf(kModelQualityNames, result.summary.Quality());
-    summary["reasons"] = DoubtsToJson(result.summary.reasons);
-    summary.update(FindingsToJson(*result.ceres, result.reconstruction));
-  }
+  summary["quality"] = NameOf(kModelQualityNames, result.summary.Quality());
+  summary["reasons"] = DoubtsToJson(result.summary.reasons);
+  if (result.ceres) summary.update(FindingsToJson(*result.ceres, result.reconstruction));
   return summary;
 }
 

@@ -407,7 +407,7 @@ class Reconstruction:
 
     @property
     def quality(self) -> Optional[str]:
-        """"good", "doubtful" or "failed"; None: a model that Ceres has not made."""
+        """"good", "doubtful" or "failed"; None: a model that is not cohort's."""
         return self._summary.get("quality")
 
     @property

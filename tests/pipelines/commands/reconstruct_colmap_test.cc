@@ -42,7 +42,36 @@ TEST_F(ReconstructWithColmapCommand, WritesTheModelFolderOfAClip) {
   EXPECT_EQ(figures["options"]["colmap"]["seed"], 3);
   EXPECT_THAT(figures["termination"].get<std::string>(),
               testing::MatchesRegex("COLMAP [^ ]+ done.*"));
+  EXPECT_EQ(figures["quality"], "good");
+  EXPECT_EQ(figures["reasons"], nlohmann::json::array());
   EXPECT_THAT(ReadBytes(path("m/colmap/colmap.log")), testing::HasSubstr("random_seed 3 "));
+}
+
+// COLMAP knows no reasons of its own.
+TEST_F(ReconstructWithColmapCommand, HasTheReasonsToDoubtThatCeresHas) {
+  const auto reasons_with = [&](const std::string& options) {
+    EXPECT_EQ(test::RunCohort("reconstruct " + path("a.tracks") +
+                              " --backend colmap --no-write-frames --quiet " + options + " --out " +
+                              path("m"))
+                  .exit_code,
+              0);
+    const auto summary = nlohmann::json::parse(ReadBytes(path("m/summary.json")));
+    EXPECT_EQ(summary["quality"], "doubtful");
+    return summary["reasons"];
+  };
+  const auto unjudged = reasons_with("--no-ceres-start --no-global-shutter");
+  ASSERT_EQ(unjudged.size(), 1u);
+  EXPECT_EQ(unjudged[0]["code"], "not-judged");
+
+  scene.file.camera->fx *= 1.3;
+  scene.file.camera->fy *= 1.3;
+  WriteTrackFile(path("a.tracks"), scene.file);
+  const auto contradicted = reasons_with("");
+  ASSERT_FALSE(contradicted.empty());
+  EXPECT_EQ(contradicted[0]["code"], "camera-contradicted");
+  EXPECT_THAT(contradicted[0]["sentence"].get<std::string>(),
+              testing::StartsWith("by Ceres' model of the same tracks: the tracks contradict"));
+  EXPECT_NEAR(contradicted[0]["figures"]["given_fx"], scene.file.camera->fx, 1e-9);
 }
 
 // Which here is told of no pair of frames.
