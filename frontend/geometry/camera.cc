@@ -222,13 +222,18 @@ bool Camera::Contains(const Eigen::Vector2d& xy, double border_px) const {
 }
 
 Camera Camera::Guess(int width_px, int height_px) {
+  return Guess(width_px, height_px, 1.2 * std::max(width_px, height_px), Camera().guess_log_sigma);
+}
+
+Camera Camera::Guess(int width_px, int height_px, double focal_px, double log_sigma) {
   Camera camera;
   camera.width_px = width_px;
   camera.height_px = height_px;
-  camera.fx = camera.fy = 1.2 * std::max(width_px, height_px);
+  camera.fx = camera.fy = focal_px;
   camera.cx = (width_px - 1) / 2.0;
   camera.cy = (height_px - 1) / 2.0;
   camera.known = false;
+  camera.guess_log_sigma = log_sigma;
   return camera;
 }
 

@@ -41,7 +41,9 @@ struct Camera {
   double k5 = 0.0;
   double k6 = 0.0;
   CameraModel model = CameraModel::kPinhole;
-  bool known = true;                     // calibrated, kept fixed; false: a guess, to be refined
+  bool known = true;  // calibrated, kept fixed; false: a guess, to be refined
+  // Of a guess: standard deviation of the logarithm of its focal length; 1: nothing is known.
+  double guess_log_sigma = 1.0;
   RowOrder row_order = RowOrder::kDown;  // for a rolling shutter
 
   // Pinhole without k3 to k6.
@@ -62,6 +64,8 @@ struct Camera {
   // The usual guess without calibration: f = 1.2 max(width, height), centre of the picture, as
   // COLMAP's.
   static Camera Guess(int width_px, int height_px);
+  // The same with a focal length that somebody told, and how sure they were.
+  static Camera Guess(int width_px, int height_px, double focal_px, double log_sigma);
 };
 
 // n_d of n, of any camera, and its derivatives.

@@ -16,11 +16,16 @@ std::string FaultOf(const Camera& camera) {
                               camera.k3,
                               camera.k4,
                               camera.k5,
-                              camera.k6}) {
+                              camera.k6,
+                              camera.guess_log_sigma}) {
     if (!std::isfinite(number)) return "a number of its camera is not finite";
   }
   if (camera.fx <= 0.0 || camera.fy <= 0.0) {
     return fmt::format("focal lengths of {} and {} px are not above 0", camera.fx, camera.fy);
+  }
+  if (camera.guess_log_sigma <= 0.0) {
+    return fmt::format("an uncertainty of {} of its focal length is not above 0",
+                       camera.guess_log_sigma);
   }
   constexpr double kMost = 1e12;
   for (const double px : {camera.fx, camera.fy, std::abs(camera.cx), std::abs(camera.cy)}) {

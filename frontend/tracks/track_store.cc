@@ -30,7 +30,8 @@ constexpr const char* kSchema = R"(
     fx REAL NOT NULL, fy REAL NOT NULL, cx REAL NOT NULL, cy REAL NOT NULL,
     k1 REAL NOT NULL, k2 REAL NOT NULL, p1 REAL NOT NULL, p2 REAL NOT NULL,
     known INTEGER NOT NULL,
-    model TEXT NOT NULL, k3 REAL NOT NULL, k4 REAL NOT NULL, k5 REAL NOT NULL, k6 REAL NOT NULL);
+    model TEXT NOT NULL, k3 REAL NOT NULL, k4 REAL NOT NULL, k5 REAL NOT NULL, k6 REAL NOT NULL,
+    guess_log_sigma REAL NOT NULL);
   CREATE TABLE frames(
     "index" INTEGER PRIMARY KEY NOT NULL, name TEXT NOT NULL, timestamp_ns INTEGER NOT NULL);
   CREATE TABLE observations(
@@ -79,13 +80,14 @@ void CreateSchema(SqliteDatabase& db, const TrackFile& header, std::string_view 
   if (header.camera) {
     const Camera& camera = *header.camera;
     auto insert =
-        db.Prepare("INSERT INTO camera VALUES(?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)");
+        db.Prepare("INSERT INTO camera VALUES(?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)");
     insert.Bind(1, std::int64_t{camera.width_px}).Bind(2, std::int64_t{camera.height_px});
     insert.Bind(3, camera.fx).Bind(4, camera.fy).Bind(5, camera.cx).Bind(6, camera.cy);
     insert.Bind(7, camera.k1).Bind(8, camera.k2).Bind(9, camera.p1).Bind(10, camera.p2);
     insert.Bind(11, std::int64_t{camera.known});
     insert.Bind(12, NameOf(kCameraModelNames, camera.model));
-    insert.Bind(13, camera.k3).Bind(14, camera.k4).Bind(15, camera.k5).Bind(16, camera.k6).Run();
+    insert.Bind(13, camera.k3).Bind(14, camera.k4).Bind(15, camera.k5).Bind(16, camera.k6);
+    insert.Bind(17, camera.guess_log_sigma).Run();
   }
 }
 
@@ -188,11 +190,17 @@ CameraModel ReadCameraModel(std::string_view name, const fs::path& path) {
 }
 
 std::optional<Camera> ReadCamera(SqliteDatabase& db, const fs::path& path) {
-  // Files of version 0.1 end with `known`.
-  auto with_model = db.Prepare("SELECT 1 FROM pragma_table_info('camera') WHERE name = 'model'");
-  const char* more = with_model.Step() ? "model, k3, k4, k5, k6" : "'pinhole', 0, 0, 0, 0";
+  const auto has = [&db](std::string_view column) {
+    auto found = db.Prepare("SELECT 1 FROM pragma_table_info('camera') WHERE name = ?");
+    return found.Bind(1, column).Step();
+  };
+  // Files of version 0.1 end with `known`, early ones of 0.2 with k6.
+  const char* more = has("model") ? "model, k3, k4, k5, k6" : "'pinhole', 0, 0, 0, 0";
+  const char* sigma = has("guess_log_sigma") ? "guess_log_sigma" : "1.0";
   auto row = db.Prepare(fmt::format(
-      "SELECT width_px, height_px, fx, fy, cx, cy, k1, k2, p1, p2, known, {} FROM camera", more));
+      "SELECT width_px, height_px, fx, fy, cx, cy, k1, k2, p1, p2, known, {}, {} FROM camera",
+      more,
+      sigma));
   if (!row.Step()) return std::nullopt;
   const auto side = [&](int column) {
     return static_cast<int>(std::clamp<std::int64_t>(row.Int(column), -1, INT_MAX));
@@ -212,7 +220,8 @@ std::optional<Camera> ReadCamera(SqliteDatabase& db, const fs::path& path) {
                       .k5 = row.Real(14),
                       .k6 = row.Real(15),
                       .model = ReadCameraModel(row.Text(11), path),
-                      .known = row.Int(10) != 0};
+                      .known = row.Int(10) != 0,
+                      .guess_log_sigma = row.Real(16)};
   if (const std::string fault = FaultOf(camera); !fault.empty()) ThrowDamaged(path, fault);
   return camera;
 }

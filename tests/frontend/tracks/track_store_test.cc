@@ -42,7 +42,8 @@ TrackFile Header() {
                          .cx = 319.5,
                          .cy = 239.5,
                          .k1 = -0.3,
-                         .known = false};
+                         .known = false,
+                         .guess_log_sigma = 0.05};
   header.meta = {{"tracker", "subspace"}, {"options", "{\"a\": \"b'c\"}"}};
   return header;
 }
@@ -102,6 +103,7 @@ void ExpectSame(const TrackFile& a, const TrackFile& b) {
     EXPECT_EQ(a.camera->k6, b.camera->k6);
     EXPECT_EQ(a.camera->model, b.camera->model);
     EXPECT_EQ(a.camera->known, b.camera->known);
+    EXPECT_EQ(a.camera->guess_log_sigma, b.camera->guess_log_sigma);
   }
   ASSERT_EQ(a.frames.size(), b.frames.size());
   for (std::size_t i = 0; i < a.frames.size(); ++i) {
@@ -189,15 +191,19 @@ TEST(TrackStore, HoldsCamerasOfAllModels) {
               ThrowsMessage<Error>(AllOf(HasSubstr("a.tracks"), HasSubstr("'mirror'"))));
 }
 
-// Version 0.1 had no model and no k3 to k6.
-TEST(TrackStore, ReadsAFileWhoseCameraEndsWithKnown) {
+// Version 0.1 had no model, no k3 to k6 and no guess_log_sigma; early ones of 0.2 lack the last.
+TEST(TrackStore, ReadsFilesWhoseCameraHasFewerColumns) {
   const test::TempDir dir;
-  const TrackFile file = Example(2);
+  TrackFile file = Example(2);
   WriteTrackFile(dir / "a.tracks", file);
-  for (const char* column : {"model", "k3", "k4", "k5", "k6"}) {
+  file.camera->guess_log_sigma = 1.0;
+  const auto drop = [&dir](const char* column) {
     SqliteDatabase::Open(dir / "a.tracks", SqliteDatabase::Mode::kWrite)
         .Execute(fmt::format("ALTER TABLE camera DROP COLUMN {}", column));
-  }
+  };
+  drop("guess_log_sigma");
+  ExpectSame(ReadTrackFile(dir / "a.tracks"), file);
+  for (const char* column : {"model", "k3", "k4", "k5", "k6"}) drop(column);
   ExpectSame(ReadTrackFile(dir / "a.tracks"), file);
 }
 
@@ -490,6 +496,8 @@ TEST(TrackStore, NamesAFileThatIsMissingForeignOrDamaged) {
       {"UPDATE meta SET value = 'wide' WHERE key = 'width_px'", "'wide'"},
       {"DELETE FROM meta WHERE key = 'status'", "status"},
       {"DROP TABLE camera", "camera"},
+      {"UPDATE camera SET guess_log_sigma = 0", "uncertainty"},
+      {"UPDATE camera SET guess_log_sigma = 9e999", "not finite"},
       {"PRAGMA user_version = 7", "version 7"}};
   for (const auto& [sql, message] : damages) {
     WriteTrackFile(dir / "bad.tracks", Example(2));
