@@ -77,6 +77,10 @@ class ImageListSequence final : public Sequence {
             size_.width,
             size_.height);
       }
+    } else {
+      focal_guess_ = FocalGuessOfPictures(ImageFile(range.first),
+                                          ImageFile(range.first + (count_ - 1) * range.stride),
+                                          {size_.width, size_.height});
     }
   }
 
@@ -113,6 +117,7 @@ class ImageListSequence final : public Sequence {
   std::filesystem::path ImageRoot() const override { return list_.root; }
   std::optional<std::size_t> FrameCount() const override { return count_; }
   std::optional<Camera> KnownCamera() const override { return list_.camera; }
+  std::optional<FocalGuess> FocalGuessOfFile() const override { return focal_guess_; }
   const std::map<FrameIndex, Rigid3>& TrueCamFromWorld() const override {
     return list_.cam_from_world;
   }
@@ -201,6 +206,7 @@ class ImageListSequence final : public Sequence {
   std::size_t count_;     // frames of the range
   std::size_t read_ = 0;  // of them
   cv::Size size_;
+  std::optional<FocalGuess> focal_guess_;
   double white_ = kWhite;  // of pictures of 16 bits
   bool warned_of_white_ = false;
   std::string warning_;

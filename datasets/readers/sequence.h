@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "datasets/readers/focal_guess.h"
 #include "frontend/geometry/camera.h"
 #include "frontend/geometry/rigid3.h"
 #include "frontend/image/frame.h"
@@ -53,6 +54,8 @@ class Sequence {
   // Frames of the range. A video's is what its header promises until its end is reached.
   virtual std::optional<std::size_t> FrameCount() const = 0;
   virtual std::optional<Camera> KnownCamera() const = 0;  // calibration in the layout
+  // What the files say of a camera without calibration (EXIF, metadata of a video); none: nothing.
+  virtual std::optional<FocalGuess> FocalGuessOfFile() const { return std::nullopt; }
   // Where the pictures have the sensor's later rows.
   virtual RowOrder SensorRows() const { return RowOrder::kDown; }
   // True poses by frame of the source where the layout has them (nearest time stamp within 20 ms);

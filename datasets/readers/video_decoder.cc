@@ -102,6 +102,21 @@ double RateOf(AVRational rate) {
   return value >= kLeastFramesPerSecond && value <= kMostFramesPerSecond ? value : 0.0;
 }
 
+// Programs that copy videos spell the key in several ways.
+std::string FocalLengthIn35mmFilmOf(const AVDictionary* metadata) {
+  const AVDictionaryEntry* entry = nullptr;
+  while ((entry = av_dict_get(metadata, "", entry, AV_DICT_IGNORE_SUFFIX)) != nullptr) {
+    std::string key;
+    for (const unsigned char c : std::string_view(entry->key)) {
+      if (std::isalnum(c) != 0) key += static_cast<char>(std::tolower(c));
+    }
+    if (key.find("focallength") != std::string::npos && key.find("35mm") != std::string::npos) {
+      return entry->value;
+    }
+  }
+  return {};
+}
+
 // Of a stored pixel, width / height.
 double AspectOf(AVRational told) {
   constexpr double kNone = 0.02;  // nearer to 1 it is a rounding, of a size that was scaled
@@ -275,6 +290,11 @@ RowOrder VideoDecoder::SensorRows() const {
     return orientation_.mirrored_x ? RowOrder::kLeft : RowOrder::kRight;
   }
   return orientation_.mirrored_y ? RowOrder::kUp : RowOrder::kDown;
+}
+
+std::string VideoDecoder::FocalLengthIn35mmFilm() const {
+  const std::string of_stream = FocalLengthIn35mmFilmOf(format_->streams[stream_]->metadata);
+  return of_stream.empty() ? FocalLengthIn35mmFilmOf(format_->metadata) : of_stream;
 }
 
 int VideoDecoder::ShownWidth(int stored_width_px) const {

@@ -64,6 +64,11 @@ class VideoDecoder {
   // sensor's.
   RowOrder SensorRows() const;
 
+  // The text of the key, of the stream or else of the file, that names the focal length [mm] of a
+  // camera of 35 mm film with the same view, as Apple's
+  // com.apple.quicktime.camera.focal_length.35mm_equivalent; empty: there is none.
+  std::string FocalLengthIn35mmFilm() const;
+
   // What the header says, or its duration times its frames a second; none if that is no number of
   // frames.
   std::optional<std::size_t> PromisedFrames() const;

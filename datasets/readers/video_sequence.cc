@@ -26,6 +26,8 @@ class VideoSequence final : public Sequence {
   VideoSequence(const std::filesystem::path& file, const FrameRange& range)
       : file_(file.string()), name_(file.filename().string()), range_(range) {
     Rewind();
+    focal_guess_ =
+        FocalGuessOfVideo(file, decoder_->FocalLengthIn35mmFilm(), {size_.width, size_.height});
     if (const double aspect = decoder_->PixelAspect(); aspect != 1.0) {
       Warn(fmt::format(
           "the pixels of {} are not square, {:.3g} times as wide as high: its frames are read "
@@ -73,6 +75,7 @@ class VideoSequence final : public Sequence {
     return range_.Count(*source_frames_);
   }
   std::optional<Camera> KnownCamera() const override { return std::nullopt; }
+  std::optional<FocalGuess> FocalGuessOfFile() const override { return focal_guess_; }
   RowOrder SensorRows() const override { return decoder_->SensorRows(); }
   const std::map<FrameIndex, Rigid3>& TrueCamFromWorld() const override { return no_poses_; }
   std::optional<cv::Mat> TrueDepth(FrameIndex) const override { return std::nullopt; }
@@ -118,6 +121,7 @@ class VideoSequence final : public Sequence {
   std::size_t next_ = 0;                      // frame of the source that Decode gives next
   std::optional<Frame> first_;                // decoded already when the file was opened
   cv::Size size_;
+  std::optional<FocalGuess> focal_guess_;
   std::string warning_;
   std::map<FrameIndex, Rigid3> no_poses_;
 };
