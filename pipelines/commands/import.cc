@@ -152,10 +152,11 @@ void RunImport(const ImportCommandOptions& options) {
                  imported.an_unknown_image);
   }
   // What the command line says, then who is sure of it: a calibration before a guess.
-  const bool given = !options.input.camera.empty();
+  const bool given = !options.input.camera.empty() || !options.input.camera_prior.empty();
   if (imported.camera && !given && (!file.camera || imported.camera->known)) {
-    file.camera = imported.camera;
+    NoteCamera(imported.camera, file);
   }
+  TellFocalGuess(file);
   WarnOf(PredictOutside(file, options.tracks, options.input.input, imported.tracks));
   const auto observations = imported.tracks.observations();
   if (std::none_of(observations.begin(), observations.end(), IsObserved)) {

@@ -22,6 +22,8 @@ struct GridClip {
   std::string fingerprint;  // of its files: changes when they do
   bool has_poses = false;
   bool has_track_truth = false;
+  // What its files say of the focal length, as --camera-prior takes it; empty: nothing.
+  std::string camera_prior;
 };
 
 inline constexpr std::string_view kAsIs = "as-is";

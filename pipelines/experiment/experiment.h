@@ -42,6 +42,7 @@ struct ExperimentOptions {
   Layout layout = Layout::kAuto;
   std::string frames;
   std::string camera;
+  std::string camera_prior;
   std::string mask;
   TrackerOptions tracking;
   MapperOptions ceres;
@@ -130,6 +131,11 @@ struct ExperimentOptions {
            o.camera,
            "The camera of all inputs: fx,fy,cx,cy in pixels, and its distortion, as in `cohort "
            "track`.",
+           Tier::kCommon);
+    v.Text("camera_prior",
+           o.camera_prior,
+           "What is thought of the focal length of all inputs, FOCAL_PX or FOCAL_PX+-SIGMA in "
+           "pixels, as in `cohort track`.",
            Tier::kCommon);
     v.Text("mask",
            o.mask,

@@ -98,6 +98,27 @@ void CheckTracker(const ExperimentOptions& options,
   }
 }
 
+// A degraded clip has lost it, and is to be as well known as the one that it is made of.
+std::string CameraPriorOfFiles(const Sequence& sequence) {
+  if (sequence.KnownCamera()) return "";
+  const auto guess = sequence.FocalGuessOfFile();
+  if (!guess) return "";
+  return fmt::format("{:g}+-{:g}", guess->focal_px, guess->log_sigma * guess->focal_px);
+}
+
+// What the trackers read.
+InputOptions FramesOf(const ExperimentOptions& options, const Condition& condition) {
+  InputOptions frames = ClipInput(options, condition);
+  if (!condition.IsDegraded()) return frames;
+  frames.input = condition.Frames().string();
+  frames.layout = Layout::kAuto;
+  frames.frames = "";
+  if (frames.camera.empty() && frames.camera_prior.empty()) {
+    frames.camera_prior = condition.clip.camera_prior;
+  }
+  return frames;
+}
+
 }  // namespace
 
 ExperimentPlan PlanWithoutClips(const ExperimentOptions& options) {
@@ -125,10 +146,12 @@ std::vector<GridClip> ProbeClips(const ExperimentOptions& options, const Experim
   // Every shard asks for itself.
   std::string shard_suffix = options.shard.empty() ? "" : "_shard_" + options.shard;
   std::replace(shard_suffix.begin(), shard_suffix.end(), '/', '_');
-  ReadMask(options.mask);  // before hours of cells that all fail for want of it
+  // Before hours of cells that all fail for want of them.
+  ReadMask(options.mask);
+  GivenCamera(ClipInput(options, {}), 0, 0);
   std::vector<Task> tasks;
   for (std::size_t i = 0; i < options.inputs.size(); ++i) {
-    const InputOptions input{options.inputs[i], options.layout, options.frames, ""};
+    const InputOptions input{options.inputs[i], options.layout, options.frames, "", ""};
     tasks.push_back({"open " + input.input,
                      plan.cells_folder / fmt::format("clip{}{}.json", i, shard_suffix),
                      JsonLine(ToJson(input)),
@@ -138,7 +161,8 @@ std::vector<GridClip> ProbeClips(const ExperimentOptions& options, const Experim
                        return Json{{"name", sequence->Name()},
                                    {"fingerprint", FingerprintOfClip(*sequence, input.input, out)},
                                    {"has_poses", !sequence->TrueCamFromWorld().empty()},
-                                   {"has_track_truth", truth != nullptr}};
+                                   {"has_track_truth", truth != nullptr},
+                                   {"camera_prior", CameraPriorOfFiles(*sequence)}};
                      }});
   }
   RunTasks("open", tasks, options.jobs, false);  // always: the files may have changed
@@ -156,7 +180,8 @@ std::vector<GridClip> ProbeClips(const ExperimentOptions& options, const Experim
                      name,
                      figures["fingerprint"],
                      figures["has_poses"],
-                     figures["has_track_truth"]});
+                     figures["has_track_truth"],
+                     figures["camera_prior"]});
     if (options.protocol == Protocol::kPaper && !clips.back().has_track_truth) {
       ThrowError("{} has no truth of tracks: --protocol paper needs clips of `cohort synth`",
                  clips.back().input);
@@ -173,10 +198,7 @@ void AddClips(const ExperimentOptions& options,
       for (const unsigned seed : plan.seeds) {
         const Condition condition{
             clip, level, seed, plan.cells_folder / clip.name / level / std::to_string(seed)};
-        const InputOptions frames =
-            condition.IsDegraded()
-                ? InputOptions{condition.Frames().string(), Layout::kAuto, "", options.camera}
-                : ClipInput(options, condition);
+        const InputOptions frames = FramesOf(options, condition);
         plan.conditions.push_back(condition);
         for (const GridTracker& tracker : plan.trackers) {
           plan.cells.push_back({condition, tracker, frames, condition.folder / tracker.name});
@@ -187,7 +209,8 @@ void AddClips(const ExperimentOptions& options,
 }
 
 InputOptions ClipInput(const ExperimentOptions& options, const Condition& condition) {
-  return {condition.clip.input, options.layout, options.frames, options.camera};
+  return {
+      condition.clip.input, options.layout, options.frames, options.camera, options.camera_prior};
 }
 
 DegradeOptions DegradationOf(const Condition& condition) {

@@ -6,6 +6,7 @@
 
 #include "datasets/open_sequence.h"
 #include "pipelines/sfm/doubts.h"
+#include "pipelines/sfm/input.h"
 
 namespace cohort {
 
@@ -38,6 +39,11 @@ void WarnIfSceneDiffers(const SecondPassFigures& figures) { WarnOf(DoubtOfMeasur
 
 void WarnIfCameraDoubtful(const std::optional<Camera>& camera) {
   if (camera) WarnOf(DoubtOfCamera(*camera));
+}
+
+void TellFocalGuess(const TrackFile& file) {
+  const std::string guess = DescribeFocalGuess(file);
+  if (!guess.empty()) spdlog::info("{}", guess);
 }
 
 }  // namespace cohort

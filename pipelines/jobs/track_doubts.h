@@ -27,4 +27,8 @@ void WarnIfModelOfOthers(const Reconstruction& model,
 void WarnIfSceneDiffers(const SecondPassFigures& figures);
 void WarnIfCameraDoubtful(const std::optional<Camera>& camera);
 
+// That a file of the clip says the focal length, of which the reconstruction starts: no doubt, but
+// what users should know.
+void TellFocalGuess(const TrackFile& file);
+
 }  // namespace cohort

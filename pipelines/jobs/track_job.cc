@@ -52,7 +52,8 @@ TrackFile DescribeJob(const TrackJobOptions& options,
 
 bool SameCamera(const std::optional<Camera>& a, const std::optional<Camera>& b) {
   if (!a || !b) return a.has_value() == b.has_value();
-  return a->known == b->known && WordsOfCamera(*a) == WordsOfCamera(*b);
+  return a->known == b->known && a->guess_log_sigma == b->guess_log_sigma &&
+         WordsOfCamera(*a) == WordsOfCamera(*b);
 }
 
 // What an interrupted run of the same job has left.
@@ -268,6 +269,7 @@ std::optional<TrackFigures> RunTrackJob(const TrackJobOptions& options) {
     return std::nullopt;
   }
   WarnIfCameraDoubtful(header.camera);
+  TellFocalGuess(header);
   WarnOfIdleOptions(options.tracker);
   if (!earlier.complete) {
     std::optional<TrackWriter> writer = earlier.has_frames

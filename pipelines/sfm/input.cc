@@ -3,10 +3,13 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <charconv>
 #include <opencv2/core.hpp>
+#include <string_view>
 #include <vector>
 
 #include "datasets/readers/gray_image.h"
+#include "frontend/geometry/camera_fault.h"
 #include "frontend/geometry/camera_text.h"
 #include "frontend/image/read_image.h"
 #include "frontend/tracks/imported_tracks.h"
@@ -32,6 +35,40 @@ Camera ParseCamera(const std::string& text, int width_px, int height_px) {
   }
 }
 
+// FOCAL_PX or FOCAL_PX+-SIGMA; the character that stands for +- will do, too.
+Camera ParseCameraPrior(const std::string& text, int width_px, int height_px) {
+  constexpr double kShareWithoutSigma = 0.1;
+  const auto fail = [&text] {
+    ThrowUsageError(
+        "--camera-prior '{}': give a focal length in pixels and, if you know it, its standard "
+        "deviation, both above 0, such as 1200 or 1200+-60",
+        text);
+  };
+  const auto number = [&fail](std::string_view word) {
+    double value = 0.0;
+    const char* const end = word.data() + word.size();
+    const auto [stop, error] = std::from_chars(word.data(), end, value);
+    if (error != std::errc() || stop != end) fail();
+    return value;
+  };
+  const std::string_view all(text);
+  std::string_view focal = all;
+  std::string_view sigma;
+  for (const std::string_view sign : {"+-", "\u00b1"}) {
+    const std::size_t at = focal.find(sign);
+    if (at == std::string_view::npos) continue;
+    focal = all.substr(0, at);
+    sigma = all.substr(at + sign.size());
+  }
+  const double focal_px = number(focal);
+  const double sigma_px =
+      focal.size() == all.size() ? kShareWithoutSigma * focal_px : number(sigma);
+  const Camera camera = Camera::Guess(width_px, height_px, focal_px, sigma_px / focal_px);
+  // By the ratio alone two negative numbers would pass.
+  if (!FaultOf(camera).empty() || sigma_px <= 0.0) fail();
+  return camera;
+}
+
 }  // namespace
 
 std::unique_ptr<Sequence> OpenInput(const InputOptions& options) {
@@ -55,12 +92,49 @@ std::unique_ptr<Sequence> OpenSource(const TrackFile& file, const std::string& t
   return OpenInput(input);
 }
 
+std::optional<Camera> GivenCamera(const InputOptions& options, int width_px, int height_px) {
+  if (!options.camera.empty() && !options.camera_prior.empty()) {
+    ThrowUsageError(
+        "--camera '{}' and --camera-prior '{}': a camera is known or it is not: give one of them",
+        options.camera,
+        options.camera_prior);
+  }
+  if (!options.camera.empty()) return ParseCamera(options.camera, width_px, height_px);
+  if (options.camera_prior.empty()) return std::nullopt;
+  return ParseCameraPrior(options.camera_prior, width_px, height_px);
+}
+
 std::optional<Camera> KnownCamera(const InputOptions& options,
                                   const Sequence& sequence,
                                   int width_px,
                                   int height_px) {
-  if (!options.camera.empty()) return ParseCamera(options.camera, width_px, height_px);
+  if (const auto given = GivenCamera(options, width_px, height_px)) {
+    return given->known ? given : std::nullopt;
+  }
   return sequence.KnownCamera();
+}
+
+void NoteCamera(const Sequence& sequence, TrackFile& file) {
+  NoteCamera(sequence.KnownCamera(), file);
+  if (file.camera) return;
+  if (const auto guess = sequence.FocalGuessOfFile()) {
+    file.camera = Camera::Guess(file.width_px, file.height_px, guess->focal_px, guess->log_sigma);
+    file.meta[kFocalSourceMeta] = guess->source;
+  }
+}
+
+void NoteCamera(const std::optional<Camera>& camera, TrackFile& file) {
+  file.camera = camera;
+  file.meta.erase(kFocalSourceMeta);
+}
+
+std::string DescribeFocalGuess(const TrackFile& file) {
+  const auto source = file.meta.find(kFocalSourceMeta);
+  if (source == file.meta.end() || !file.camera) return "";
+  return fmt::format(
+      "the camera is not known; {} gives a focal length of about {:.0f} px: taken as a start",
+      source->second,
+      file.camera->fx);
 }
 
 void DescribeInput(const InputOptions& options, const Sequence& sequence, TrackFile& file) {
@@ -70,7 +144,11 @@ void DescribeInput(const InputOptions& options, const Sequence& sequence, TrackF
   if (!fingerprint.empty()) file.meta["fingerprint"] = fingerprint;
   file.meta["frames"] = options.frames;
   file.meta["layout"] = NameOf(kLayoutNames, options.layout);
-  file.camera = KnownCamera(options, sequence, file.width_px, file.height_px);
+  if (const auto given = GivenCamera(options, file.width_px, file.height_px)) {
+    NoteCamera(given, file);
+  } else {
+    NoteCamera(sequence, file);
+  }
   NoteSensorRows(sequence, file);
 }
 

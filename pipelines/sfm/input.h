@@ -18,6 +18,7 @@ struct InputOptions {
   Layout layout = Layout::kAuto;
   std::string frames;
   std::string camera;
+  std::string camera_prior;
 
   template <typename Self, typename Visitor>
   static void Visit(Self& o, Visitor& v) {
@@ -44,6 +45,13 @@ struct InputOptions {
            "it, what the input says; a camera that is not known is guessed and refined, and the "
            "reconstruction is less sure.",
            Tier::kCommon);
+    v.Text("camera_prior",
+           o.camera_prior,
+           "What is thought of the focal length of a camera that is not known, FOCAL_PX or "
+           "FOCAL_PX+-SIGMA in pixels, such as 1200+-60; without SIGMA it is 10 %. The "
+           "reconstruction starts there and refines it. It takes the place of what the input "
+           "says, of a calibration too. Without it, what EXIF or the video's metadata say.",
+           Tier::kCommon);
   }
 };
 
@@ -52,14 +60,28 @@ std::unique_ptr<Sequence> OpenInput(const InputOptions& options);
 // where their pictures came from no file.
 std::unique_ptr<Sequence> OpenSource(const TrackFile& file, const std::string& tracks);
 
-// The camera given, else the sequence's own, else none. Throws UsageError on another text.
+// The camera given, or a guess by the prior given; none: neither is. Throws UsageError on another
+// text, and on both.
+std::optional<Camera> GivenCamera(const InputOptions& options, int width_px, int height_px);
+// The camera given, else the sequence's own, else none; none where a prior is given: that camera is
+// not known. Throws UsageError as GivenCamera.
 std::optional<Camera> KnownCamera(const InputOptions& options,
                                   const Sequence& sequence,
                                   int width_px,
                                   int height_px);
 
+// In .tracks: what in the clip's files says the focal length of the camera, which is a guess.
+inline constexpr const char* kFocalSourceMeta = "focal_source";
+// Sets camera and meta[kFocalSourceMeta] of `file`, whose picture size is set, to what the sequence
+// says: its calibration, else a guess by its files, else none.
+void NoteCamera(const Sequence& sequence, TrackFile& file);
+// Sets it to one that comes from elsewhere, or to none.
+void NoteCamera(const std::optional<Camera>& camera, TrackFile& file);
+// Where the start of the focal length comes from: a sentence. Empty where no file said it.
+std::string DescribeFocalGuess(const TrackFile& file);
+
 // Fills in where the frames of `file`, whose picture size is set, come from: source, image_root,
-// camera, meta["frames"], meta["layout"] and, of files, meta["fingerprint"] (FingerprintOfFrames).
+// camera (the one or the prior given, else NoteCamera), meta["frames"], meta["layout"] and, of files, meta["fingerprint"] (FingerprintOfFrames).
 void DescribeInput(const InputOptions& options, const Sequence& sequence, TrackFile& file);
 
 // Notes the mask, by its path, that tracks were made with: those of a refined file are by default,

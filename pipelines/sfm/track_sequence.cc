@@ -51,11 +51,15 @@ SequenceTracker::SequenceTracker(Sequence& sequence, const TrackSequenceOptions&
   header_.width_px = next_->gray.cols;
   header_.height_px = next_->gray.rows;
   if (options.camera) CheckCameraSize(*options.camera, header_.width_px, header_.height_px);
-  header_.camera = options.camera ? options.camera : sequence.KnownCamera();
   const bool second_pass = WantsSecondPass(options.second_pass.mode, options.tracker);
   header_.meta = {{"tracker", std::string(NameOf(kTrackerNames, options.tracker.tracker))},
                   {"second_pass", second_pass ? kSecondPassAsked : kSecondPassOff},
                   {"options", ToJson(options.tracker).dump()}};
+  if (options.camera) {
+    NoteCamera(options.camera, header_);
+  } else {
+    NoteCamera(sequence, header_);
+  }
   if (WantsCompanion(options.second_pass, options.tracker)) header_.meta["companion"] = "klt";
   if (second_pass) header_.meta["second_pass_options"] = SecondPassOptionsText(options.second_pass);
   NoteSensorRows(sequence, header_);

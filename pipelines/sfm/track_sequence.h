@@ -17,7 +17,7 @@ namespace cohort {
 struct TrackSequenceOptions {
   TrackerOptions tracker = {};
   SecondPassOptions second_pass = {};
-  // Of pictures of the clip's size; none: as the sequence says, else unknown.
+  // Of pictures of the clip's size; none: as the sequence says (NoteCamera), else unknown.
   std::optional<Camera> camera = {};
   cv::Mat mask = {};  // empty, or CV_8UC1 of the frames' size, 0 where no feature may be
   // What the sequence was opened from. COLMAP asks for a video's frames, which are read again

@@ -15,6 +15,7 @@
 #include <opencv2/imgproc.hpp>
 #include <opencv2/videoio.hpp>
 #include <optional>
+#include <string_view>
 #include <thread>
 
 #include "backend/colmap/model_io.h"
@@ -43,6 +44,7 @@ using testing::HasSubstr;
 using testing::MatchesRegex;
 using testing::Not;
 using testing::StartsWith;
+using std::string_view_literals::operator""sv;
 
 constexpr const char* kCommands[] = {"track",
                                      "import",
@@ -602,6 +604,113 @@ TEST_F(Commands, TellsACalibrationOfAnotherSize) {
       "track " + clip + " --features 30 --second-pass off --quiet --out " + Path("a.tracks");
   EXPECT_THAT(RunCohort(track + " --camera 1500,1500,960,540").err, HasSubstr("of another size?"));
   EXPECT_EQ(RunCohort(track + " --camera 150,150,79.5,59.5").err, "");
+}
+
+// Four pictures by a lens of 26 mm of 35 mm film, as EXIF says: 120.2 px.
+std::string WriteImagesWithExif(const std::string& folder) {
+  fs::create_directory(folder);
+  constexpr std::string_view kExif =
+      "\xFF\xE1\0\x34"
+      "Exif\0\0MM\0*\0\0\0\x08"
+      "\0\x01\x87\x69\0\x04\0\0\0\x01\0\0\0\x1A\0\0\0\0"
+      "\0\x01\xA4\x05\0\x03\0\0\0\x01\0\x1A\0\0\0\0\0\0"sv;
+  for (int i = 0; i < 4; ++i) {
+    std::vector<std::uint8_t> jpeg;
+    cv::imencode(".jpg", MovingFrame(i), jpeg);
+    std::string bytes(jpeg.begin(), jpeg.end());
+    bytes.insert(2, kExif);
+    WriteText(fs::path(folder) / fmt::format("{}.jpg", i), bytes);
+  }
+  return folder;
+}
+
+TEST_F(Commands, APriorOfTheFocalLengthIsAGuessWithItsUncertainty) {
+  const std::string clip = WriteImages(Path("clip"), 3);
+  const auto camera_of = [&](const std::string& prior) {
+    const ProgramEnd end = RunCohort(Track(clip, "--second-pass off --camera-prior " + prior));
+    EXPECT_EQ(end.exit_code, 0) << end.err;
+    return ReadTrackFile(Path("a.tracks")).camera.value();
+  };
+  for (const char* prior : {"150+-30", "150\u00b130"}) {
+    const Camera camera = camera_of(prior);
+    EXPECT_FALSE(camera.known);
+    EXPECT_EQ(camera.fx, 150.0);
+    EXPECT_EQ(camera.fy, 150.0);
+    EXPECT_EQ(camera.cx, 79.5);
+    EXPECT_DOUBLE_EQ(camera.guess_log_sigma, 0.2);
+  }
+  EXPECT_DOUBLE_EQ(camera_of("150").guess_log_sigma, 0.1) << "10 % where nothing is said";
+  for (const char* wrong : {"wide",
+                            "-150",
+                            "0",
+                            "nan",
+                            "inf",
+                            "1e13",
+                            "150+-0",
+                            "150+--3",
+                            "-150+--3",
+                            "150+-",
+                            "+-3",
+                            "150+-nan",
+                            "150+-3px",
+                            "150,150"}) {
+    ExpectFailure(RunCohort(Track(clip, fmt::format("--camera-prior={}", wrong))),
+                  2,
+                  HasSubstr(fmt::format("--camera-prior '{}'", wrong)));
+  }
+  const std::string both = "--camera-prior 150 --camera 150,150,79.5,59.5";
+  ExpectFailure(RunCohort(Track(clip, both)), 2, HasSubstr("give one of them"));
+  ExpectFailure(RunCohort("compare " + clip + " --camera-prior wide --out " + Path("compared")),
+                2,
+                HasSubstr("--camera-prior 'wide'"));
+}
+
+TEST_F(Commands, WhatExifSaysOfTheCameraIsAGuess) {
+  const std::string clip = WriteImagesWithExif(Path("clip"));
+  const std::string options = " --second-pass off --features 30 --out " + Path("a.tracks");
+  ProgramEnd end = RunCohort("track " + clip + options);
+  ASSERT_EQ(end.exit_code, 0) << end.err;
+  EXPECT_THAT(end.err,
+              HasSubstr("the camera is not known; EXIF FocalLengthIn35mmFilm 26 mm gives a focal "
+                        "length of about 120 px"));
+  TrackFile file = ReadTrackFile(Path("a.tracks"));
+  ASSERT_TRUE(file.camera);
+  EXPECT_FALSE(file.camera->known);
+  EXPECT_NEAR(file.camera->fx, 120.2, 0.05);
+  EXPECT_EQ(file.camera->guess_log_sigma, 0.1);
+  EXPECT_EQ(file.meta.at("focal_source"), "EXIF FocalLengthIn35mmFilm 26 mm");
+  // The same job, not another.
+  EXPECT_EQ(RunCohort("track " + clip + options + " --resume").exit_code, 0);
+  ExpectFailure(RunCohort("track " + clip + options + " --quiet --resume --camera-prior 150"),
+                1,
+                HasSubstr("with other options"));
+
+  // Tracks of others, and what the user thinks, which counts more.
+  ASSERT_EQ(RunCohort("export " + Path("a.tracks") + " --csv " + Path("a.csv")).exit_code, 0);
+  const std::string import = "import " + Path("a.csv") + " --images " + clip + " --out ";
+  end = RunCohort(import + Path("b.tracks"));
+  EXPECT_THAT(end.err, HasSubstr("gives a focal length of about 120 px"));
+  EXPECT_NEAR(ReadTrackFile(Path("b.tracks")).camera->fx, 120.2, 0.05);
+  end = RunCohort(import + Path("b.tracks") + " --camera-prior 150");
+  EXPECT_THAT(end.err, Not(HasSubstr("EXIF")));
+  file = ReadTrackFile(Path("b.tracks"));
+  EXPECT_EQ(file.camera->fx, 150.0);
+  EXPECT_FALSE(file.meta.contains("focal_source"));
+}
+
+TEST_F(Commands, APriorTakesThePlaceOfACalibration) {
+  Run("synth " + Path("clip") + kSmall + " --frames 3");
+  const std::string track =
+      "track " + Path("clip") + " --second-pass off --features 30 --out " + Path("a.tracks");
+  ASSERT_EQ(RunCohort(track).exit_code, 0);
+  EXPECT_TRUE(ReadTrackFile(Path("a.tracks")).KnowsCamera());
+  ASSERT_EQ(RunCohort(track + " --camera-prior 150+-15").exit_code, 0);
+  const Camera camera = ReadTrackFile(Path("a.tracks")).camera.value();
+  EXPECT_FALSE(camera.known);
+  EXPECT_EQ(camera.fx, 150.0);
+  // What is not known is no calibration of a copy either.
+  Run("degrade " + Path("clip") + " " + Path("dark") + " --camera-prior 150");
+  EXPECT_FALSE(fs::exists(Path("dark/calibration.txt")));
 }
 
 TEST_F(Commands, ImportSaysInOneLineWhatATrackFileIsNot) {
