@@ -86,7 +86,7 @@ std::optional<FocalGuess> FocalGuessOfVideo(const std::filesystem::path& video,
   if (const auto mm = NumberIn(in_35mm_film); mm && IsOfALens(*mm)) {
     return FocalGuess{.focal_px = FocalOf35mmFilm(*mm, size),
                       .log_sigma = kSigmaOfVideos,
-                      .source = fmt::format("the video's metadata, {:g} mm of 35 mm film,", *mm)};
+                      .source = fmt::format("the video's metadata ({:g} mm of 35 mm film)", *mm)};
   }
   const auto view = ReadGoProView(video);
   if (!view || !(view->diagonal_deg >= kLeastViewDeg && view->diagonal_deg <= kMostViewDeg)) {
@@ -101,7 +101,7 @@ std::optional<FocalGuess> FocalGuessOfVideo(const std::filesystem::path& video,
   return FocalGuess{
       .focal_px = DiagonalOf(size) / 2.0 / (fisheye ? half_rad : std::tan(half_rad)),
       .log_sigma = fisheye ? kSigmaOfFisheyes : kSigmaOfVideos,
-      .source = fmt::format("the GoPro's field of view, {:.0f} degrees from corner to corner,",
+      .source = fmt::format("the GoPro's field of view ({:.0f} degrees from corner to corner)",
                             view->diagonal_deg)};
 }
 

@@ -103,7 +103,7 @@ std::string CameraPriorOfFiles(const Sequence& sequence) {
   if (sequence.KnownCamera()) return "";
   const auto guess = sequence.FocalGuessOfFile();
   if (!guess) return "";
-  return fmt::format("{:g}+-{:g}", guess->focal_px, guess->log_sigma * guess->focal_px);
+  return fmt::format("{}+-{}", guess->focal_px, guess->log_sigma * guess->focal_px);
 }
 
 // What the trackers read.

@@ -183,6 +183,10 @@ TrackFile Track(const ClipArgument& clip,
                 const std::optional<Camera>& camera,
                 const py::object& callback) {
   TrackArguments arguments = FromJsonText<TrackArguments>(options, "track()");
+  // Before all the work.
+  if (GivenCamera(arguments.input, 0, 0) && camera) {
+    ThrowUsageError("a Camera is given, and another one by text or a prior: give one of them");
+  }
   const bool second_pass = WantsSecondPass(arguments.second_pass.mode, arguments.tracker);
   const cv::Mat mask = MaskOf(mask_array, arguments.mask);
   std::unique_ptr<Sequence> sequence = OpenArrays(clip, rgb, second_pass);
@@ -207,7 +211,7 @@ TrackFile Track(const ClipArgument& clip,
   DescribeInput(arguments.input, *opened, file);
   file.meta["program"] = fmt::format("cohort {}", kVersion);
   NoteMask(arguments.mask, file);
-  if (camera) file.camera = camera;  // and not what the clip or its options say
+  if (camera) NoteCamera(camera, file);  // and not what the clip says
   if (second_pass) {
     file = WithSecondPass(std::move(file), *opened, mask, arguments.second_pass, progress).file;
   }
@@ -417,7 +421,8 @@ void BindCamera(py::module_& module) {
                        int height_px,
                        const std::vector<double>& parameters,
                        const std::string& model,
-                       bool known) {
+                       bool known,
+                       double guess_log_sigma) {
              if (parameters.size() < 4) {
                ThrowUsageError("a camera has at least fx, fy, cx, cy: {} numbers were given",
                                parameters.size());
@@ -433,6 +438,7 @@ void BindCamera(py::module_& module) {
              camera.width_px = width_px;
              camera.height_px = height_px;
              camera.known = known;
+             camera.guess_log_sigma = guess_log_sigma;
              if (const std::string fault = FaultOf(camera); !fault.empty()) {
                ThrowUsageError("the camera: {}", fault);
              }
@@ -442,7 +448,8 @@ void BindCamera(py::module_& module) {
            py::arg("height_px"),
            py::arg("parameters"),
            py::arg("model") = "pinhole",
-           py::arg("known") = true)
+           py::arg("known") = true,
+           py::arg("guess_log_sigma") = Camera().guess_log_sigma)
       .def_readonly("width_px", &Camera::width_px)
       .def_readonly("height_px", &Camera::height_px)
       .def_readonly("fx", &Camera::fx)
@@ -450,6 +457,9 @@ void BindCamera(py::module_& module) {
       .def_readonly("cx", &Camera::cx)
       .def_readonly("cy", &Camera::cy)
       .def_readonly("known", &Camera::known)
+      .def_readonly("guess_log_sigma",
+                    &Camera::guess_log_sigma,
+                    "Of a guess: standard deviation of the logarithm of its focal length.")
       .def_property_readonly(
           "model",
           [](const Camera& camera) { return std::string(NameOf(kCameraModelNames, camera.model)); })
@@ -567,6 +577,7 @@ void BindTrackFile(py::module_& module) {
       py::arg("path"),
       py::arg("width_px"),
       py::arg("height_px"));
+  module.def("describe_focal_guess", &DescribeFocalGuess, py::arg("tracks"));
   module.def(
       "doubt_of_camera",
       [](const TrackFile& file) { return file.camera ? DoubtOfCamera(*file.camera) : ""; },

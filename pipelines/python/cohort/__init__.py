@@ -444,8 +444,9 @@ def track(
     OpenCV has them, or channels="rgb". For the second pass they are kept, in grey:
     second_pass={"mode": "off"} needs no memory for them.
 
-    `camera`: a Camera, or fx, fy, cx, cy and distortion as --camera takes them. `mask`: a picture
-    or array (height, width), 0 where no feature may be.
+    `camera`: a Camera, or fx, fy, cx, cy and distortion as --camera takes them. Where only the
+    focal length is known, and not well: the option camera_prior="1200+-60". `mask`: a picture or
+    array (height, width), 0 where no feature may be.
 
     Other options: default_options("track").
     """
@@ -464,6 +465,8 @@ def track(
     )
     if doubt := _cohort.doubt_of_camera(file):
         _log.warning("%s", doubt)
+    if guess := _cohort.describe_focal_guess(file):
+        _log.info("%s", guess)
     if "warning" in file.meta:
         _log.warning("%s", file.meta["warning"])
     if "cuts" in file.meta:

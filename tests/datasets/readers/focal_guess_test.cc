@@ -328,7 +328,7 @@ TEST_F(FocalGuessOfVideos, IsWhatTheKeyOf35mmFilmSays) {
   const auto guess = GuessOf("a.mp4").value();
   EXPECT_NEAR(guess.focal_px, 26.0 * px_per_mm, 1e-9);
   EXPECT_EQ(guess.log_sigma, 0.15);
-  EXPECT_EQ(guess.source, "the video's metadata, 26 mm of 35 mm film,");
+  EXPECT_EQ(guess.source, "the video's metadata (26 mm of 35 mm film)");
   copy("-movflags use_metadata_tags " + key + "_35mm_equivalent=13.5", "b.mov");
   EXPECT_NEAR(GuessOf("b.mov").value().focal_px, 13.5 * px_per_mm, 1e-9);
   copy("-metadata:s:v FOCAL_LENGTH_35MM_EQUIVALENT='77 mm'", "c.mkv");

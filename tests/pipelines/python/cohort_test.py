@@ -212,6 +212,18 @@ class Track(Clip):
                          camera=cohort.Camera(640, 480, numbers))
         self.assertEqual(len(seen), 1, "before all the work")
 
+    def test_a_prior_of_the_focal_length_is_a_guess_with_its_uncertainty(self):
+        camera = cohort.track(self.frames[:3], tracker="klt", camera_prior="260+-26").camera
+        self.assertEqual((camera.known, camera.fx, camera.guess_log_sigma), (False, 260, 0.1))
+        known = cohort.Camera(320, 240, [260, 260, 159.5, 119.5])
+        for one in (CAMERA, known):
+            with self.assertRaisesRegex(cohort.UsageError, "give one of them"):
+                cohort.track(self.frames[:3], tracker="klt", camera=one, camera_prior="260")
+        guess = cohort.Camera(320, 240, [260, 260, 159.5, 119.5], known=False, guess_log_sigma=0.2)
+        self.assertEqual(guess.guess_log_sigma, 0.2)
+        with self.assertRaisesRegex(cohort.UsageError, "uncertainty of 0"):
+            cohort.Camera(320, 240, [260, 260, 159.5, 119.5], guess_log_sigma=0)
+
     def test_a_camera_to_doubt_is_said(self):
         with self.assertLogs("cohort", "WARNING") as log:
             cohort.track(self.frames[:3], tracker="klt", camera=cohort.Camera(320, 240, [100, 900, 159, 119]))
