@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 
 #include "frontend/core/error.h"
 #include "frontend/geometry/camera_fault.h"
@@ -141,6 +142,23 @@ ColmapCamera ToColmapCamera(const Camera& camera, const ColmapCamera& before) {
   });
   Check(row != rows.end(), "some model of COLMAP's has all parameters of a camera");
   return Written(camera, *row);
+}
+
+std::optional<double> FocalScaleOf(const ColmapCamera& camera, const ColmapCamera& reference) {
+  constexpr double kRounding = 1e-9;
+  if (camera == reference) return 1.0;
+  if (reference.params.empty()) return std::nullopt;
+  const double scale = camera.params.front() / reference.params.front();
+  ColmapCamera scaled = reference;
+  scaled.params[0] = camera.params[0];
+  if (Row(reference.model).two_focals) {
+    const double fy = scale * reference.params.at(1);
+    // The scale of one is that of the other, but for rounding.
+    if (!(std::abs(fy - camera.params.at(1)) <= kRounding * std::abs(fy))) return std::nullopt;
+    scaled.params[1] = camera.params[1];
+  }
+  if (camera != scaled) return std::nullopt;
+  return scale;
 }
 
 Camera FromColmapCamera(const ColmapCamera& colmap) {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -43,6 +44,9 @@ ColmapCamera ToColmapCamera(const Camera& camera);
 ColmapCamera ToColmapCamera(const Camera& camera, const ColmapCamera& before);
 // As `known`. Throws Error on a model or a number of parameters that is not one of the above.
 Camera FromColmapCamera(const ColmapCamera& colmap);
+
+// By how much the focal length of `camera` is that of `reference`; none where they differ in more.
+std::optional<double> FocalScaleOf(const ColmapCamera& camera, const ColmapCamera& reference);
 
 // Does COLMAP refine all of such a camera by itself, wherever its first value came from? Those of
 // one focal length; who has a calibration gives the others.

@@ -189,8 +189,8 @@ void RemoveOutliers(const TrackFile& file, Reconstruction& reconstruction) {
   reconstruction.camera.known = file.KnowsCamera();
   for (auto& [feature, point] : reconstruction.points) {
     std::erase_if(point.views, [&, in_world = point.in_world](const PointView& view) {
-      const auto xy =
-          reconstruction.camera.Project(reconstruction.cam_from_world.at(view.frame) * in_world);
+      const auto xy = CameraOf(reconstruction, view.frame)
+                          .Project(reconstruction.cam_from_world.at(view.frame) * in_world);
       return !xy || (*xy - view.xy).norm() > kMaxReprojectionPx;
     });
   }
@@ -226,7 +226,8 @@ bool WriteDatabase(const TrackFile& file,
                    const fs::path& path) {
   std::vector<std::pair<FrameIndex, FrameIndex>> extra_pairs;
   for (const InitialPair& pair : starts) extra_pairs.emplace_back(pair.frame1, pair.frame2);
-  const ColmapDatabase database = BuildColmapDatabase(file, options.database, extra_pairs);
+  const ColmapDatabase database =
+      BuildColmapDatabase(file, options.database, extra_pairs, options.focal_scale);
   WriteColmapDatabase(path, database);
   return std::any_of(database.pairs.begin(), database.pairs.end(), [](auto& pair) {
     return pair.second.geometry.has_value();
@@ -323,6 +324,7 @@ std::optional<Reconstruction> RunAdjuster(ColmapProgram& program,
       moved->cam_from_world, reconstruction.cam_from_world, {}, frame_of, frame_of);
   if (!has_all || !has_same_frames) return std::nullopt;
   reconstruction.camera = moved->camera;
+  reconstruction.focal_scale = moved->focal_scale;
   reconstruction.cam_from_world = moved->cam_from_world;
   for (auto& [feature, point] : reconstruction.points) {
     point.in_world = moved->points.at(feature).in_world;
@@ -386,7 +388,9 @@ ColmapResult ReconstructWithColmap(const TrackFile& tracked,
     return result;
   };
 
-  const InitialPairSearch search = FindInitialPairs(file.tracks, result.reconstruction.camera);
+  const Camera& camera = result.reconstruction.camera;
+  const InitialPairSearch search =
+      FindInitialPairs(AtOneFocalLength(file.tracks, camera, options.focal_scale), camera);
   if (search.ranked.empty() && search.refusals.standstill + search.refusals.rotation > 0) {
     return end(search.reason);  // COLMAP would make up a depth
   }

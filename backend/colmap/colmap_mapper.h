@@ -21,6 +21,8 @@ struct ColmapOptions {
   // The guessed camera is another model's refined one, and is kept. Set by the program, no option of
   // the command.
   bool hold_guess = false;
+  // By how much the focal length of a frame is that of the tracks' camera, of the same other model.
+  FocalScales focal_scale;
 
   template <typename Self, typename Visitor>
   static void Visit(Self& o, Visitor& v) {

@@ -171,25 +171,13 @@ ImportedTracks TracksOfColmapModel(const ColmapModel& model,
                                    std::span<const FrameInfo> frames,
                                    const std::filesystem::path& path) {
   ImportedTracks result;
-  std::optional<ColmapCamera> camera;
   for (const auto& [id, image] : model.images) {
-    const auto found = model.cameras.find(image.camera_id);
-    if (found == model.cameras.end()) {
+    if (!model.cameras.contains(image.camera_id)) {
       ThrowError("COLMAP model {}: image {} has camera {}, which is not there",
                  path.string(),
                  image.name,
                  image.camera_id);
     }
-    if (!camera) {
-      result.camera = FromColmapCamera(found->second);  // before: what is no number equals nothing
-      camera = found->second;
-    }
-    if (found->second == *camera) continue;
-    ThrowError(
-        "COLMAP model {}: image {} has another camera than others: one is read, of a clip of "
-        "one camera",
-        path.string(),
-        image.name);
   }
   if (model.images.empty() || model.points.empty()) {
     ThrowError("COLMAP model {} has {} images and {} points: there are no tracks",
@@ -197,7 +185,16 @@ ImportedTracks TracksOfColmapModel(const ColmapModel& model,
                model.images.size(),
                model.points.size());
   }
-  result.camera->known = true;
+  const SharedCamera shared = ShareCamera(model);
+  if (shared.other) {
+    ThrowError(
+        "COLMAP model {}: image {} has another camera than others: one is read, of a clip of "
+        "one camera",
+        path.string(),
+        model.images.at(*shared.other).name);
+  }
+  result.camera = shared.camera;
+  result.camera->known = shared.focal_scale.empty();  // one whose focal length changes is a guess
 
   FrameNames names(frames);
   std::map<ColmapImageId, std::optional<FrameIndex>> frame_of_image;

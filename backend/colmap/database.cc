@@ -153,21 +153,31 @@ void CheckMatchedOnce(const std::vector<ColmapMatch>& matches,
   }
 }
 
-void WriteRows(SqliteDatabase& db, const ColmapDatabase& database) {
-  constexpr std::int64_t kCameraId = 1;
-  db.Prepare("INSERT INTO cameras VALUES(?, ?, ?, ?, ?, ?)")
-      .Bind(1, kCameraId)
-      .Bind(2, static_cast<std::int64_t>(database.camera.model))
-      .Bind(3, std::int64_t{database.camera.width_px})
-      .Bind(4, std::int64_t{database.camera.height_px})
-      .Bind(5, AsBytes(database.camera.params))
-      .Bind(6, std::int64_t{database.camera.prior_focal_length})
-      .Run();
+// The id of a camera that takes all images; one of its own has the image's id.
+constexpr std::int64_t kCameraId = 1;
 
+void WriteCameras(SqliteDatabase& db, const ColmapDatabase& database) {
+  auto insert = db.Prepare("INSERT INTO cameras VALUES(?, ?, ?, ?, ?, ?)");
+  const auto write = [&insert](std::int64_t id, const ColmapCamera& camera) {
+    insert.Bind(1, id)
+        .Bind(2, static_cast<std::int64_t>(camera.model))
+        .Bind(3, std::int64_t{camera.width_px})
+        .Bind(4, std::int64_t{camera.height_px})
+        .Bind(5, AsBytes(camera.params))
+        .Bind(6, std::int64_t{camera.prior_focal_length})
+        .Run();
+  };
+  if (database.camera_of_image.empty()) write(kCameraId, database.camera);
+  for (const auto& [id, camera] : database.camera_of_image) write(id, camera);
+}
+
+void WriteRows(SqliteDatabase& db, const ColmapDatabase& database) {
+  WriteCameras(db, database);
   auto insert_image = db.Prepare("INSERT INTO images(image_id, name, camera_id) VALUES(?, ?, ?)");
   auto insert_keypoints = db.Prepare("INSERT INTO keypoints VALUES(?, ?, 2, ?)");
   for (const auto& [id, image] : database.images) {
-    insert_image.Bind(1, std::int64_t{id}).Bind(2, image.name).Bind(3, kCameraId).Run();
+    const std::int64_t camera_id = database.camera_of_image.empty() ? kCameraId : id;
+    insert_image.Bind(1, std::int64_t{id}).Bind(2, image.name).Bind(3, camera_id).Run();
     insert_keypoints.Bind(1, std::int64_t{id})
         .Bind(2, static_cast<std::int64_t>(image.keypoints.size()))
         .Bind(3, AsBytes(image.keypoints))

@@ -66,6 +66,8 @@ struct ColmapImage {
 // What a COLMAP database holds of a clip; one camera takes all images.
 struct ColmapDatabase {
   ColmapCamera camera;
+  // Where the focal length changes, the camera of every image, in place of the one.
+  std::map<ColmapImageId, ColmapCamera> camera_of_image;
   std::map<ColmapImageId, ColmapImage> images;
   std::map<std::pair<ColmapImageId, ColmapImageId>, ColmapPair> pairs;  // first < second
 

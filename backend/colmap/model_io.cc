@@ -433,17 +433,18 @@ void CheckReferences(const fs::path& folder, const ColmapModel& model) {
 // ---- Reconstruction ----
 
 Reconstruction CamerasOf(const ColmapModel& model) {
-  const bool has_one = std::ranges::all_of(model.cameras, [&](const auto& camera) {
-    return camera.second == model.cameras.begin()->second;
-  });
-  if (model.cameras.empty() || !has_one) {
-    ThrowError("the COLMAP model has {} cameras: a reconstruction of ours has one for all frames",
-               model.cameras.size());
+  const SharedCamera shared = ShareCamera(model);
+  if (model.cameras.empty() || shared.other) {
+    ThrowError(
+        "the COLMAP model has {} cameras: a reconstruction of ours has one for all frames, of "
+        "which only the focal length may change",
+        model.cameras.size());
   }
   Reconstruction reconstruction;
-  reconstruction.camera = FromColmapCamera(model.cameras.begin()->second);
+  reconstruction.camera = shared.camera;
   for (const auto& [id, image] : model.images) {
     const FrameIndex frame = FrameOfColmapImage(id);
+    if (!shared.focal_scale.empty()) reconstruction.focal_scale[frame] = shared.focal_scale.at(id);
     reconstruction.cam_from_world[frame] = {image.cam_from_world.rotation.normalized(),
                                             image.cam_from_world.translation};
     reconstruction.frame_names[frame] = image.name;
@@ -570,14 +571,42 @@ std::optional<ColmapModelFolder> ReadLargestColmapModel(const fs::path& folder,
   return largest;
 }
 
+SharedCamera ShareCamera(const ColmapModel& model) {
+  SharedCamera shared;
+  if (model.images.empty()) {
+    if (!model.cameras.empty()) shared.camera = FromColmapCamera(model.cameras.begin()->second);
+    return shared;
+  }
+  std::vector<std::pair<double, std::uint32_t>> focals;  // of an image each: fx, camera
+  for (const auto& [id, image] : model.images) {
+    const double fx = FromColmapCamera(model.cameras.at(image.camera_id)).fx;
+    focals.emplace_back(fx, image.camera_id);
+  }
+  std::ranges::sort(focals);
+  const ColmapCamera& median = model.cameras.at(focals[focals.size() / 2].second);
+  shared.camera = FromColmapCamera(median);
+  for (const auto& [id, image] : model.images) {
+    const auto scale = FocalScaleOf(model.cameras.at(image.camera_id), median);
+    if (!scale && !shared.other) shared.other = id;
+    shared.focal_scale[id] = scale.value_or(1.0);
+  }
+  const auto is_one = [](const auto& scale) { return scale.second == 1.0; };
+  if (std::ranges::all_of(shared.focal_scale, is_one)) shared.focal_scale.clear();
+  return shared;
+}
+
 ColmapModel ToColmapModel(const Reconstruction& reconstruction) {
+  const bool zooms = !reconstruction.focal_scale.empty() && !reconstruction.cam_from_world.empty();
   ColmapModel model;
-  model.cameras[1] = ToColmapCamera(reconstruction.camera);
+  if (!zooms) model.cameras[1] = ToColmapCamera(reconstruction.camera);
   for (const auto& [frame, cam_from_world] : reconstruction.cam_from_world) {
     const auto name = reconstruction.frame_names.find(frame);
     ColmapModelImage& image = model.images[ColmapImageIdOf(frame)];
     image.cam_from_world = cam_from_world;
     image.name = name != reconstruction.frame_names.end() ? name->second : NumberedFrameName(frame);
+    if (!zooms) continue;
+    image.camera_id = ColmapImageIdOf(frame);
+    model.cameras[image.camera_id] = ToColmapCamera(CameraOf(reconstruction, frame));
   }
   for (const auto& [feature, point] : reconstruction.points) {
     const std::uint64_t id = std::uint64_t{ToInt(feature)} + 1;

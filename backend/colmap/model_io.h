@@ -64,7 +64,8 @@ struct ColmapModelFolder {
 std::optional<ColmapModelFolder> ReadLargestColmapModel(
     const std::filesystem::path& folder, std::vector<std::string>* damaged = nullptr);
 
-// Image id = frame + 1, point id = feature + 1, an image's points are the views of it.
+// Image id = frame + 1, point id = feature + 1, an image's points are the views of it. One camera, or
+// where the focal length changes one for every image, of the image's id.
 ColmapModel ToColmapModel(const Reconstruction& reconstruction);
 // The reverse, for a model that ToColmapModel made.
 Reconstruction FromColmapModel(const ColmapModel& model);
@@ -73,6 +74,15 @@ Reconstruction FromColmapModel(const ColmapModel& model);
 Reconstruction FromColmapModel(const ColmapModel& model,
                                const TrackFile& file,
                                bool include_predicted);
+
+// The cameras of a model's images as one whose focal length changes.
+struct SharedCamera {
+  Camera camera;                                // of an image whose focal length is the median
+  std::map<ColmapImageId, double> focal_scale;  // of every image; empty: all cameras are alike
+  std::optional<ColmapImageId> other;           // an image whose camera differs in more
+};
+// Of a model that has the cameras of its images. Throws Error where one has parameters that are none.
+SharedCamera ShareCamera(const ColmapModel& model);
 
 // The points as a PLY file: x, y, z [float], red, green, blue [uchar], binary.
 std::string PointsPly(const ColmapModel& model);

@@ -21,6 +21,7 @@ ModelOfClip ReadModelOfClip(const ColmapModel& model,
   clip.file.height_px = imported.camera->height_px;
   clip.file.tracks = std::move(imported.tracks);
   clip.reconstruction.camera = *imported.camera;
+  const auto focal_scale = ShareCamera(model).focal_scale;
 
   FrameNames names(frames);
   for (const auto& [id, image] : model.images) {
@@ -35,6 +36,7 @@ ModelOfClip ReadModelOfClip(const ColmapModel& model,
     clip.reconstruction.cam_from_world[*frame] = {rotation.normalized(),
                                                   image.cam_from_world.translation};
     clip.reconstruction.frame_names[*frame] = image.name;
+    if (!focal_scale.empty()) clip.reconstruction.focal_scale[*frame] = focal_scale.at(id);
   }
   for (const FrameInfo& frame : frames) {
     if (!clip.image_ids.contains(frame.index)) continue;
@@ -66,10 +68,12 @@ ColmapModel ReplaceInModel(const ColmapModel& model,
   for (const auto& [frame, cam_from_world] : reconstruction.cam_from_world) {
     const ColmapImageId id = clip.image_ids.at(frame);
     const ColmapModelImage& before = model.images.at(id);
-    replaced.images[id] = {cam_from_world, before.camera_id, before.name, {}};
-    replaced.cameras[before.camera_id] =
-        with_camera ? ToColmapCamera(reconstruction.camera, model.cameras.at(before.camera_id))
-                    : model.cameras.at(before.camera_id);
+    const ColmapCamera& camera = model.cameras.at(before.camera_id);
+    const bool own = with_camera && !reconstruction.focal_scale.empty();
+    const std::uint32_t camera_id = own ? id : before.camera_id;
+    replaced.images[id] = {cam_from_world, camera_id, before.name, {}};
+    replaced.cameras[camera_id] =
+        with_camera ? ToColmapCamera(CameraOf(reconstruction, frame), camera) : camera;
   }
   for (const auto& [feature, point] : reconstruction.points) {
     const std::uint64_t id = clip.point_ids.at(feature);

@@ -34,7 +34,9 @@ ModelOfClip ReadModelOfClip(const ColmapModel& model,
 
 // `model` with the poses and points of `reconstruction`, whose frames and features are those of
 // `clip`: ids, names and colours stay; images and points that it lacks are left out. Its camera
-// replaces the model's where `with_camera`, as the same of COLMAP's models if that can hold it. What an image has is where its points are seen.
+// replaces the model's where `with_camera`, as the same of COLMAP's models if that can hold it; where
+// its focal length changes, every image has a camera of its own. What an image has is where its
+// points are seen.
 ColmapModel ReplaceInModel(const ColmapModel& model,
                            const ModelOfClip& clip,
                            const Reconstruction& reconstruction,

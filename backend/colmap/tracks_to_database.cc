@@ -108,12 +108,37 @@ std::set<std::pair<FrameIndex, FrameIndex>> PairFrames(const std::vector<FrameIn
   return pairs;
 }
 
+// The change of pixels from a camera without distortion to one of another focal length:
+// x -> S x, S = diag(scale, scale, 1) about the principal point.
+Eigen::Matrix3d Zoom(const Camera& camera, double scale) {
+  Eigen::Matrix3d zoom = Eigen::Vector3d(scale, scale, 1.0).asDiagonal();
+  zoom.topRightCorner<2, 1>() = (1.0 - scale) * Eigen::Vector2d(camera.cx, camera.cy);
+  return zoom;
+}
+
+// The geometry of two pictures at one focal length -> that of the same at their own:
+// F -> S2^-T F S1^-1, H -> S2 H S1^-1.
+void ZoomPictures(const Eigen::Matrix3d& zoom1,
+                  const Eigen::Matrix3d& zoom2,
+                  TwoViewGeometry& geometry) {
+  const Eigen::Matrix3d back1 = zoom1.inverse();
+  if (geometry.fundamental) {
+    geometry.fundamental = zoom2.inverse().transpose() * *geometry.fundamental * back1;
+  }
+  if (geometry.homography) geometry.homography = zoom2 * *geometry.homography * back1;
+}
+
 ColmapPair ToColmapPair(const FramePairMatches& shared,
                         const KeypointIndex& index1,
                         const KeypointIndex& index2,
                         const Camera& camera,
-                        const TwoViewOptions& options) {
-  const TwoViewGeometry geometry = EstimateTwoViewGeometry(shared.xy1, shared.xy2, camera, options);
+                        const TwoViewOptions& options,
+                        double scale1,
+                        double scale2) {
+  TwoViewGeometry geometry = EstimateTwoViewGeometry(shared.xy1, shared.xy2, camera, options);
+  if (scale1 != 1.0 || scale2 != 1.0) {
+    ZoomPictures(Zoom(camera, scale1), Zoom(camera, scale2), geometry);
+  }
   ColmapPair pair;
   if (geometry.kind != TwoViewKind::kDegenerate) {
     pair.geometry = InColmapPixels(geometry, camera.known);
@@ -178,7 +203,8 @@ std::vector<const Observation*> ColmapKeypoints(const TrackSet& tracks,
 ColmapDatabase BuildColmapDatabase(
     const TrackFile& file,
     const ColmapDatabaseOptions& options,
-    const std::vector<std::pair<FrameIndex, FrameIndex>>& extra_pairs) {
+    const std::vector<std::pair<FrameIndex, FrameIndex>>& extra_pairs,
+    const FocalScales& focal_scale) {
   ValidateOptions(options);
   CheckFrames(file);
   const Camera camera = file.camera.value_or(Camera::Guess(file.width_px, file.height_px));
@@ -189,26 +215,36 @@ ColmapDatabase BuildColmapDatabase(
     keypoints[frame.index] = IndexKeypoints(file, frame.index, options.include_predicted);
     database.images[ColmapImageIdOf(frame.index)] =
         ToColmapImage(file, frame, options.include_predicted);
+    if (focal_scale.empty()) continue;
+    database.camera_of_image[ColmapImageIdOf(frame.index)] =
+        ToColmapCamera(CameraOf(camera, focal_scale, frame.index));
   }
+  const TrackSet tracks = AtOneFocalLength(file.tracks, camera, focal_scale);
   auto frame_pairs = PairFrames(file.frames, options.max_stride);
   frame_pairs.insert(extra_pairs.begin(), extra_pairs.end());
   for (const auto& [frame1, frame2] : frame_pairs) {
-    const FramePairMatches shared =
-        MatchFrames(file.tracks, frame1, frame2, options.include_predicted);
+    const FramePairMatches shared = MatchFrames(tracks, frame1, frame2, options.include_predicted);
     if (shared.features.size() < static_cast<std::size_t>(options.two_view.min_inliers)) continue;
-    database.AddPair(
-        ColmapImageIdOf(frame1),
-        ColmapImageIdOf(frame2),
-        ToColmapPair(shared, keypoints.at(frame1), keypoints.at(frame2), camera, options.two_view));
+    database.AddPair(ColmapImageIdOf(frame1),
+                     ColmapImageIdOf(frame2),
+                     ToColmapPair(shared,
+                                  keypoints.at(frame1),
+                                  keypoints.at(frame2),
+                                  camera,
+                                  options.two_view,
+                                  FocalScaleOf(focal_scale, frame1),
+                                  FocalScaleOf(focal_scale, frame2)));
   }
   return database;
 }
 
 void WriteColmapDatabase(const std::filesystem::path& path,
                          const TrackFile& file,
-                         const ColmapDatabaseOptions& options) {
+                         const ColmapDatabaseOptions& options,
+                         const FocalScales& focal_scale) {
   ValidateOptions(options);
-  WriteColmapDatabase(path, BuildColmapDatabase(WithoutWeakObservations(file, options), options));
+  WriteColmapDatabase(
+      path, BuildColmapDatabase(WithoutWeakObservations(file, options), options, {}, focal_scale));
 }
 
 }  // namespace cohort

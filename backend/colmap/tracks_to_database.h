@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "backend/colmap/database.h"
+#include "backend/scene/focal_scale.h"
 #include "backend/scene/two_view_geometry.h"
 #include "frontend/core/options.h"
 #include "frontend/tracks/track_store.h"
@@ -56,16 +57,19 @@ std::vector<const Observation*> ColmapKeypoints(const TrackSet& tracks,
 // costs three pairs a frame and gives COLMAP what all pairs would. A pair with fewer common tracks
 // than min_inliers is left out. A match that contradicts its pair's geometry is in `matches`, not
 // among the inliers: COLMAP's global mapper trusts those.
-// `extra_pairs` are added to the grid. Throws Error on a frame without a name, a name that occurs
+// `extra_pairs` are added to the grid. Where the focal length changes, every image has a camera of its
+// own, and the geometry of a pair is that of its own two. Throws Error on a frame without a name, a name that occurs
 // twice, or tracks in unlisted frames.
 ColmapDatabase BuildColmapDatabase(
     const TrackFile& file,
     const ColmapDatabaseOptions& options = {},
-    const std::vector<std::pair<FrameIndex, FrameIndex>>& extra_pairs = {});
+    const std::vector<std::pair<FrameIndex, FrameIndex>>& extra_pairs = {},
+    const FocalScales& focal_scale = {});
 
 // Of the tracks WithoutWeakObservations.
 void WriteColmapDatabase(const std::filesystem::path& path,
                          const TrackFile& file,
-                         const ColmapDatabaseOptions& options = {});
+                         const ColmapDatabaseOptions& options = {},
+                         const FocalScales& focal_scale = {});
 
 }  // namespace cohort

@@ -24,9 +24,10 @@ void WriteBal(const std::filesystem::path& path, const Reconstruction& reconstru
   std::size_t point_number = 0;
   for (const auto& [feature, point] : reconstruction.points) {
     for (const PointView& view : point.views) {
+      const Camera of_frame = CameraOf(reconstruction, view.frame);
       const Eigen::Vector2d xy =
           radial ? Eigen::Vector2d(view.xy - Eigen::Vector2d(camera.cx, camera.cy))
-                 : Eigen::Vector2d(camera.fx * camera.Unproject(view.xy));
+                 : Eigen::Vector2d(of_frame.fx * of_frame.Unproject(view.xy));
       fmt::format_to(std::back_inserter(observations),
                      "{} {} {} {}\n",
                      number.at(view.frame),
@@ -55,7 +56,7 @@ void WriteBal(const std::filesystem::path& path, const Reconstruction& reconstru
                                t.x(),
                                t.y(),
                                t.z(),
-                               camera.fx,
+                               CameraOf(reconstruction, frame).fx,
                                radial ? camera.k1 : 0.0,
                                radial ? camera.k2 : 0.0}) {
       fmt::format_to(std::back_inserter(text), "{}\n", value);

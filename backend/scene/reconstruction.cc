@@ -2,6 +2,9 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <optional>
+
 #include "backend/scene/row_poses.h"
 #include "frontend/core/statistics.h"
 
@@ -18,14 +21,30 @@ void ForEachError(Model& reconstruction, const Use& use) {
       const Rigid3 cam_from_world = reconstruction.readout == 0.0
                                         ? reconstruction.cam_from_world.at(view.frame)
                                         : rows.CamFromWorld(view.frame, view.xy);
-      const auto xy = reconstruction.camera.Project(cam_from_world * point.in_world);
+      const Camera camera = CameraOf(reconstruction, view.frame);
+      const auto xy = camera.Project(cam_from_world * point.in_world);
       // Behind the camera there is no projection; such a view is a picture's width wrong.
-      use(point, view, xy ? (*xy - view.xy).norm() : reconstruction.camera.width_px);
+      use(point, view, xy ? (*xy - view.xy).norm() : camera.width_px);
     }
   }
 }
 
 }  // namespace
+
+Camera CameraOf(const Reconstruction& reconstruction, FrameIndex frame) {
+  return CameraOf(reconstruction.camera, reconstruction.focal_scale, frame);
+}
+
+FocalLengths FocalLengthsOf(const Reconstruction& reconstruction) {
+  std::optional<FocalLengths> lengths;
+  for (const auto& [frame, pose] : reconstruction.cam_from_world) {
+    const double fx = CameraOf(reconstruction, frame).fx;
+    if (!lengths) lengths = {fx, fx};
+    lengths->min_px = std::min(lengths->min_px, fx);
+    lengths->max_px = std::max(lengths->max_px, fx);
+  }
+  return lengths.value_or(FocalLengths{reconstruction.camera.fx, reconstruction.camera.fx});
+}
 
 void UpdateReprojectionErrors(Reconstruction& reconstruction) {
   for (auto& [feature, point] : reconstruction.points) point.mean_reprojection_px = 0.0;

@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "backend/scene/focal_scale.h"
 #include "frontend/core/options.h"
 #include "frontend/geometry/camera.h"
 #include "frontend/geometry/rigid3.h"
@@ -27,10 +28,13 @@ struct Point3D {
   double mean_reprojection_px = 0.0;
 };
 
-// Cameras and points of a clip, up to a similarity of the world. One camera takes all frames.
-// Points carry the id of the feature they come from.
+// Cameras and points of a clip, up to a similarity of the world. One camera takes all frames; only
+// its focal length may change. Points carry the id of the feature they come from.
 struct Reconstruction {
   Camera camera;
+  // Zoom and autofocus: by how much a frame's focal length is that of `camera` (CameraOf). Empty, or a
+  // frame that is not in it: 1.
+  FocalScales focal_scale;
   // Rolling shutter: the share of the time between frames from the first row to the last (< 0: from
   // the bottom up; 0: a global one). A frame's pose is its middle row's (RowPoses).
   double readout = 0.0;
@@ -39,6 +43,16 @@ struct Reconstruction {
   std::map<FrameIndex, std::int64_t> timestamps_ns;
   std::map<FeatureId, Point3D> points;
 };
+
+// What to project into a frame with, and what to unproject its positions with.
+Camera CameraOf(const Reconstruction& reconstruction, FrameIndex frame);
+
+// The shortest and the longest fx of the registered frames [px].
+struct FocalLengths {
+  double min_px = 0.0;
+  double max_px = 0.0;
+};
+FocalLengths FocalLengthsOf(const Reconstruction& reconstruction);
 
 // Fills mean_reprojection_px of every point from cameras, points and views.
 void UpdateReprojectionErrors(Reconstruction& reconstruction);

@@ -252,7 +252,7 @@ TrackFile AsGlobalShutter(TrackFile file, const Reconstruction& model) {
     const auto pose = model.cam_from_world.find(o.frame);
     if (pose == model.cam_from_world.end()) continue;
     const auto point = model.points.find(o.feature);
-    o.xy = Corrected(model.camera,
+    o.xy = Corrected(CameraOf(model, o.frame),
                      pose->second,
                      rows.CamFromWorld(o.frame, o.xy),
                      o.xy,

@@ -30,8 +30,8 @@ class RowPoses {
   // height goes.
   Rigid3 CamFromWorld(FrameIndex frame, const Eigen::Vector2d& xy) const;
 
-  // Where the frame shows a point of the world: the xy whose row projects it to xy, by fixed-point
-  // iteration. None behind the camera or where there is no such row.
+  // Where the frame, of that camera, shows a point of the world: the xy whose row projects it to xy,
+  // by fixed-point iteration. None behind the camera or where there is no such row.
   std::optional<Eigen::Vector2d> Project(const Camera& camera,
                                          FrameIndex frame,
                                          const Eigen::Vector3d& in_world) const;

@@ -28,6 +28,7 @@
 #include "tests/support/source_dir.h"
 #include "tests/support/synthetic_tracks.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/zoom.h"
 
 namespace cohort {
 namespace {
@@ -152,6 +153,25 @@ TEST(ColmapMapper, KeepsAKnownFisheye) {
             0.02);
 }
 
+// The focal length doubles over the clip, and is held.
+TEST(ColmapMapper, ReconstructsAZoomThatIsGiven) {
+  const TempDir dir;
+  const SyntheticTracks still = ClipWithOutliers(CameraPath::kArc);
+  ColmapOptions options;
+  options.focal_scale = test::ZoomOf(still.file.frames);
+  const SyntheticTracks scene = test::Zoomed(still, options.focal_scale);
+  const ColmapResult result = ReconstructWithColmap(scene.file, options, dir / "work");
+  const Reconstruction& model = result.reconstruction;
+  EXPECT_EQ(result.summary.registered, 30u) << result.summary.Brief();
+  EXPECT_LT(result.summary.mean_reprojection_px, 1.0);
+  EXPECT_LT(AbsoluteTrajectoryError(model.cam_from_world, scene.cam_from_world), 0.02);
+  for (const auto& [frame, pose] : model.cam_from_world) {
+    EXPECT_NEAR(CameraOf(model, frame).fx,
+                CameraOf(*scene.file.camera, options.focal_scale, frame).fx,
+                1e-6);
+  }
+}
+
 TEST(ColmapMapper, ManagesWithFewTracks) {
   const TempDir dir;
   SyntheticTracksOptions options;
@@ -272,6 +292,16 @@ TEST(ColmapTriangulator, KeepsTheGivenPoses) {
 }
 
 // COLMAP's own tools take the model that we write.
+// Text or binary of a model in a folder beside it, so that it is what COLMAP reads.
+std::string OnlyFilesOf(const std::filesystem::path& model, const std::string& suffix) {
+  const std::filesystem::path folder = model.string() + suffix;
+  std::filesystem::create_directory(folder);
+  for (const char* name : {"cameras", "images", "points3D"}) {
+    std::filesystem::copy_file(model / (name + suffix), folder / (name + suffix));
+  }
+  return folder.string();
+}
+
 TEST(ModelFolder, IsReadByColmap) {
   const TempDir dir;
   const SyntheticTracks scene = ClipWithOutliers(CameraPath::kArc);
@@ -282,18 +312,9 @@ TEST(ModelFolder, IsReadByColmap) {
     mean_of_points_px +=
         point.mean_reprojection_px / static_cast<double>(result.reconstruction.points.size());
   }
-  // Text and binary apart, so that each is what COLMAP reads.
-  const auto only = [&](const char* suffix) {
-    const auto folder = dir / (std::string("only") + suffix);
-    std::filesystem::create_directory(folder);
-    for (const char* name : {"cameras", "images", "points3D"}) {
-      const std::string file = std::string(name) + suffix;
-      std::filesystem::copy_file(dir / "model" / file, folder / file);
-    }
-    return folder.string();
-  };
   ColmapProgram program;
-  for (const std::string& folder : {only(".txt"), only(".bin")}) {
+  for (const char* suffix : {".txt", ".bin"}) {
+    const std::string folder = OnlyFilesOf(dir / "model", suffix);
     const auto log = dir / "analyzer.log";
     std::filesystem::remove(log);
     ASSERT_EQ(program.Run("model_analyzer", {{{"path"}, folder, true}}, log).exit_code, 0);
@@ -309,7 +330,7 @@ TEST(ModelFolder, IsReadByColmap) {
   std::filesystem::create_directory(dir / "ply_out");
   EXPECT_EQ(program
                 .Run("model_converter",
-                     {{{"input_path"}, (dir / "only.txt").string(), true},
+                     {{{"input_path"}, (dir / "model.txt").string(), true},
                       {{"output_path"}, (dir / "ply_out" / "a.ply").string(), true},
                       {{"output_type"}, "PLY", true}},
                      log)
@@ -319,7 +340,7 @@ TEST(ModelFolder, IsReadByColmap) {
   std::filesystem::create_directory(dir / "adjusted");
   EXPECT_EQ(program
                 .Run("bundle_adjuster",
-                     {{{"input_path"}, (dir / "only.bin").string(), true},
+                     {{{"input_path"}, (dir / "model.bin").string(), true},
                       {{"output_path"}, (dir / "adjusted").string(), true},
                       {{"BundleAdjustment.refine_focal_length"}, "0"},
                       {{"BundleAdjustment.refine_extra_params"}, "0"}},
@@ -335,6 +356,48 @@ TEST(ModelFolder, IsReadByColmap) {
 }
 
 // A true model without noise is adjusted by COLMAP and stays: its formulas and order are ours.
+TEST(ModelFolder, OfAZoomIsReadByColmapWithACameraForEveryImage) {
+  const TempDir dir;
+  SyntheticTracksOptions options;
+  options.noise_px = 0.0;
+  options.camera = test::FreiburgCamera();
+  const SyntheticTracks still = MakeSyntheticTracks(options);
+  const FocalScales scales = test::ZoomOf(still.file.frames);
+  Reconstruction model = test::ModelOfTruth(test::Zoomed(still, scales), scales);
+  UpdateReprojectionErrors(model);
+  WriteReconstruction(dir / "model", model);
+  ColmapProgram program;
+  const auto log = dir / "tools.log";
+  for (const char* suffix : {".txt", ".bin"}) {
+    const std::string folder = OnlyFilesOf(dir / "model", suffix);
+    std::filesystem::remove(log);
+    ASSERT_EQ(program.Run("model_analyzer", {{{"path"}, folder, true}}, log).exit_code, 0);
+    EXPECT_THAT(ReadBytes(log), HasSubstr("Cameras: 24"));
+    EXPECT_THAT(ReadBytes(log), HasSubstr("Registered images: 24"));
+    const std::string converted = folder + "_converted";
+    std::filesystem::create_directory(converted);
+    ASSERT_EQ(program
+                  .Run("model_converter",
+                       {{{"input_path"}, folder, true},
+                        {{"output_path"}, converted, true},
+                        {{"output_type"}, "BIN", true}},
+                       log)
+                  .exit_code,
+              0);
+    const Reconstruction read = FromColmapModel(ReadColmapModel(converted));
+    for (const auto& [frame, pose] : model.cam_from_world) {
+      EXPECT_NEAR(CameraOf(read, frame).fx, CameraOf(model, frame).fx, 1e-9);
+    }
+  }
+  // Each image is seen by its own camera: a model without errors stays where it is.
+  const ColmapResult adjusted =
+      AdjustWithColmap(test::Zoomed(still, scales).file, model, {}, dir / "work");
+  EXPECT_LT(adjusted.summary.mean_reprojection_px, 1e-3);
+  EXPECT_EQ(adjusted.reconstruction.focal_scale.size(), 24u);
+  EXPECT_LT(AbsoluteTrajectoryError(adjusted.reconstruction.cam_from_world, still.cam_from_world),
+            1e-4);
+}
+
 TEST(ModelFolder, CamerasOfManyCoefficientsAreWhatColmapTakesThemFor) {
   for (const Camera& camera :
        {test::FreiburgCamera(), test::RationalCamera(), test::FisheyeCamera()}) {

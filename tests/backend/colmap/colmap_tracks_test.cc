@@ -266,6 +266,19 @@ TEST(ColmapModelTracks, CamerasThatAreAlikeAreOneAndOthersAnError) {
       ThrowsMessage<Error>(AllOf(HasSubstr("model"), HasSubstr("image 1.png has another"))));
 }
 
+TEST(ColmapModelTracks, ACameraThatZoomsIsAGuessOfItsMedianFocalLength) {
+  ColmapModel model = Model();
+  const double focal_px = model.cameras.at(3).params[0];
+  for (const auto& [id, scale] : {std::pair{1U, 1.5}, {2U, 1.2}, {3U, 0.8}}) {
+    model.cameras[id] = model.cameras.at(3);
+    for (double& focal : std::span(model.cameras[id].params).first(2)) focal = scale * focal_px;
+    model.images[id].camera_id = id;
+  }
+  const ImportedTracks imported = Tracks(model);
+  EXPECT_EQ(imported.camera->fx, 1.2 * focal_px);
+  EXPECT_FALSE(imported.camera->known);
+}
+
 TEST(ColmapModelTracks, SaysInOneLineWhatIsNotThere) {
   const auto fails = [](const auto& change, const char* why) {
     ColmapModel model = Model();

@@ -15,6 +15,7 @@
 #include "tests/support/cameras.h"
 #include "tests/support/synthetic_tracks.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/zoom.h"
 
 namespace cohort {
 namespace {
@@ -390,6 +391,42 @@ TEST(ColmapDatabase, MatricesAreRowMajorAndActOnColmapPixels) {
       scene.cam_from_world.at(FrameIndex{16}) * scene.cam_from_world.at(FrameIndex{0}).Inverse();
   EXPECT_LT(AngleBetween(Eigen::Quaterniond(q[0], q[1], q[2], q[3]), truth.rotation), 1e-5);
   EXPECT_LT((Eigen::Vector3d(t[0], t[1], t[2]) - truth.translation.normalized()).norm(), 1e-4);
+}
+
+TEST(ColmapDatabase, EveryImageOfAZoomHasItsOwnCameraAndPairsTheirGeometry) {
+  const TempDir dir;
+  SyntheticTracksOptions options;
+  options.noise_px = 0;
+  const SyntheticTracks still = MakeSyntheticTracks(options);
+  const FocalScales scales = test::ZoomOf(still.file.frames);
+  const SyntheticTracks scene = test::Zoomed(still, scales);
+  const ColmapDatabase database = BuildColmapDatabase(scene.file, {}, {}, scales);
+  const ColmapDatabase same = BuildColmapDatabase(still.file);
+  ASSERT_EQ(database.pairs.size(), same.pairs.size());
+  for (const auto& [ids, pair] : database.pairs) {
+    const auto& keypoints1 = database.images.at(ids.first).keypoints;
+    const auto& keypoints2 = database.images.at(ids.second).keypoints;
+    ASSERT_TRUE(pair.geometry && pair.geometry->fundamental);
+    EXPECT_EQ(pair.geometry->inliers.size(), same.pairs.at(ids).geometry->inliers.size());
+    for (const ColmapMatch& match : pair.geometry->inliers) {
+      const Eigen::Vector3d a = keypoints1[match[0]].cast<double>().homogeneous();
+      const Eigen::Vector3d b = keypoints2[match[1]].cast<double>().homogeneous();
+      const Eigen::Vector3d line = *pair.geometry->fundamental * a;
+      EXPECT_LT(std::abs(line.dot(b)) / line.head<2>().norm(), 0.01);
+    }
+  }
+
+  WriteColmapDatabase(dir / "a.db", scene.file, {}, scales);
+  auto db = Open(dir / "a.db");
+  auto select = db.Prepare(
+      "SELECT image_id, params FROM images JOIN cameras USING (camera_id) ORDER BY image_id");
+  std::size_t images = 0;
+  while (select.Step()) {
+    const FrameIndex frame = FrameOfColmapImage(static_cast<ColmapImageId>(select.Int(0)));
+    EXPECT_EQ(As<double>(select.Blob(1))[0], scene.file.camera->fx * scales.at(frame));
+    ++images;
+  }
+  EXPECT_EQ(images, scene.file.frames.size());
 }
 
 TEST(ColmapDatabase, PairsLieOnAChainAndPowersOfTwo) {

@@ -10,6 +10,7 @@
 #include "tests/support/cameras.h"
 #include "tests/support/synthetic_tracks.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/zoom.h"
 
 namespace cohort {
 namespace {
@@ -114,6 +115,52 @@ TEST(ColmapModel, CamerasThatAreAlikeAreOne) {
   EXPECT_EQ(read.points.size(), truth.points.size());
   model.cameras.rbegin()->second.params[0] += 1.0;
   EXPECT_THAT([&] { FromColmapModel(model); }, ThrowsMessage<Error>(HasSubstr("has one for all")));
+}
+
+TEST(ColmapModel, EveryImageOfAZoomHasACameraOfItsOwn) {
+  Camera guess = Camera::Guess(640, 480);
+  guess.k1 = -0.1;
+  for (const SyntheticTracks& scene : {SmallScene(guess),
+                                       SmallScene(test::FreiburgCamera()),
+                                       SmallScene(test::RationalCamera()),
+                                       SmallScene(test::FisheyeCamera())}) {
+    const TempDir dir;
+    Reconstruction truth = TrueReconstruction(scene);
+    truth.focal_scale = test::ZoomOf(scene.file.frames);
+    const ColmapModel model = ToColmapModel(truth);
+    EXPECT_EQ(model.cameras.size(), model.images.size());
+    for (const auto& [id, image] : model.images) EXPECT_EQ(image.camera_id, id);
+    for (const auto format : {ColmapModelFormat::kText, ColmapModelFormat::kBinary}) {
+      const auto folder = dir / (format == ColmapModelFormat::kText ? "txt" : "bin");
+      std::filesystem::create_directory(folder);
+      WriteColmapModel(folder, model, format);
+      const Reconstruction read = FromColmapModel(ReadColmapModel(folder));
+      // Of five frames the third has the median focal length, which is that of the camera here.
+      ExpectSame(read, truth);
+      for (const auto& [frame, pose] : truth.cam_from_world) {
+        const Camera of_frame = CameraOf(truth, frame);
+        EXPECT_NEAR(CameraOf(read, frame).fx, of_frame.fx, 1e-9);
+        EXPECT_NEAR(CameraOf(read, frame).fy, of_frame.fy, 1e-9);
+      }
+    }
+  }
+}
+
+TEST(ColmapModel, CamerasThatDifferInMoreThanTheFocalLengthAreNotOne) {
+  Reconstruction truth = TrueReconstruction(SmallScene(test::FreiburgCamera()));
+  truth.focal_scale[truth.cam_from_world.begin()->first] = 1.5;
+  const auto fails = [&truth](const auto& change) {
+    ColmapModel model = ToColmapModel(truth);
+    EXPECT_FALSE(ShareCamera(model).other);
+    change(model.cameras.rbegin()->second);
+    EXPECT_EQ(ShareCamera(model).other, model.images.rbegin()->first);
+    EXPECT_THAT([&] { FromColmapModel(model); },
+                ThrowsMessage<Error>(HasSubstr("has one for all")));
+  };
+  fails([](ColmapCamera& camera) { camera.params[1] += 1e-3; });  // fy alone
+  fails([](ColmapCamera& camera) { camera.params[2] += 1e-3; });
+  fails([](ColmapCamera& camera) { camera.params.back() += 1e-3; });
+  fails([](ColmapCamera& camera) { camera.width_px += 1; });
 }
 
 TEST(ColmapModel, PointsLieHalfAPixelFurtherThanOurs) {

@@ -102,6 +102,39 @@ TEST(ModelOfClip, ARefinedCameraReplacesAll) {
   EXPECT_EQ(back.cameras.at(3), back.cameras.at(4));
 }
 
+TEST(ModelOfClip, AZoomComesBack) {
+  ColmapModel model = Model();
+  for (auto& [id, image] : model.images) {
+    model.cameras[id] = model.cameras.at(3);
+    for (int axis = 0; axis < 2; ++axis) model.cameras[id].params[axis] *= 0.1 * id;
+    image.camera_id = id;
+  }
+  const ModelOfClip clip = ReadModelOfClip(model, Frames(5), "model");
+  const double focal_px = model.cameras.at(3).params[0];
+  EXPECT_NEAR(CameraOf(clip.reconstruction, FrameIndex{3}).fx, 1.1 * focal_px, 1e-9);
+  EXPECT_NEAR(CameraOf(clip.reconstruction, FrameIndex{0}).fx, 1.3 * focal_px, 1e-9);
+  for (const bool with_camera : {false, true}) {
+    const ColmapModel back = ReplaceInModel(model, clip, clip.reconstruction, with_camera);
+    for (const auto& [id, image] : back.images) {
+      EXPECT_EQ(image.camera_id, id);
+      EXPECT_NEAR(back.cameras.at(id).params[1], 0.1 * id * focal_px, 1e-9);
+    }
+  }
+}
+
+TEST(ModelOfClip, AZoomThatWasFoundGivesEveryImageItsOwnCamera) {
+  const ColmapModel model = Model();
+  const ModelOfClip clip = ReadModelOfClip(model, Frames(5), "model");
+  Reconstruction refined = clip.reconstruction;
+  refined.focal_scale = {{FrameIndex{0}, 1.1}, {FrameIndex{3}, 0.9}};
+  const ColmapModel back = ReplaceInModel(model, clip, refined, true);
+  const double focal_px = model.cameras.at(3).params[0];
+  EXPECT_THAT(back.cameras, ElementsAre(Key(11u), Key(12u), Key(13u)));
+  EXPECT_EQ(back.cameras.at(back.images.at(11).camera_id).params[0], 0.9 * focal_px);
+  EXPECT_EQ(back.cameras.at(back.images.at(12).camera_id).params[0], focal_px);
+  EXPECT_EQ(back.cameras.at(back.images.at(13).camera_id).params[0], 1.1 * focal_px);
+}
+
 TEST(ModelOfClip, IdsOf64BitsComeBack) {
   ColmapModel model = Model();
   const std::uint64_t large = std::uint64_t{1} << 40;

@@ -9,22 +9,10 @@
 #include "tests/support/cameras.h"
 #include "tests/support/synthetic_tracks.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/zoom.h"
 
 namespace cohort {
 namespace {
-
-// The truth of a scene as a model.
-Reconstruction TrueModel(const test::SyntheticTracks& scene) {
-  Reconstruction model;
-  model.camera = *scene.file.camera;
-  model.cam_from_world = scene.cam_from_world;
-  for (const Observation& o : scene.file.tracks.observations()) {
-    Point3D& point = model.points[o.feature];
-    point.in_world = scene.points_in_world.at(o.feature);
-    point.views.push_back({o.frame, o.xy});
-  }
-  return model;
-}
 
 TEST(Bal, ObservationsAreWhereTheFormatProjectsThePoints) {
   const test::TempDir dir;
@@ -40,11 +28,27 @@ TEST(Bal, ObservationsAreWhereTheFormatProjectsThePoints) {
     test::SyntheticTracksOptions options;
     options.noise_px = 0.0;
     options.camera = camera;
-    const Reconstruction model = TrueModel(test::MakeSyntheticTracks(options));
+    const Reconstruction model = test::ModelOfTruth(test::MakeSyntheticTracks(options));
     WriteBal(dir / "problem.txt", model);
     const std::vector<double> errors = test::BalErrors(dir / "problem.txt");
     EXPECT_LT(*std::max_element(errors.begin(), errors.end()), 1e-9);
     EXPECT_GT(errors.size(), 1000u);
+  }
+}
+
+TEST(Bal, EveryCameraOfAZoomHasItsOwnFocalLength) {
+  const test::TempDir dir;
+  Camera radial = test::SyntheticTracksOptions::DefaultCamera();
+  radial.k1 = -0.1;
+  for (const Camera& camera : {radial, test::FisheyeCamera()}) {
+    test::SyntheticTracksOptions options;
+    options.noise_px = 0.0;
+    options.camera = camera;
+    const test::SyntheticTracks scene = test::MakeSyntheticTracks(options);
+    const FocalScales scales = test::ZoomOf(scene.file.frames);
+    WriteBal(dir / "problem.txt", test::ModelOfTruth(test::Zoomed(scene, scales), scales));
+    const std::vector<double> errors = test::BalErrors(dir / "problem.txt");
+    EXPECT_LT(*std::max_element(errors.begin(), errors.end()), 1e-9);
   }
 }
 

@@ -1,0 +1,33 @@
+#include "backend/scene/focal_scale.h"
+
+#include <utility>
+#include <vector>
+
+namespace cohort {
+
+double FocalScaleOf(const FocalScales& scales, FrameIndex frame) {
+  const auto scale = scales.find(frame);
+  return scale != scales.end() ? scale->second : 1.0;
+}
+
+Camera CameraOf(const Camera& camera, const FocalScales& scales, FrameIndex frame) {
+  const double scale = FocalScaleOf(scales, frame);
+  Camera scaled = camera;
+  scaled.fx *= scale;
+  scaled.fy *= scale;
+  return scaled;
+}
+
+TrackSet AtOneFocalLength(const TrackSet& tracks, const Camera& camera, const FocalScales& scales) {
+  if (scales.empty()) return tracks;
+  // Distortion does not depend on the focal length: all positions move towards the principal point,
+  // or away from it.
+  std::vector<Observation> observations(tracks.observations().begin(), tracks.observations().end());
+  const Eigen::Vector2d middle(camera.cx, camera.cy);
+  for (Observation& o : observations) {
+    o.xy = middle + (o.xy - middle) / FocalScaleOf(scales, o.frame);
+  }
+  return TrackSet::Build(std::move(observations), {tracks.ends().begin(), tracks.ends().end()});
+}
+
+}  // namespace cohort
