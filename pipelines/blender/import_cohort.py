@@ -35,8 +35,8 @@ LAST_FRAME = 1048574  # Blender's
 # `distorted`: the pictures have a distortion, which Blender's camera cannot have.
 Camera = namedtuple("Camera", "width height fx fy cx cy distorted")
 # `number`: the frame's in Blender, 1 for the first of the clip. `world_from_blender`: 4x4, of a camera
-# with x right, y up, z back.
-Frame = namedtuple("Frame", "number name world_from_blender")
+# with x right, y up, z back. `zoom`: by how much its focal length is that of the model's camera.
+Frame = namedtuple("Frame", "number name world_from_blender zoom", defaults=(1.0,))
 # Points (N, 3) in the world; colours (N, 3), 0 to 255. `fps` None: unknown. `images`: the folder of
 # the pictures, or None.
 Model = namedtuple("Model", "camera frames points colours fps images")
@@ -81,6 +81,8 @@ def checked(model, path):
         isinstance(frame.number, int) and 0 <= frame.number <= LAST_FRAME for frame in model.frames
     ):
         raise ImportFailed(f"{path} has frames whose numbers Blender does not have")
+    if not all(0 < frame.zoom < math.inf for frame in model.frames):
+        raise ImportFailed(f"{path} has focal lengths that are none")
     poses = [frame.world_from_blender for frame in model.frames]
     numbers = (camera[:6], poses, model.points, model.colours)
     if not all(np.isfinite(np.asarray(values, float)).all() for values in numbers):
@@ -135,16 +137,15 @@ def parse_colmap(folder, trajectory, images):
         cameras[words[0]] = camera_of(words[1], words[2:], folder)
 
     frames = []
-    used = set()
+    used = []
     for line in image_lines(folder):
         words = split_image(line)
         cam_from_world = rigid(*(float(word) for word in words[1:8]))
         frames.append(Frame(int(words[0]), words[9], world_from_blender(cam_from_world)))
-        used.add(cameras[words[8]])
-    if len(used) > 1:
-        raise ImportFailed(f"{folder} has {len(used)} different cameras: cohort's models have one")
+        used.append(cameras[words[8]])
     if not frames:
         raise ImportFailed(f"{folder} has no camera with a pose")
+    camera, frames = with_one_camera(frames, used, folder)
     numbers = numbers_of(folder, {frame.number: frame.name for frame in frames})
     frames = [frame._replace(number=numbers[frame.number]) for frame in frames]
     frames.sort(key=lambda frame: frame.number)
@@ -155,8 +156,25 @@ def parse_colmap(folder, trajectory, images):
     ]
     table = np.array(points, float).reshape(-1, 6)
     return Model(
-        used.pop(), frames, table[:, :3], table[:, 3:], fps_of(trajectory), images
+        camera, frames, table[:, :3], table[:, 3:], fps_of(trajectory), images
     )
+
+
+def with_one_camera(frames, cameras, path):
+    """The camera of the median focal length, and the frames with their zoom against it."""
+    different = set(cameras)
+    if len(different) == 1:
+        return cameras[0], frames
+    camera = sorted(cameras, key=lambda one: one.fx)[len(cameras) // 2]
+    for other in different:
+        same_but_focal = other._replace(fx=camera.fx, fy=camera.fy) == camera
+        if not same_but_focal or not math.isclose(other.fy * camera.fx, other.fx * camera.fy):
+            raise ImportFailed(
+                f"{path} has {len(different)} different cameras: cohort's models have one, of which "
+                "only the focal length may change"
+            )
+    zooms = [other.fx / camera.fx for other in cameras]
+    return camera, [frame._replace(zoom=zoom) for frame, zoom in zip(frames, zooms)]
 
 
 def numbers_of(folder, names):
@@ -230,17 +248,22 @@ def world_from_blender(cam_from_world):
     return np.linalg.inv(cam_from_world) @ np.diag([1.0, -1.0, -1.0, 1.0])
 
 
+def nerfstudio_camera(intrinsics):
+    return Camera(
+        int(intrinsics["w"]),
+        int(intrinsics["h"]),
+        *(float(intrinsics[name]) for name in ("fl_x", "fl_y", "cx", "cy")),
+        distorted=any(intrinsics.get(name, 0) for name in ("k1", "k2", "k3", "k4", "p1", "p2")),
+    )
+
+
 def read_transforms(path):
     """Nerfstudio's file; the points are a PLY of positions and colours."""
     try:
         with open(path, encoding="utf-8") as file:
             scene = json.load(file)
-        camera = Camera(
-            int(scene["w"]),
-            int(scene["h"]),
-            *(float(scene[name]) for name in ("fl_x", "fl_y", "cx", "cy")),
-            distorted=any(scene.get(name, 0) for name in ("k1", "k2", "k3", "k4", "p1", "p2")),
-        )
+        # As Nerfstudio does: what stands beside the frames is of all of them.
+        cameras = [nerfstudio_camera({**frame, **scene}) for frame in scene["frames"]]
         frames = [
             Frame(
                 int(frame.get("colmap_im_id", i + 1)),
@@ -253,6 +276,7 @@ def read_transforms(path):
         raise ImportFailed(f"{path} is no transforms.json with one camera: {error!r}") from error
     if not frames:
         raise ImportFailed(f"{path} has no frames")
+    camera, frames = with_one_camera(frames, cameras, path)
     folder = os.path.dirname(path)
     numbers = numbers_of(folder, {frame.number: frame.name for frame in frames})
     frames = [frame._replace(number=numbers[frame.number]) for frame in frames]
@@ -414,6 +438,7 @@ def load(context, model, point_size):
 
     camera.rotation_mode = "QUATERNION"
     before = None
+    zooms = any(frame.zoom != 1.0 for frame in model.frames)
     for frame in model.frames:
         pose = Matrix(frame.world_from_blender.tolist())
         rotation = pose.to_quaternion()
@@ -424,6 +449,9 @@ def load(context, model, point_size):
         camera.rotation_quaternion = rotation
         camera.keyframe_insert("location", frame=frame.number)
         camera.keyframe_insert("rotation_quaternion", frame=frame.number)
+        if zooms:
+            data.lens = lens.focal_mm * frame.zoom
+            data.keyframe_insert("lens", frame=frame.number)
     scene.frame_set(scene.frame_start)
 
     if len(model.points):

@@ -39,8 +39,9 @@ def blender_pixels(camera, frame, points):
     """Where Blender's camera sees points: its view plane is one wide, at the distance lens / sensor,
     moved by the shifts; a pixel is `aspect` times as tall as it is wide."""
     lens = import_cohort.lens_of(camera)
+    focal_mm = lens.focal_mm * frame.zoom
     x, y, z, _ = np.linalg.inv(frame.world_from_blender) @ np.insert(points, 3, 1.0, axis=1).T
-    plane = lens.focal_mm / import_cohort.SENSOR_WIDTH_MM / -z
+    plane = focal_mm / import_cohort.SENSOR_WIDTH_MM / -z
     return np.stack(
         [
             camera.width * (0.5 + x * plane - lens.shift_x),
@@ -77,6 +78,35 @@ class WrittenByHand(unittest.TestCase):
         self.assertLess(errors.max(), 1e-9)
         self.assertIsNone(model.fps)
         self.assertFalse(model.camera.distorted)
+
+    def test_points_of_a_zoom_are_where_they_were_observed(self):
+        write_by_hand(self.dir, zooms=ZOOMS)
+        model = import_cohort.read(self.dir)
+        zooms = [frame.zoom for frame in model.frames]
+        np.testing.assert_allclose(zooms, np.array([0.8, 1.0, 1.2, 1.5]) / 1.2)
+        self.assertLess(errors_px(model, self.dir).max(), 1e-9)
+        # A lens that is not of the others.
+        path = self.dir / "cameras.txt"
+        path.write_text(path.read_text().replace(" 270.5 ", " 271.5 ", 1))
+        with self.assertRaisesRegex(import_cohort.ImportFailed, "only the focal length may change"):
+            import_cohort.read(self.dir)
+
+    def test_a_transforms_json_has_the_focal_length_of_every_frame(self):
+        frames = [
+            {"file_path": f"images/{i}.jpg", "transform_matrix": np.eye(4).tolist()}
+            | {"w": 640, "h": 480, "fl_x": 500.0 + i, "fl_y": 500.0 + i, "cx": 320.0, "cy": 240.0}
+            for i in range(3)
+        ]
+        path = self.dir / "transforms.json"
+        path.write_text(json.dumps({"k1": 0.0, "frames": frames}))
+        model = import_cohort.read(path)
+        self.assertEqual(model.camera.fx, 501.0)
+        focals = [frame.zoom * model.camera.fx for frame in model.frames]
+        np.testing.assert_allclose(focals, [500.0, 501.0, 502.0])
+        # Nerfstudio takes what is written for all frames.
+        intrinsics = {name: frames[0][name] for name in ("w", "h", "fl_x", "fl_y", "cx", "cy")}
+        path.write_text(json.dumps({**intrinsics, "frames": frames}))
+        self.assertEqual({frame.zoom for frame in import_cohort.read(path).frames}, {1.0})
 
     def test_frames_a_second_are_the_clips(self):
         times = {number: number / 25 for number in (1, 2, 5, 9)}
@@ -209,20 +239,27 @@ class WrittenByHand(unittest.TestCase):
         self.assertEqual((len(faces), len(shown)), (0, 2))
 
 
-def write_by_hand(folder):
+ZOOMS = {1: 0.8, 2: 1.0, 5: 1.2, 9: 1.5}  # of the images
+
+
+def write_by_hand(folder, zooms=None):
     random = np.random.default_rng(1)
     fx, fy, cx, cy = 500.0, 620.0, 270.5, 290.25
     points = random.uniform(-1, 1, (20, 3))
+    cameras = {1: 1.0} if zooms is None else zooms
     images = []
     for number, name in ((9, "9.png"), (1, "1.png"), (2, "2.png"), (5, "5 a b.png")):
         quaternion = random.normal(size=4)
         pose = import_cohort.rigid(*quaternion, *random.uniform(-0.3, 0.3, 2), 5.0)
         x, y, z = pose[:3, :3] @ points.T + pose[:3, 3:]
-        seen = zip(fx * x / z + cx, fy * y / z + cy, range(1, 21))
+        camera = 1 if zooms is None else number
+        zoom = cameras[camera]
+        seen = zip(zoom * fx * x / z + cx, zoom * fy * y / z + cy, range(1, 21))
         numbers = [*quaternion, *pose[:3, 3]]
-        images.append(f"{number} {' '.join(map(repr, map(float, numbers)))} 1 {name}")
+        images.append(f"{number} {' '.join(map(repr, map(float, numbers)))} {camera} {name}")
         images.append(" ".join(f"{float(u)!r} {float(v)!r} {i}" for u, v, i in seen))
-    (folder / "cameras.txt").write_text(f"# a comment\n1 PINHOLE 640 480 {fx} {fy} {cx} {cy}\n")
+    lines = [f"{i} PINHOLE 640 480 {zoom * fx} {zoom * fy} {cx} {cy}\n" for i, zoom in cameras.items()]
+    (folder / "cameras.txt").write_text("# a comment\n" + "".join(lines))
     (folder / "images.txt").write_text("# a comment\n" + "\n".join(images) + "\n")
     (folder / "points3D.txt").write_text(
         "".join(
@@ -375,6 +412,12 @@ class InBlender(unittest.TestCase):
         self.assertEqual(count, 80)
         self.assertLess(largest, 0.01)  # of 32 bits
         self.assertEqual(said["FRAMES"][:2], ["1", "9"])
+
+    def test_a_zoom_turns_the_lens(self):
+        model = self.dir / "model"
+        model.mkdir()
+        write_by_hand(model, zooms=ZOOMS)
+        self.assertLess(float(self.loaded(model)["ERRORS"][2]), 0.01)
 
     def test_a_scene_is_loaded_and_saved(self):
         clip = self.dir / "clip"
