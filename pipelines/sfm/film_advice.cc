@@ -108,16 +108,17 @@ std::optional<double> ParallaxDeg(const Reconstruction& model) {
 
 // How far the observations are from the point of a still world that explains them best, median
 // [px].
-double MisfitOfTrackPx(const std::vector<Ray>& rays, const Reconstruction& model, double distance) {
+double MisfitOfTrackPx(const std::vector<Ray>& rays,
+                       const std::vector<double>& focals_px,
+                       double distance) {
   // Of parallel rays a point far away.
   constexpr double kFar = 1e4;
   const Rigid3 world_from_cam = rays.front().cam_from_world.Inverse();
   const Eigen::Vector3d point = Triangulate(rays).value_or(
       world_from_cam * (kFar * distance * rays.front().n.homogeneous()).eval());
   std::vector<double> errors;
-  for (const Ray& ray : rays) {
-    errors.push_back(RayError(ray, point).value_or(1.0) * 0.5 *
-                     (model.camera.fx + model.camera.fy));
+  for (std::size_t i = 0; i < rays.size(); ++i) {
+    errors.push_back(RayError(rays[i], point).value_or(1.0) * focals_px[i]);
   }
   return Median(std::move(errors));
 }
@@ -132,17 +133,20 @@ std::optional<double> MovingShare(const TrackFile& file, const Reconstruction& m
   std::size_t moving = 0;
   for (const FeatureId feature : file.tracks.features()) {
     std::vector<Ray> rays;
+    std::vector<double> focals_px;  // of each
     for (const Observation& o : file.tracks.Track(feature)) {
       const auto pose = model.cam_from_world.find(o.frame);
       if (!IsObserved(o) || pose == model.cam_from_world.end()) continue;
+      const Camera camera = CameraOf(model, o.frame);
+      focals_px.push_back(0.5 * (camera.fx + camera.fy));
       rays.push_back({model.readout == 0.0 ? pose->second : rows.CamFromWorld(o.frame, o.xy),
-                      model.camera.Unproject(o.xy)});
+                      camera.Unproject(o.xy)});
     }
     if (rays.size() < kLong) continue;
     all += rays.size();
     const auto point = model.points.find(feature);
     if (point != model.points.end() && 2 * point->second.views.size() >= rays.size()) continue;
-    if (MisfitOfTrackPx(rays, model, distance) > moves_px) moving += rays.size();
+    if (MisfitOfTrackPx(rays, focals_px, distance) > moves_px) moving += rays.size();
   }
   if (all == 0) return std::nullopt;
   return static_cast<double>(moving) / static_cast<double>(all);

@@ -96,7 +96,7 @@ bool ModelPredictions::IsMasked(const Eigen::Vector2d& xy) const {
 
 std::optional<Eigen::Vector2d> ModelPredictions::Project(const Eigen::Vector3d& in_world,
                                                          FrameIndex frame) const {
-  return rows_.Project(model_.camera, frame, in_world);
+  return rows_.Project(CameraOf(model_, frame), frame, in_world);
 }
 
 std::optional<Eigen::Matrix2d> ModelPredictions::Warp(FeatureId feature,
@@ -107,6 +107,7 @@ std::optional<Eigen::Matrix2d> ModelPredictions::Warp(FeatureId feature,
   if (!xy) return std::nullopt;
   const Rigid3 cam_from_world = rows_.CamFromWorld(from, *xy);
   const Eigen::Vector3d x = cam_from_world * in_world;
+  const Camera camera = CameraOf(model_, from);
   constexpr double kStepPx = 4.0;
   Eigen::Matrix2d warp;
   for (int axis = 0; axis < 2; ++axis) {
@@ -114,7 +115,7 @@ std::optional<Eigen::Matrix2d> ModelPredictions::Warp(FeatureId feature,
     for (int side = 0; side < 2; ++side) {
       Eigen::Vector2d beside = *xy;
       beside[axis] += side == 0 ? -kStepPx : kStepPx;
-      const Eigen::Vector3d on_patch = x.z() * model_.camera.Unproject(beside).homogeneous();
+      const Eigen::Vector3d on_patch = x.z() * camera.Unproject(beside).homogeneous();
       const auto end = Project(cam_from_world.Inverse() * on_patch, frame);
       if (!end) return std::nullopt;
       ends[side] = *end;

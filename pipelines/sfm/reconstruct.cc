@@ -64,7 +64,7 @@ double Misfit(const TrackSet& tracks, const Reconstruction& model, const Reconst
         continue;
       }
       constexpr double kBound = kMaxReprojectionPx * kMaxReprojectionPx;
-      const auto xy = model.camera.Project(pose->second * point.in_world);
+      const auto xy = CameraOf(model, o.frame).Project(pose->second * point.in_world);
       sum += xy ? std::min((*xy - o.xy).squaredNorm(), kBound) : kBound;
       ++count;
     }
@@ -181,6 +181,7 @@ ReconstructResult ReconstructByColmap(TrackFile file,
   if (options.ceres_start && !file.KnowsCamera() && !by_ceres.summary.Failed()) {
     file.camera = by_ceres.reconstruction.camera;
     options.colmap.hold_guess = true;
+    options.colmap.focal_scale = by_ceres.reconstruction.focal_scale;
   }
   const auto map = [&](const TrackFile& tracks) {
     ReconstructResult mapped = MapOrAdjust(tracks, by_ceres, options, work_folder);
@@ -255,6 +256,7 @@ Reconstruction WithFrames(Reconstruction model, const Json& of_image, const fs::
   // trajectory.tum has its times in the order of the frames.
   std::vector<std::int64_t> times;
   for (const auto& [number, time] : model.timestamps_ns) times.push_back(time);
+  renumber(model.focal_scale);
   renumber(model.cam_from_world);
   renumber(model.frame_names);
   renumber(model.timestamps_ns);

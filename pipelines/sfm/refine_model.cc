@@ -38,8 +38,8 @@ std::vector<FrameInfo> ReadFrames(Sequence& sequence, const StageProgress& progr
   return frames;
 }
 
-// Of the images' one camera.
-const ColmapCamera& CameraOf(const ColmapModel& model) {
+// The images' one camera, or where the focal length changes the first of them.
+const ColmapCamera& FirstCameraOf(const ColmapModel& model) {
   return model.cameras.at(model.images.begin()->second.camera_id);
 }
 
@@ -242,9 +242,9 @@ RefinedModel RefineModel(const ColmapModel& model,
   now.camera.row_order = sequence.SensorRows();
   now.camera.known =
       options.intrinsics == IntrinsicsMode::kKeep ||
-      (options.intrinsics == IntrinsicsMode::kAuto && !IsFoundByColmap(CameraOf(model).model));
+      (options.intrinsics == IntrinsicsMode::kAuto && !IsFoundByColmap(FirstCameraOf(model).model));
   MapperOptions ceres = options.ceres;
-  if (CameraOf(model).model == ColmapCameraModel::kSimplePinhole) ceres.refine_radial = false;
+  if (FirstCameraOf(model).model == ColmapCameraModel::kSimplePinhole) ceres.refine_radial = false;
   MapperOptions with_covariances = ceres;
   ceres.covariances = false;
   refined.file = clip.file;
@@ -284,7 +284,8 @@ RefinedModel RefineModel(const ColmapModel& model,
   refined.model =
       ReplaceInModel(model, clip, refined.adjusted.reconstruction, refined.camera_refined);
   refined.file.camera = refined.adjusted.reconstruction.camera;
-  refined.file.camera->known = true;  // its poses fit no other
+  // Its poses fit no other. Of one whose focal length changes, tracks have the first guess alone.
+  refined.file.camera->known = refined.adjusted.reconstruction.focal_scale.empty();
   return refined;
 }
 

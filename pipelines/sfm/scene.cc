@@ -226,6 +226,42 @@ cv::Mat UndistortionMap(const Camera& from, const Camera& to) {
   return map;
 }
 
+bool IsSamePinhole(const Camera& from, const Camera& to) {
+  return !from.HasDistortion() && from.fx == to.fx && from.fy == to.fy && from.cx == to.cx &&
+         from.cy == to.cy;
+}
+
+// Undistorts the pictures of one camera; while its focal length stays, by the same map.
+class Undistorter {
+ public:
+  cv::Mat Undistort(const cv::Mat& picture, const Camera& from, const Camera& to) {
+    if (fx_ != from.fx) {
+      fx_ = from.fx;
+      map_ = IsSamePinhole(from, to) ? cv::Mat() : UndistortionMap(from, to);
+    }
+    if (map_.empty()) return picture;
+    cv::Mat undistorted;
+    cv::remap(picture, undistorted, map_, {}, cv::INTER_CUBIC, cv::BORDER_REPLICATE);
+    return undistorted;
+  }
+
+ private:
+  std::optional<double> fx_;  // that the map is of
+  cv::Mat map_;
+};
+
+// By how much the focal length of a picture's undistorted camera is that of `undistorted`.
+FocalScales UndistortedScales(const Reconstruction& model,
+                              const Camera& undistorted,
+                              const std::vector<FrameIndex>& images) {
+  FocalScales scales;
+  if (model.focal_scale.empty()) return scales;
+  for (const FrameIndex frame : images) {
+    scales[frame] = UndistortedCamera(CameraOf(model, frame)).fx / undistorted.fx;
+  }
+  return scales;
+}
+
 // Viewers cut off what is nearer than a fixed distance: the median of the distances from which
 // points are seen becomes ten.
 double ScaleOf(const Reconstruction& model) {
@@ -255,6 +291,7 @@ Reconstruction SceneModel(const Reconstruction& model, const SceneFigures& figur
   const Rigid3 model_from_scene = figures.scene_from_model.Inverse();
   Reconstruction scene;
   scene.camera = figures.camera;
+  scene.focal_scale = figures.focal_scale;
   for (const FrameIndex frame : figures.images) {
     Rigid3& cam_from_scene = scene.cam_from_world[frame];
     cam_from_scene = model.cam_from_world.at(frame) * model_from_scene;
@@ -267,16 +304,16 @@ Reconstruction SceneModel(const Reconstruction& model, const SceneFigures& figur
     for (const PointView& view : point.views) {
       const auto pose = scene.cam_from_world.find(view.frame);
       if (pose == scene.cam_from_world.end()) continue;
+      const Camera camera = CameraOf(model, view.frame);
       Eigen::Vector2d xy = view.xy;
       if (model.readout != 0.0) {  // as a global shutter would have seen it
-        const auto of_row = rows.Project(model.camera, view.frame, point.in_world);
-        const auto of_middle =
-            model.camera.Project(model.cam_from_world.at(view.frame) * point.in_world);
+        const auto of_row = rows.Project(camera, view.frame, point.in_world);
+        const auto of_middle = camera.Project(model.cam_from_world.at(view.frame) * point.in_world);
         if (!of_row || !of_middle) continue;
         xy += *of_middle - *of_row;
       }
       const auto undistorted =
-          scene.camera.Project(model.camera.Unproject(xy).homogeneous().eval());
+          CameraOf(scene, view.frame).Project(camera.Unproject(xy).homogeneous().eval());
       if (undistorted && scene.camera.Contains(*undistorted)) {
         in_scene.views.push_back({view.frame, *undistorted});
       }
@@ -317,10 +354,21 @@ Eigen::Matrix4d MatrixOf(const Rigid3& motion) {
   return matrix;
 }
 
-// Nerfstudio's: world_from_camera in OpenGL's axes (x right, y up, z back); pixels have their
-// centre at .5, as COLMAP's.
+// Pixels have their centre at .5, as COLMAP's.
+Json IntrinsicsJson(const Camera& c) {
+  return {{"w", c.width_px},
+          {"h", c.height_px},
+          {"fl_x", c.fx},
+          {"fl_y", c.fy},
+          {"cx", c.cx + kColmapPixelShift},
+          {"cy", c.cy + kColmapPixelShift}};
+}
+
+// Nerfstudio's: world_from_camera in OpenGL's axes (x right, y up, z back). Where the focal length
+// changes, every frame has its own intrinsics, and no others stand beside them: Nerfstudio would take
+// those.
 Json TransformsJson(const Reconstruction& scene, const SceneFigures& figures) {
-  const Camera& c = scene.camera;
+  const bool zooms = !scene.focal_scale.empty();
   Json frames = Json::array();
   for (const auto& [frame, cam_from_world] : scene.cam_from_world) {
     Eigen::Matrix4d world_from_camera = MatrixOf(cam_from_world.Inverse());
@@ -328,22 +376,19 @@ Json TransformsJson(const Reconstruction& scene, const SceneFigures& figures) {
     frames.push_back({{"file_path", "images/" + ImageName(frame)},
                       {"transform_matrix", MatrixToJson(world_from_camera)},
                       {"colmap_im_id", ColmapImageIdOf(frame)}});
+    if (zooms) frames.back().update(IntrinsicsJson(CameraOf(scene, frame)));
   }
-  return {{"camera_model", "PINHOLE"},
-          {"w", c.width_px},
-          {"h", c.height_px},
-          {"fl_x", c.fx},
-          {"fl_y", c.fy},
-          {"cx", c.cx + kColmapPixelShift},
-          {"cy", c.cy + kColmapPixelShift},
-          {"k1", 0.0},
-          {"k2", 0.0},
-          {"p1", 0.0},
-          {"p2", 0.0},
-          {"ply_file_path", "sparse_pc.ply"},
-          {"applied_transform",
-           MatrixToJson(figures.scale * MatrixOf(figures.scene_from_model).topRows<3>())},
-          {"frames", frames}};
+  Json json{{"camera_model", "PINHOLE"}};
+  if (!zooms) json.update(IntrinsicsJson(scene.camera));
+  json.update({{"k1", 0.0},
+               {"k2", 0.0},
+               {"p1", 0.0},
+               {"p2", 0.0},
+               {"ply_file_path", "sparse_pc.ply"},
+               {"applied_transform",
+                MatrixToJson(figures.scale * MatrixOf(figures.scene_from_model).topRows<3>())},
+               {"frames", frames}});
+  return json;
 }
 
 void WriteImages(const TrackFile& file,
@@ -354,21 +399,15 @@ void WriteImages(const TrackFile& file,
                  const fs::path& folder,
                  const StageProgress& progress) {
   OutputFolder out(folder, IsImageName);
-  const Camera& from = model.camera;
-  const bool is_pinhole = !from.HasDistortion() && from.fx == figures.camera.fx &&
-                          from.fy == figures.camera.fy && from.cx == figures.camera.cx &&
-                          from.cy == figures.camera.cy;
-  const cv::Mat map = is_pinhole ? cv::Mat() : UndistortionMap(from, figures.camera);
+  Undistorter undistorter;
   const cv::Mat table = figures.tone ? TableOf(*figures.tone) : cv::Mat();
   const std::set<FrameIndex> chosen(figures.images.begin(), figures.images.end());
   ForEachFrameOf(file, sequence, "write pictures", progress, [&](const Frame& frame) {
     if (!chosen.contains(frame.index)) return;
-    cv::Mat picture = BgrOf(frame);
-    if (!map.empty()) {
-      cv::Mat undistorted;
-      cv::remap(picture, undistorted, map, {}, cv::INTER_CUBIC, cv::BORDER_REPLICATE);
-      picture = undistorted;
-    }
+    cv::Mat picture =
+        undistorter.Undistort(BgrOf(frame),
+                              CameraOf(model, frame.index),
+                              CameraOf(figures.camera, figures.focal_scale, frame.index));
     if (!table.empty()) {
       cv::Mat bright;
       cv::LUT(picture, table, bright);
@@ -529,6 +568,7 @@ SceneFigures WriteScene(const TrackFile& file,
   SceneFigures figures;
   figures.images = ChooseImages(survey.candidates, options);
   figures.camera = UndistortedCamera(model.camera);
+  figures.focal_scale = UndistortedScales(model, figures.camera, figures.images);
   figures.scene_from_model = SceneFromModel(model);
   figures.scale = ScaleOf(model);
   figures.brightness = survey.brightness;

@@ -96,6 +96,7 @@ struct SceneFigures {
   std::vector<FrameIndex> images;
   std::size_t points = 0;
   Camera camera;
+  FocalScales focal_scale;  // of the pictures, where the model's focal length changes
   Rigid3 scene_from_model;  // times `scale`
   double scale = 1.0;
   std::optional<ToneCurve> tone;

@@ -174,8 +174,9 @@ std::vector<double> DistancesBetween(const Reconstruction& before, const Reconst
     if (old_point == before.points.end()) continue;
     for (const auto& [frame, cam_from_world] : now.cam_from_world) {
       if (!before.cam_from_world.contains(frame)) continue;
-      const auto xy = now_rows.Project(now.camera, frame, point.in_world);
-      const auto old_xy = before_rows.Project(before.camera, frame, old_point->second.in_world);
+      const auto xy = now_rows.Project(CameraOf(now, frame), frame, point.in_world);
+      const auto old_xy =
+          before_rows.Project(CameraOf(before, frame), frame, old_point->second.in_world);
       if (!xy || !old_xy || !now.camera.Contains(*xy)) continue;
       distances_px.push_back((*xy - *old_xy).norm());
     }
@@ -338,10 +339,11 @@ bool MovesOtherwise(std::span<const Observation> track,
   std::vector<Ray> rays;
   for (const Observation& o : track) {
     if (!IsObserved(o) || !model.cam_from_world.contains(o.frame)) continue;
-    rays.push_back({rows.CamFromWorld(o.frame, o.xy), model.camera.Unproject(o.xy)});
+    rays.push_back({rows.CamFromWorld(o.frame, o.xy), CameraOf(model, o.frame).Unproject(o.xy)});
   }
   if (rays.size() < kLeastRays) return false;
-  const double max_error = max_error_px / model.camera.fx;
+  // At the shortest focal length the most: a zoom makes no point move.
+  const double max_error = max_error_px / FocalLengthsOf(model).min_px;
   const std::size_t half = rays.size() / 2;
   if (TriangulateRobustly(rays, max_error, half)) return false;
   const Ray& middle = rays[half];

@@ -80,6 +80,13 @@ Json ShutterToJson(const Reconstruction& reconstruction) {
           {"row_order", NameOf(kRowOrderNames, reconstruction.camera.row_order)}};
 }
 
+// The shortest and the longest, where the focal length changes.
+void AddFocalLengths(const Reconstruction& reconstruction, Json& json) {
+  if (reconstruction.focal_scale.empty()) return;
+  const FocalLengths lengths = FocalLengthsOf(reconstruction);
+  json["focal_lengths_px"] = {{"min", lengths.min_px}, {"max", lengths.max_px}};
+}
+
 }  // namespace
 
 std::string RangeOf(const std::vector<FrameInfo>& frames) {
@@ -133,6 +140,7 @@ Json SummaryOfPart(const Reconstruction& part, const std::vector<FrameInfo>& fra
   json.erase("seconds");  // of all parts together
   json.update(ShutterToJson(part));
   json["camera"] = CameraToJson(part.camera);
+  AddFocalLengths(part, json);
   return json;
 }
 
@@ -142,6 +150,7 @@ Json SummaryToJson(const ReconstructResult& result,
   Json summary{{"backend", NameOf(kBackendNames, options.backend)}};
   summary.update(SummaryToJson(result.summary, frames));
   summary.update(ShutterToJson(result.reconstruction));
+  AddFocalLengths(result.reconstruction, summary);
   summary["options"] = ToJson(options);
   summary["quality"] = NameOf(kModelQualityNames, result.summary.Quality());
   summary["reasons"] = DoubtsToJson(result.summary.reasons);

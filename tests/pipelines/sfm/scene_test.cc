@@ -6,10 +6,17 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <nlohmann/json.hpp>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
 #include <string>
 #include <vector>
 
+#include "backend/colmap/model_io.h"
+#include "pipelines/json/json_file.h"
 #include "pipelines/sfm/film_advice.h"
+#include "tests/support/picture_clip.h"
+#include "tests/support/temp_dir.h"
 
 namespace cohort {
 namespace {
@@ -147,9 +154,13 @@ constexpr int kPoints = 150;
 
 Camera Pinhole() { return Lens(0.0); }
 
-Reconstruction Walk(double step, int frames = kFrames) {
+Reconstruction Walk(double step,
+                    int frames = kFrames,
+                    const Camera& camera = Pinhole(),
+                    const FocalScales& scales = {}) {
   Reconstruction model;
-  model.camera = Pinhole();
+  model.camera = camera;
+  model.focal_scale = scales;
   for (int f = 0; f < frames; ++f) {
     model.cam_from_world[FrameIndex(f)].translation = Eigen::Vector3d(-step * f, 0.0, 0.0);
   }
@@ -158,7 +169,8 @@ Reconstruction Walk(double step, int frames = kFrames) {
     const int row = i / 15;
     point.in_world = Eigen::Vector3d(0.25 * (i % 15) - 1.0, 0.3 * row - 1.5, 10.0 + i % 3);
     for (const auto& [frame, cam_from_world] : model.cam_from_world) {
-      point.views.push_back({frame, *model.camera.Project(cam_from_world * point.in_world)});
+      point.views.push_back(
+          {frame, *CameraOf(model, frame).Project(cam_from_world * point.in_world)});
     }
   }
   return model;
@@ -198,6 +210,69 @@ TEST(FilmAdvice, SaysNothingOfAGoodClip) {
   Reconstruction model = Walk(0.1);
   const TrackFile file = Clip(model);
   EXPECT_THAT(Advice(file, model, kDaylight), IsEmpty());
+}
+
+// A zoom that begins in the middle of the clip.
+FocalScales LateZoom() {
+  FocalScales scales;
+  for (int f = 0; f < kFrames; ++f) scales[FrameIndex(f)] = 1.0 + 0.02 * std::max(0, f - 9);
+  return scales;
+}
+
+TEST(FilmAdvice, SaysNothingOfAZoom) {
+  Reconstruction model = Walk(0.1, kFrames, Pinhole(), LateZoom());
+  const TrackFile file = Clip(model);
+  EXPECT_THAT(Advice(file, model, kDaylight), IsEmpty());
+  const FilmedClip clip{file, model, "", kDaylight};
+  for (auto& [feature, point] : model.points) point.views.clear();
+  EXPECT_EQ(MeasureClip(clip).moving_share, 0.0) << "by their tracks alone";
+}
+
+// Every point is a disc in pictures of a lens with distortion, of which each must be undistorted to a
+// pinhole of its own.
+TEST(WriteScene, EveryPictureOfAZoomHasItsOwnPinhole) {
+  const test::TempDir dir;
+  Reconstruction model = Walk(0.1, kFrames, Lens(-0.2), LateZoom());
+  const TrackFile file = Clip(model);
+  test::Pictures pictures;
+  for (int f = 0; f < kFrames; ++f) {
+    cv::Mat& picture = pictures.emplace_back(480, 640, CV_8UC1, cv::Scalar(40));
+    for (const Observation* o : file.tracks.InFrame(FrameIndex(f))) {
+      const cv::Point at(cvRound(16.0 * o->xy.x()), cvRound(16.0 * o->xy.y()));
+      cv::circle(picture, at, 3 * 16, cv::Scalar(250), cv::FILLED, cv::LINE_AA, 4);
+    }
+  }
+  test::PictureClip clip(pictures);
+  WriteScene(file, model, clip, {.min_motion = 0.0}, dir.path());
+
+  const Reconstruction scene = FromColmapModel(ReadColmapModel(dir / "sparse/0"));
+  ASSERT_THAT(scene.cam_from_world, SizeIs(kFrames));
+  for (const auto& [frame, pose] : scene.cam_from_world) {
+    const Camera expected = UndistortedCamera(CameraOf(model, frame));
+    EXPECT_NEAR(CameraOf(scene, frame).fx, expected.fx, 1e-9);
+    EXPECT_EQ(CameraOf(scene, frame).cx, expected.cx);
+  }
+  EXPECT_GT(CameraOf(scene, FrameIndex{19}).fx, 1.1 * CameraOf(scene, FrameIndex{0}).fx);
+  std::map<FrameIndex, cv::Mat> written;
+  for (const auto& [feature, point] : scene.points) {
+    for (const PointView& view : point.views) {
+      const auto xy =
+          CameraOf(scene, view.frame).Project(scene.cam_from_world.at(view.frame) * point.in_world);
+      EXPECT_LT((view.xy - *xy).norm(), 1e-4);
+      cv::Mat& picture = written[view.frame];
+      const auto name = fmt::format("images/scene_{:06}.jpg", ToInt(view.frame));
+      if (picture.empty()) picture = cv::imread(dir / name, cv::IMREAD_GRAYSCALE);
+      EXPECT_GT(picture.at<std::uint8_t>(cvRound(xy->y()), cvRound(xy->x())), 150) << name;
+    }
+  }
+
+  const nlohmann::json transforms = ReadJsonFile(dir / "transforms.json");
+  EXPECT_FALSE(transforms.contains("fl_x")) << "Nerfstudio would use it for all frames";
+  for (const auto& frame : transforms["frames"]) {
+    const FrameIndex index = FrameOfColmapImage(frame["colmap_im_id"].get<ColmapImageId>());
+    EXPECT_NEAR(frame["fl_x"].get<double>(), CameraOf(scene, index).fx, 1e-9);
+    EXPECT_EQ(frame["cx"].get<double>(), 320.0);
+  }
 }
 
 TEST(FilmAdvice, NamesTheFramesWithoutAPoseAndThoseThatLostMost) {

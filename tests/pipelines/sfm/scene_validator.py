@@ -3,11 +3,11 @@
 
   scene_validator.py SCENE        exit 0 and a line of figures, or exit 1 and a line for each fault
 
-- sparse/0 as Inria's 3D Gaussian Splatting and gsplat read it: cameras, images and points3D .bin, one PINHOLE camera,
-  its principal point in the middle (Inria's takes no other), images by name in images/, of the camera's size, names in
-  the order of ids; true colours of points; the .txt files say the same.
-- transforms.json as Nerfstudio reads it: the same pictures, cameras (OpenGL's axes) and intrinsics; the points of its
-  PLY file are those of sparse/0.
+- sparse/0 as Inria's 3D Gaussian Splatting and gsplat read it: cameras, images and points3D .bin, one PINHOLE camera or
+  one for every image, principal points in the middle (Inria's takes no other), images by name in images/, of the
+  camera's size, names in the order of ids; true colours of points; the .txt files say the same.
+- transforms.json as Nerfstudio reads it: the same pictures, cameras (OpenGL's axes) and intrinsics, of all frames or of
+  each; the points of its PLY file are those of sparse/0.
 - What both say is a scene: rotations are rotations, points lie before the cameras that see them, near their pixel.
 """
 import json
@@ -86,18 +86,22 @@ def jpeg_size(path):
 
 def check_sparse(scene, faults):
     cameras, images, points = read_binary(scene / 'sparse/0')
-    if len(cameras) != 1 or len(images) < 2 or len(points) < 10:
+    if len(cameras) not in (1, len(images)) or len(images) < 2 or len(points) < 10:
         faults.append(f'{len(cameras)} cameras, {len(images)} images, {len(points)} points are no scene')
         return cameras, images, points
-    (width, height, fx, fy, cx, cy), = cameras.values()
-    if abs(cx - width / 2) > 1e-6 or abs(cy - height / 2) > 1e-6:
-        faults.append(f'the principal point {cx}, {cy} is not the middle of {width}x{height}')
+    for width, height, _, _, cx, cy in cameras.values():
+        if abs(cx - width / 2) > 1e-6 or abs(cy - height / 2) > 1e-6:
+            faults.append(f'the principal point {cx}, {cy} is not the middle of {width}x{height}')
     if [images[i][0] for i in sorted(images)] != sorted(image[0] for image in images.values()):
         faults.append('names are not in the order of ids')
     if {p.name for p in (scene / 'images').iterdir()} != {image[0] for image in images.values()}:
         faults.append('images/ has other files than images.bin names')
     errors = []
     for number, (name, camera, R, t, xy, ids) in images.items():
+        if camera not in cameras:
+            faults.append(f'{name} has camera {camera}, which is not there')
+            continue
+        width, height, fx, fy, cx, cy = cameras[camera]
         path = scene / 'images' / name
         if not path.exists():
             faults.append(f'images/{name} is missing')
@@ -105,8 +109,6 @@ def check_sparse(scene, faults):
             faults.append(f'images/{name} has another size than the camera')
         if not np.allclose(R @ R.T, np.eye(3), atol=1e-9) or abs(np.linalg.det(R) - 1) > 1e-9:
             faults.append(f'{name} has no rotation')
-        if camera not in cameras:
-            faults.append(f'{name} has camera {camera}, which is not there')
         seen = [(p, pixel) for p, pixel in zip(ids, xy) if p != -1]
         if any(p not in points for p, _ in seen):
             faults.append(f'{name} sees a point that is not there')
@@ -146,11 +148,15 @@ def read_ply(path):
 
 def check_transforms(scene, cameras, images, points, faults):
     meta = json.loads((scene / 'transforms.json').read_text())
-    (width, height, fx, fy, cx, cy), = cameras.values()
-    told = [meta[key] for key in ('w', 'h', 'fl_x', 'fl_y', 'cx', 'cy')]
-    if not np.allclose(told, [width, height, fx, fy, cx, cy], atol=1e-9) or meta['camera_model'] != 'PINHOLE' or \
-            any(meta[key] != 0 for key in ('k1', 'k2', 'p1', 'p2')):
-        faults.append('transforms.json has another camera than sparse/0')
+    if meta['camera_model'] != 'PINHOLE' or any(meta[key] != 0 for key in ('k1', 'k2', 'p1', 'p2')):
+        faults.append('transforms.json has another camera model than sparse/0')
+    of_image = {image[0]: cameras[image[1]] for image in images.values()}
+    for frame in meta['frames']:
+        # What stands beside the frames is of all of them.
+        told = [{**frame, **meta}[key] for key in ('w', 'h', 'fl_x', 'fl_y', 'cx', 'cy')]
+        if not np.allclose(told, of_image.get(pathlib.Path(frame['file_path']).name, told), atol=1e-9):
+            faults.append(f"{frame['file_path']} has another camera in transforms.json than in sparse/0")
+            break
     frames = {pathlib.Path(frame['file_path']).name: np.array(frame['transform_matrix']) for frame in meta['frames']}
     if any(not (scene / frame['file_path']).exists() for frame in meta['frames']):
         faults.append('transforms.json names pictures that are not there')

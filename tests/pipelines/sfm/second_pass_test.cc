@@ -2,8 +2,14 @@
 
 #include <gtest/gtest.h>
 
+#include <opencv2/imgproc.hpp>
+#include <utility>
+#include <vector>
+
+#include "frontend/core/statistics.h"
 #include "tests/support/plane_clip.h"
 #include "tests/support/synthetic_tracks.h"
+#include "tests/support/zoom.h"
 
 namespace cohort {
 namespace {
@@ -39,6 +45,14 @@ TEST_F(MovingPast, PointsOfTheSceneDoNot) {
   for (const FeatureId feature : scene_.file.tracks.features()) {
     EXPECT_FALSE(MovesOtherwise(scene_.file.tracks.Track(feature), model_, kMaxErrorPx))
         << ToInt(feature);
+  }
+}
+
+TEST_F(MovingPast, NorDoTheyInAZoom) {
+  model_.focal_scale = test::ZoomOf(scene_.file.frames);
+  const TrackSet tracks = test::Zoomed(scene_, model_.focal_scale).file.tracks;
+  for (const FeatureId feature : tracks.features()) {
+    EXPECT_FALSE(MovesOtherwise(tracks.Track(feature), model_, kMaxErrorPx)) << ToInt(feature);
   }
 }
 
@@ -148,6 +162,40 @@ TEST_F(SecondPassOfPlanes, WhatIsNotFoundAgainStaysAsItWas) {
   const auto after = second.file.tracks.Track(wrong);
   ASSERT_EQ(after.size(), before.size());
   for (std::size_t i = 0; i < after.size(); ++i) EXPECT_EQ(after[i].xy, before[i].xy);
+}
+
+// Pictures that grow by a third: templates are taken, and looked for, with the frame's own camera.
+TEST_F(SecondPassOfPlanes, FindsTheFeaturesOfAZoom) {
+  std::vector<Observation> observations(file_.tracks.observations().begin(),
+                                        file_.tracks.observations().end());
+  const Eigen::Vector2d middle(model_.camera.cx, model_.camera.cy);
+  for (int i = 0; i < kFrames; ++i) {
+    const double scale = 1.0 + 0.03 * i;
+    model_.focal_scale[FrameIndex(i)] = scale;
+    const Eigen::Vector2d shift = (1.0 - scale) * middle;
+    const cv::Mat zoom = (cv::Mat_<double>(2, 3) << scale, 0.0, shift.x(), 0.0, scale, shift.y());
+    cv::Mat zoomed;
+    cv::warpAffine(clip_.Picture(i), zoomed, zoom, clip_.Picture(i).size(), cv::INTER_CUBIC);
+    clip_.Picture(i) = zoomed;
+  }
+  for (Observation& o : observations) {
+    o.xy = middle + model_.focal_scale.at(o.frame) * (o.xy - middle);
+  }
+  file_.tracks = TrackSet::Build(std::move(observations));
+  const SecondPass second = MeasureAgain(file_, model_, clip_, {}, {});
+  EXPECT_GE(second.figures.replaced, 20u) << second.figures.Brief();
+  EXPECT_LE(second.figures.left, 2u) << second.figures.Brief();
+  std::vector<double> errors_px;
+  for (const Observation& o : second.file.tracks.observations()) {
+    if (!IsObserved(o) || !o.covariance) continue;
+    const auto by_model =
+        CameraOf(model_, o.frame)
+            .Project(model_.cam_from_world.at(o.frame) * model_.points.at(o.feature).in_world);
+    errors_px.push_back((o.xy - *by_model).norm());
+  }
+  // Patches at the rim of a plane go with what moves in front.
+  EXPECT_LT(Quantile(errors_px, 0.8), 0.5);
+  EXPECT_GT(errors_px.size(), 250u);
 }
 
 TEST_F(SecondPassOfPlanes, MeasuresNothingBehindTheMask) {
