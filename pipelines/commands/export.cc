@@ -38,7 +38,9 @@ void CheckHoldsNoDescriptors(const std::string& database) {
       images);
 }
 
-void ExportColmapDatabase(const TrackFile& file, const ExportCommandOptions& options) {
+void ExportColmapDatabase(TrackFile file,
+                          const ExportCommandOptions& options,
+                          const std::optional<Reconstruction>& model) {
   fs::path images = file.image_root;
   const bool from_files = !file.image_root.empty() || !file.source.empty();
   if (file.image_root.empty() && from_files && options.write_frames) {
@@ -47,7 +49,14 @@ void ExportColmapDatabase(const TrackFile& file, const ExportCommandOptions& opt
     images += "_images";
     WriteVideoFrames(file, images, ProgressBars());
   }
-  WriteColmapDatabase(options.colmap_database, file, options.database);
+  FocalScales focal_scale;
+  if (model && !model->focal_scale.empty()) {
+    focal_scale = model->focal_scale;
+    Camera camera = model->camera;  // which the scales are of
+    camera.known = file.KnowsCamera();
+    file.camera = camera;
+  }
+  WriteColmapDatabase(options.colmap_database, file, options.database, focal_scale);
   const std::string with =
       images.empty() ? "" : fmt::format(" with --image_path {}", images.string());
   PrintLine("{}: for COLMAP{}", options.colmap_database, with);
@@ -101,7 +110,7 @@ void RunExport(const ExportCommandOptions& options) {
                      options.bal});
   const TrackFile file = TracksToExport(std::move(read), options, model);
   if (model && options.global_shutter) MoveViewsToTracks(file.tracks, 0.0, *model);
-  if (!options.colmap_database.empty()) ExportColmapDatabase(file, options);
+  if (!options.colmap_database.empty()) ExportColmapDatabase(file, options, model);
   if (!options.csv.empty()) {
     WriteTracksCsv(options.csv, file.tracks);
     PrintLine("{}: {} rows", options.csv, file.tracks.observations().size());

@@ -83,6 +83,18 @@ py::array_t<double> PosesOf(const Reconstruction& model) {
   return array;
 }
 
+py::array_t<double> IntrinsicsOf(const Reconstruction& model) {
+  py::array_t<double> array(
+      {static_cast<py::ssize_t>(model.cam_from_world.size()), static_cast<py::ssize_t>(4)});
+  double* at = array.mutable_data();
+  for (const auto& [frame, cam_from_world] : model.cam_from_world) {
+    const Camera camera = CameraOf(model, frame);
+    Eigen::Map<Eigen::Vector4d>{at} = Eigen::Vector4d(camera.fx, camera.fy, camera.cx, camera.cy);
+    at += 4;
+  }
+  return array;
+}
+
 py::array_t<double> PointsOf(const Reconstruction& model) {
   py::array_t<double> array(
       {static_cast<py::ssize_t>(model.points.size()), static_cast<py::ssize_t>(3)});

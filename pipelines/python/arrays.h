@@ -36,8 +36,9 @@ pybind11::array_t<ObservationRow> ToArray(const TrackSet& tracks);
 // Throws Error naming the row that is no observation.
 TrackSet ToTracks(const pybind11::array_t<ObservationRow>& rows);
 
-pybind11::array_t<double> PosesOf(const Reconstruction& model);   // (R, 3, 4), cam_from_world
-pybind11::array_t<double> PointsOf(const Reconstruction& model);  // (P, 3), in the world
+pybind11::array_t<double> PosesOf(const Reconstruction& model);       // (R, 3, 4), cam_from_world
+pybind11::array_t<double> IntrinsicsOf(const Reconstruction& model);  // (R, 4) fx, fy, cx, cy
+pybind11::array_t<double> PointsOf(const Reconstruction& model);      // (P, 3), in the world
 pybind11::array_t<ViewRow> ViewsOf(const Reconstruction& model);
 
 // (N, 3) in the camera's frame -> (N, 2) [px], NaN at or behind the camera; and normalised image

@@ -634,6 +634,7 @@ void BindModel(py::module_& module) {
       .def_readonly("summary", &Model::summary)
       .def_readonly("warnings", &Model::warnings)
       .def("poses", [](const Model& model) { return PosesOf(model.reconstruction); })
+      .def("intrinsics", [](const Model& model) { return IntrinsicsOf(model.reconstruction); })
       .def("points", [](const Model& model) { return PointsOf(model.reconstruction); })
       .def("views", [](const Model& model) { return ViewsOf(model.reconstruction); });
 

@@ -179,8 +179,8 @@ class PointColours {
 
 Json CamerasOf(const ClipReport& report, const Eigen::Vector3d& middle) {
   Json cameras = Json::array();
-  const Camera& c = report.model.camera;
   for (const auto& [frame, cam_from_world] : report.model.cam_from_world) {
+    const Camera c = CameraOf(report.model, frame);
     const Rigid3 world_from_cam = cam_from_world.Inverse();
     Json camera{{"frame", ToInt(frame)}, {"center", Json::array()}, {"corners", Json::array()}};
     Append(world_from_cam.translation - middle, camera["center"]);

@@ -346,8 +346,13 @@ class Reconstruction:
 
     @property
     def camera(self) -> Camera:
-        """One camera takes all frames."""
+        """One camera takes all frames; its focal length may change (intrinsics)."""
         return self._model.camera
+
+    @property
+    def intrinsics(self) -> Array:
+        """(R, 4) fx, fy, cx, cy of each frame: the camera's, or of a zoom the frame's own."""
+        return self._model.intrinsics()
 
     @property
     def readout(self) -> float:

@@ -436,6 +436,37 @@ class Reconstruct(Clip):
             with self.assertRaisesRegex(cohort.Error, "summary.json"):
                 read(wrong)
 
+    def test_every_frame_has_its_own_focal_length_in_a_zoom(self):
+        camera = self.model.camera
+        same = [[camera.fx, camera.fy, camera.cx, camera.cy]] * len(self.model.frames)
+        np.testing.assert_array_equal(self.model.intrinsics, same)
+        # The model with a camera for every image, of which each is a pixel longer than the last.
+        folder = self.dir / "zoom"
+        shutil.copytree(self.dir / "program_model", folder)
+        for name in ("cameras", "images", "points3D"):
+            (folder / f"{name}.bin").unlink()
+        _, model, *numbers = (folder / "cameras.txt").read_text().splitlines()[-1].split()
+        self.assertEqual(model, "PINHOLE")
+        width, height, fx, fy, cx, cy = map(float, numbers)
+        lines = (folder / "images.txt").read_text().splitlines()
+        cameras = []
+        for i, line in enumerate(lines):
+            words = line.split()
+            if line.startswith("#") or len(words) != 10:
+                continue
+            zoom = 1.0 + (int(words[0]) - 1) / fx
+            numbers = (zoom * fx, zoom * fy, cx, cy)
+            cameras.append(f"{words[0]} PINHOLE {width:.0f} {height:.0f} {' '.join(map(repr, numbers))}")
+            lines[i] = " ".join(words[:8] + [words[0]] + words[9:])
+        (folder / "cameras.txt").write_text("\n".join(cameras) + "\n")
+        (folder / "images.txt").write_text("\n".join(lines) + "\n")
+        zoomed = cohort.Reconstruction.read(folder)
+        np.testing.assert_allclose(zoomed.intrinsics[:, 0], fx + np.arange(len(zoomed.frames)))
+        np.testing.assert_allclose(zoomed.intrinsics[:, 1] / zoomed.intrinsics[:, 0], fy / fx)
+        zoomed.write(self.dir / "zoom_written")
+        again = cohort.Reconstruction.read(self.dir / "zoom_written")
+        np.testing.assert_allclose(again.intrinsics, zoomed.intrinsics)
+
     def test_a_clip_without_a_model_is_no_exception(self):
         still = cohort.track([self.frames[0]] * 4, detector=FEW, second_pass=ONE_PASS)
         model = cohort.reconstruct(still)
