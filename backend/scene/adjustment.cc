@@ -2,7 +2,9 @@
 
 #include <spdlog/spdlog.h>
 
+#include <Eigen/QR>
 #include <algorithm>
+#include <cmath>
 #include <span>
 
 #include "backend/scene/condensed_adjustment.h"
@@ -43,7 +45,38 @@ PointProblem MakePointProblem(const WorkingModel& model) {
   return problem;
 }
 
-// So many of them, from the first to the last.
+// The variance of every centre (trace of its three coordinates) that is left after the similarity that
+// fits the centres best: P C P' with P = I - Q Q', Q an orthonormal base of what a similarity may do.
+// `centers`: one after the other; `covariance`: of all of them.
+std::vector<double> VariancesAfterSimilarity(const std::vector<Eigen::Vector3d>& centers,
+                                             const Eigen::MatrixXd& covariance) {
+  const auto count = static_cast<Eigen::Index>(centers.size());
+  Eigen::Vector3d mean = Eigen::Vector3d::Zero();
+  for (const Eigen::Vector3d& c : centers) mean += c / static_cast<double>(count);
+  Eigen::MatrixXd moves = Eigen::MatrixXd::Zero(3 * count, 7);
+  for (Eigen::Index i = 0; i < count; ++i) {
+    const Eigen::Vector3d c = centers[static_cast<std::size_t>(i)] - mean;
+    moves.block<3, 3>(3 * i, 0).setIdentity();
+    moves.block<3, 3>(3 * i, 3) << 0, -c.z(), c.y(), c.z(), 0, -c.x(), -c.y(), c.x(), 0;
+    moves.block<3, 1>(3 * i, 6) = c;
+  }
+  // Of a straight path one rotation moves nothing.
+  const Eigen::ColPivHouseholderQR<Eigen::MatrixXd> qr(moves);
+  const Eigen::MatrixXd Q =
+      Eigen::MatrixXd(qr.householderQ() * Eigen::MatrixXd::Identity(3 * count, qr.rank()));
+  const Eigen::MatrixXd CQ = covariance * Q;
+  const Eigen::MatrixXd QQCQ = Q * (Q.transpose() * CQ);
+  const Eigen::VectorXd of_coordinates =
+      covariance.diagonal() + (QQCQ - 2.0 * CQ).cwiseProduct(Q).rowwise().sum();
+  std::vector<double> variances;
+  for (Eigen::Index i = 0; i < count; ++i) {
+    variances.push_back(std::max(of_coordinates.segment<3>(3 * i).sum(), 0.0));
+  }
+  return variances;
+}
+
+}  // namespace
+
 std::vector<int> Spread(const std::vector<int>& frames, std::size_t count) {
   std::vector<int> some;
   for (std::size_t i = 0; i < count; ++i) {
@@ -51,8 +84,6 @@ std::vector<int> Spread(const std::vector<int>& frames, std::size_t count) {
   }
   return some;
 }
-
-}  // namespace
 
 BundleOptions MapperBundleOptions(const WorkingModel& model,
                                   const CameraRefinement& refinement,
@@ -66,6 +97,9 @@ BundleOptions MapperBundleOptions(const WorkingModel& model,
   bundle.max_iterations = max_iterations;
   bundle.function_tolerance = function_tolerance;
   bundle.refine_focal = refinement.focal;
+  bundle.focal_prior_px = refinement.focal_prior_px;
+  bundle.focal_prior_log_sigma = refinement.focal_prior_log_sigma;
+  bundle.prior_noise = std::max(model.noise(), kMinWhitenedNoise);
   bundle.refine_radial = refinement.radial;
   bundle.refine_principal_point = refinement.principal_point;
   return bundle;
@@ -92,17 +126,14 @@ BundleResult AdjustRegistered(WorkingModel& model, const BundleOptions& options)
   return model.Adjust(model.RegisteredFrames(), {}, options).bundle;
 }
 
-void AdjustAll(WorkingModel& model, const CameraRefinement& refinement) {
+void AdjustAll(WorkingModel& model) {
   model.UpdateAllInliers(kInfinity);
-  AdjustRegistered(model, MapperBundleOptions(model, refinement, 10, 1e-3));
+  AdjustRegistered(model, MapperBundleOptions(model, {}, 10, 1e-3));
   model.UpdateAllInliers(kInfinity);
   model.TriangulateAllTracks();
 }
 
-void AdjustUntilSettled(WorkingModel& model,
-                        const CameraRefinement& refinement,
-                        int max_rounds,
-                        int first_iterations) {
+void AdjustUntilSettled(WorkingModel& model, int max_rounds, int first_iterations) {
   // Share of the observations that change sides. Chosen by eye on the tuning clips.
   constexpr double kSettled = 2e-3;
   const auto observations = static_cast<double>(model.whitened().observations().size());
@@ -111,7 +142,7 @@ void AdjustUntilSettled(WorkingModel& model,
     // Later rounds start beside the optimum: half the iterations do.
     const int iterations = round == 0 ? first_iterations : std::max(2, first_iterations / 2);
     const BundleResult adjustment =
-        AdjustRegistered(model, MapperBundleOptions(model, refinement, iterations, 1e-5));
+        AdjustRegistered(model, MapperBundleOptions(model, {}, iterations, 1e-5));
     const int changes = model.UpdateAllInliers(model.ErrorBound());
     const int found = model.TriangulateAllTracks();
     spdlog::debug("{}; {} observations change sides, {} new points, noise {:.3f}",
@@ -123,10 +154,41 @@ void AdjustUntilSettled(WorkingModel& model,
   }
 }
 
-void AdjustToOptimum(WorkingModel& model, const CameraRefinement& refinement) {
-  const BundleResult adjustment =
-      AdjustRegistered(model, MapperBundleOptions(model, refinement, 30, 1e-8));
-  spdlog::debug("to the optimum: {}", adjustment.Brief());
+double CornerShift(const Camera& a, const Camera& b) {
+  const Eigen::Vector2d corner(0.0, 0.0);
+  const Eigen::Vector2d n = a.Unproject(corner);
+  const Eigen::Vector2d m = b.Unproject(corner);
+  return (n - m).norm() / n.norm();
+}
+
+void AdjustCamera(WorkingModel& model, const CameraRefinement& refinement) {
+  constexpr std::size_t kCalibrationFrames = 60;  // a bound on time
+  constexpr int kMostRounds = 10;
+  constexpr int kMostIterations = 100;
+  // Share of the picture's half diagonal by which its corner moves from round to round.
+  constexpr double kSettled = 3e-4;
+  std::vector<int> frames = model.RegisteredFrames();
+  if (frames.size() > kCalibrationFrames) frames = Spread(frames, kCalibrationFrames);
+  model.UpdateAllInliers(kInfinity);
+  for (int round = 0; round < kMostRounds; ++round) {
+    const Camera before = model.camera();
+    const BundleOptions bundle = MapperBundleOptions(model, refinement, kMostIterations, 1e-4);
+    const BundleResult result = model.Adjust(frames, {}, bundle).bundle;
+    if (frames.size() < static_cast<std::size_t>(model.registered())) {
+      FollowCamera(model, bundle.loss_scale);
+    }
+    model.UpdateAllInliers(kInfinity);
+    const int changes = model.UpdateAllInliers(model.ErrorBound());
+    model.TriangulateAllTracks();
+    spdlog::debug("{}; f {:.2f}, k1 {:.4f}, k2 {:.4f}, {} changes, noise {:.4f}",
+                  result.Brief(),
+                  model.camera().fx,
+                  model.camera().k1,
+                  model.camera().k2,
+                  changes,
+                  model.noise());
+    if (CornerShift(before, model.camera()) < kSettled) break;
+  }
 }
 
 void AdjustPoints(WorkingModel& model) {
@@ -186,6 +248,19 @@ std::optional<ModelCovariances> CovariancesAtOptimum(WorkingModel model,
   }
   for (std::size_t i = 0; i < frames.size(); ++i) {
     result.cameras[whitened.frames()[frames[i]].index] = variance * covariances->cameras[i];
+  }
+  std::vector<Eigen::Vector3d> centers;
+  for (const int frame : frames) centers.push_back(model.Pose(frame).Inverse().translation);
+  Eigen::Vector3d mean = Eigen::Vector3d::Zero();
+  for (const Eigen::Vector3d& c : centers) mean += c / static_cast<double>(centers.size());
+  double extent2 = 0.0;
+  for (const Eigen::Vector3d& c : centers) {
+    extent2 += (c - mean).squaredNorm() / static_cast<double>(centers.size());
+  }
+  const std::vector<double> variances = VariancesAfterSimilarity(centers, covariances->centers);
+  for (std::size_t i = 0; i < frames.size(); ++i) {
+    result.centers[whitened.frames()[frames[i]].index] =
+        std::sqrt(variance * variances[i] / extent2);
   }
   for (std::size_t i = 0; i < adjustment.tracks.size(); ++i) {
     result.points[whitened.features()[adjustment.tracks[i]]] = variance * covariances->points[i];

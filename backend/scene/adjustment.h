@@ -8,11 +8,17 @@
 
 namespace cohort {
 
+// So many of these frames, from the first to the last.
+std::vector<int> Spread(const std::vector<int>& frames, std::size_t count);
+
 // What the mapper's bundle adjustments refine of the camera. Nothing of one that is known.
 struct CameraRefinement {
   bool focal = false;
   bool radial = false;
   bool principal_point = false;
+  // What is known of the focal length beforehand: BundleOptions::focal_prior_px.
+  double focal_prior_px = 0.0;
+  double focal_prior_log_sigma = 1.0;
 
   bool Any() const { return focal || radial || principal_point; }
 };
@@ -29,19 +35,20 @@ void AdjustAround(WorkingModel& model, int frame);
 // All registered frames and their points: condensed, where the tracks are long (FrameRuns).
 BundleResult AdjustRegistered(WorkingModel& model, const BundleOptions& options);
 
-// Everything, briefly, then points for the tracks that have none.
-void AdjustAll(WorkingModel& model, const CameraRefinement& refinement);
+// Poses and points, briefly, then points for the tracks that have none.
+void AdjustAll(WorkingModel& model);
 
-// Everything, then what the result agrees with, until little changes.
-void AdjustUntilSettled(WorkingModel& model,
-                        const CameraRefinement& refinement,
-                        int max_rounds,
-                        int first_iterations);
+// Poses and points, then what the result agrees with, until little changes.
+void AdjustUntilSettled(WorkingModel& model, int max_rounds, int first_iterations);
 
-// Everything, as far as it goes: a guessed camera moves long after the inliers have settled. Not for a
-// known one: on the real clips that were tried most cameras came out the same, some better and some
-// worse, and it took longer.
-void AdjustToOptimum(WorkingModel& model, const CameraRefinement& refinement);
+// How far apart two cameras have the ray through the corner of the picture, as a share of its distance
+// from the axis.
+double CornerShift(const Camera& a, const Camera& b);
+
+// All that is refined of a camera, with everything else, until nothing moves: full bundle adjustments of
+// at most 60 frames, evenly taken, each to its minimum and followed by the other frames
+// and points and by the inliers and the noise that the result has.
+void AdjustCamera(WorkingModel& model, const CameraRefinement& refinement);
 
 // The points from all inliers; poses and camera stay.
 void AdjustPoints(WorkingModel& model);
@@ -57,6 +64,9 @@ struct ModelCovariances {
   std::map<FrameIndex, Eigen::Matrix<double, 6, 6>> cameras;
   std::map<FeatureId, Eigen::Matrix3d> points;
   std::optional<double> focal;  // relative standard deviation, where it is refined
+  // Standard deviation of every camera's centre, of its three coordinates together, after the best
+  // similarity: a share of the root mean square distance of the centres from their mean.
+  std::map<FrameIndex, double> centers;
 };
 // Where a last adjustment of everything, of a copy of the model and of at most ten iterations, leads:
 // that they are asked for changes no model. None where the problem is rank deficient.

@@ -7,6 +7,7 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <deque>
 #include <exception>
 #include <memory>
@@ -74,6 +75,9 @@ class Adjuster {
       Eigen::Matrix<double, kPoseSize, 1> pose;
       pose << camera.cam_from_world.rotation.normalized().coeffs(), world_from_cam.translation;
       poses_.push_back(pose);
+    }
+    for (const BundleCamera& camera : problem_.cameras) {
+      lenses_.emplace_back(SharedVector::Zero()).head<3>() = camera.lens_change;
     }
     SettleGauge();
     MakeLoss();
@@ -193,7 +197,11 @@ class Adjuster {
       double* point = problem_.points_in_world[o.point].data();
       has_observation_[o.camera] = true;
       point_used_[o.point] = true;
-      if (refines) {
+      if (options_.refine_lens_changes) {
+        changing_.emplace_back(&problem_.intrinsics, o.xy, whitening);
+        ceres_->AddResidualBlock(
+            &changing_.back(), loss_.get(), pose, point, lenses_[o.camera].data(), shared_.data());
+      } else if (refines) {
         refining_.emplace_back(&problem_.intrinsics, o.xy, whitening);
         ceres_->AddResidualBlock(&refining_.back(), loss_.get(), pose, point, shared_.data());
       } else {
@@ -216,9 +224,32 @@ class Adjuster {
       }
     }
     if (SharesUnknowns()) HoldShared();
+    if (options_.refine_lens_changes) WalkLenses();
   }
 
-  bool SharesUnknowns() const { return !refining_.empty() || !shifted_.empty(); }
+  bool SharesUnknowns() const {
+    return !refining_.empty() || !shifted_.empty() || !changing_.empty();
+  }
+
+  // Ties the lenses of the cameras that have observations, and holds the first one's.
+  void WalkLenses() {
+    const Eigen::Vector3d sigma(
+        options_.zoom_walk_sigma, options_.center_walk_sigma_px, options_.center_walk_sigma_px);
+    lens_walk_ = std::make_unique<LensWalk>(sigma / options_.prior_noise);
+    lens_manifold_ = std::make_unique<SharedManifold>(
+        std::array<bool, kSharedSize>{true, true, true, false, false, false});
+    double* last = nullptr;
+    for (std::size_t i = 0; i < lenses_.size(); ++i) {
+      if (!has_observation_[i]) continue;
+      ceres_->SetManifold(lenses_[i].data(), lens_manifold_.get());
+      if (last == nullptr) {
+        ceres_->SetParameterBlockConstant(lenses_[i].data());
+      } else {
+        ceres_->AddResidualBlock(lens_walk_.get(), nullptr, last, lenses_[i].data());
+      }
+      last = lenses_[i].data();
+    }
+  }
 
   std::array<bool, kSharedSize> FreeOfShared() const {
     const bool principal_point = options_.refine_principal_point;
@@ -233,9 +264,25 @@ class Adjuster {
     shared_manifold_ = std::make_unique<SharedManifold>(FreeOfShared());
     ceres_->SetManifold(shared_.data(), shared_manifold_.get());
     if (options_.refine_focal) {
-      focal_prior_ =
-          std::make_unique<FocalPrior>(problem_.intrinsics.fx, options_.focal_prior_log_sigma);
+      const double guess_px =
+          options_.focal_prior_px > 0.0 ? options_.focal_prior_px : problem_.intrinsics.fx;
+      focal_prior_ = std::make_unique<FocalPrior>(
+          guess_px, options_.focal_prior_log_sigma, options_.prior_noise);
       ceres_->AddResidualBlock(focal_prior_.get(), nullptr, shared_.data());
+    }
+    const Camera& camera = problem_.intrinsics;
+    const double corner_px = 0.5 * std::hypot(camera.width_px, camera.height_px);
+    if (options_.refine_radial && corner_px > 0.0) {
+      radial_prior_ = std::make_unique<RadialPrior>(
+          corner_px, options_.radial_prior_sigma, options_.prior_noise);
+      ceres_->AddResidualBlock(radial_prior_.get(), nullptr, shared_.data());
+    }
+    const int longer_px = std::max(camera.width_px, camera.height_px);
+    if (options_.refine_principal_point && longer_px > 0) {
+      const Eigen::Vector2d middle(0.5 * (camera.width_px - 1), 0.5 * (camera.height_px - 1));
+      center_prior_ = std::make_unique<CenterPrior>(
+          middle, options_.center_prior_sigma * longer_px, options_.prior_noise);
+      ceres_->AddResidualBlock(center_prior_.get(), nullptr, shared_.data());
     }
   }
 
@@ -246,6 +293,7 @@ class Adjuster {
       if (!has_observation_[i]) continue;
       ordering->AddElementToGroup(poses_[i].data(), 1);
       if (!ceres_->IsParameterBlockConstant(poses_[i].data())) ++free_cameras;
+      if (options_.refine_lens_changes) ordering->AddElementToGroup(lenses_[i].data(), 1);
     }
     for (std::size_t i = 0; i < point_used_.size(); ++i) {
       if (point_used_[i]) ordering->AddElementToGroup(problem_.points_in_world[i].data(), 0);
@@ -283,6 +331,9 @@ class Adjuster {
       if (static_cast<int>(i) == anchor_ || problem_.cameras[i].fixed) continue;  // keep its bits
       const CameraPose pose = ReadPose(poses_[i].data());
       problem_.cameras[i].cam_from_world = {pose.rotation, -(pose.rotation * pose.center)};
+    }
+    for (std::size_t i = 0; i < lenses_.size(); ++i) {
+      problem_.cameras[i].lens_change = lenses_[i].head<3>();
     }
     if (options_.refine_shift) {
       problem_.shift = shared_[0];
@@ -326,6 +377,7 @@ class Adjuster {
   BundleOptions options_;
   SharedVector shared_ = SharedVector::Zero();  // intrinsics, or the shift
   std::vector<Eigen::Matrix<double, kPoseSize, 1>> poses_;
+  std::vector<SharedVector> lenses_;
   int anchor_ = 0;
   std::optional<int> scale_camera_;  // none if two cameras or more are fixed
   double scale_length_ = 0.0;
@@ -333,9 +385,14 @@ class Adjuster {
   PoseManifold pose_manifold_;
   std::unique_ptr<SharedManifold> shared_manifold_;
   std::unique_ptr<FocalPrior> focal_prior_;
+  std::unique_ptr<RadialPrior> radial_prior_;
+  std::unique_ptr<CenterPrior> center_prior_;
+  std::unique_ptr<LensWalk> lens_walk_;
+  std::unique_ptr<SharedManifold> lens_manifold_;
   std::deque<CalibratedCost> calibrated_;  // Ceres points into it
   std::deque<ShiftedCost> shifted_;
   std::deque<RefiningCost> refining_;
+  std::deque<ChangingLensCost> changing_;
   std::vector<bool> has_observation_;
   std::vector<bool> point_used_;
   std::unique_ptr<ceres::Problem> ceres_;  // last: it points into all of the above

@@ -27,6 +27,9 @@ struct BundleObservation {
 struct BundleCamera {
   Rigid3 cam_from_world;
   bool fixed = false;
+  // With BundleOptions::refine_lens_changes: the logarithm of how many times the problem's focal length
+  // this camera has, and how far its centre lies from the problem's [px]; (0, 0, 0): not at all.
+  Eigen::Vector3d lens_change = Eigen::Vector3d::Zero();
 };
 
 struct BundleProblem {
@@ -61,8 +64,25 @@ struct BundleOptions {
   bool refine_radial = false;
   bool refine_shift = false;  // not with intrinsics
   // A guess of the focal length counts as one observation of log(f / guess) with this standard
-  // deviation: it decides only where the tracks say nothing. Only with refine_focal.
+  // deviation: it decides only where the tracks say nothing. Only with refine_focal. A guess of 0 px
+  // is the problem's focal length.
+  double focal_prior_px = 0.0;
   double focal_prior_log_sigma = 1.0;
+  // The same of the principal point, with refine_principal_point: how far it is from the middle of
+  // the picture, as a share of the longer side.
+  double center_prior_sigma = 0.03;
+  // The same of the lens, with refine_radial: by what share k1 and k2 each move the corner of the
+  // picture, k_i r^2i with r the corner's normalised distance from the centre.
+  double radial_prior_sigma = 0.3;
+  // What a standard deviation is in the units of the whitened residuals, so that priors weigh
+  // against observations whose covariances are all too large or too small by one factor.
+  double prior_noise = 1.0;
+  // A focal length and a centre for each camera: a lens that zooms, a stabiliser that shifts the
+  // picture. From one camera of the list to the next they change by so much (log, px); camera 0
+  // has what the problem says.
+  bool refine_lens_changes = false;
+  double zoom_walk_sigma = 0.02;
+  double center_walk_sigma_px = 3.0;
   bool covariances = false;
 
   bool RefinesIntrinsics() const { return refine_focal || refine_principal_point || refine_radial; }
@@ -87,6 +107,29 @@ struct BundleOptions {
              1e-3,
              1e3,
              "standard deviation of log(f / guess)");
+    v.Number("focal_prior_px", o.focal_prior_px, 0.0, 1e7, "the guess of the focal length [px]");
+    v.Number("radial_prior_sigma",
+             o.radial_prior_sigma,
+             1e-3,
+             1e3,
+             "standard deviation of the shares by which k1 and k2 move the picture's corner");
+    v.Number("center_prior_sigma",
+             o.center_prior_sigma,
+             1e-6,
+             1e3,
+             "standard deviation of the principal point's distance from the middle, as a share");
+    v.Number("prior_noise", o.prior_noise, 1e-6, 1e6, "whitened residuals that one deviation has");
+    v.Flag("refine_lens_changes", o.refine_lens_changes, "a focal length and centre a camera");
+    v.Number("zoom_walk_sigma",
+             o.zoom_walk_sigma,
+             1e-9,
+             10.0,
+             "deviation of the change of log f from one camera to the next");
+    v.Number("center_walk_sigma_px",
+             o.center_walk_sigma_px,
+             1e-9,
+             1e4,
+             "deviation of the change of the centre from one camera to the next [px]");
     v.Flag("covariances", o.covariances, "estimate covariances of cameras, points, intrinsics");
   }
 };
@@ -98,6 +141,7 @@ enum class BundleTermination : std::uint8_t { kConverged, kMaxIterations, kFaile
 struct BundleCovariances {
   std::vector<Eigen::Matrix<double, 6, 6>> cameras;  // of (omega [rad], centre), see CameraPose
   std::vector<Eigen::Matrix3d> points;
+  Eigen::MatrixXd centers;                 // of all centres together, three rows and columns each
   Eigen::Matrix<double, 5, 5> intrinsics;  // see IntrinsicVector; 0 for those kept fixed
 };
 

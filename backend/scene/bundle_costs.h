@@ -188,10 +188,90 @@ class RefiningCost final : public ceres::SizedCostFunction<2, kPoseSize, 3, kSha
   Eigen::Matrix2d whitening_;
 };
 
-// (log(f / guess) / sigma)^2
+// The same of a camera whose focal length is s times the shared one and whose centre is d px beside it
+// in this frame: xy = c + s (xy of the shared camera - c) + d, with the frame's (log s, dx, dy) in a
+// block of its own.
+class ChangingLensCost final
+    : public ceres::SizedCostFunction<2, kPoseSize, 3, kSharedSize, kSharedSize> {
+ public:
+  ChangingLensCost(const Camera* camera,
+                   const Eigen::Vector2d& xy,
+                   const Eigen::Matrix2d& whitening)
+      : camera_(camera), xy_(xy), whitening_(whitening) {}
+  bool Evaluate(double const* const* parameters,
+                double* residuals,
+                double** jacobians) const override {
+    const NormalisedProjection p =
+        ProjectNormalised(ReadPose(parameters[0]), Eigen::Vector3d(parameters[1]));
+    const double scale = std::exp(parameters[2][0]);
+    const Camera camera = WithIntrinsics(*camera_, IntrinsicVector(parameters[3]));
+    const PixelProjection q = ProjectPixel(camera, p.n);
+    const Eigen::Vector2d center(camera.cx, camera.cy);
+    const Eigen::Vector2d from_center = scale * (q.xy - center);
+    Eigen::Map<Eigen::Vector2d> residual(residuals);
+    residual = whitening_ *
+               (center + from_center + Eigen::Vector2d(parameters[2][1], parameters[2][2]) - xy_);
+    if (jacobians == nullptr) return true;
+    const Eigen::Matrix2d d_n = scale * whitening_ * q.d_n;
+    if (jacobians[0] != nullptr) {
+      Eigen::Map<RowMajor27> d_pose(jacobians[0]);
+      d_pose.leftCols<6>() = d_n * p.d_pose;
+      d_pose.col(6).setZero();
+    }
+    if (jacobians[1] != nullptr) {
+      Eigen::Map<RowMajor23> d_point(jacobians[1]);
+      d_point = d_n * p.d_point;
+    }
+    if (jacobians[2] != nullptr) {
+      Eigen::Map<RowMajor26> d_lens(jacobians[2]);
+      d_lens.setZero();
+      d_lens.col(0) = whitening_ * from_center;
+      d_lens.middleCols<2>(1) = whitening_;
+    }
+    if (jacobians[3] != nullptr) {
+      Eigen::Map<RowMajor26> d_shared(jacobians[3]);
+      d_shared.setZero();
+      d_shared.leftCols<kIntrinsicSize>() = scale * whitening_ * q.d_intrinsics;
+      d_shared.middleCols<2>(1) = whitening_;
+    }
+    return true;
+  }
+
+ private:
+  const Camera* camera_;
+  Eigen::Vector2d xy_;
+  Eigen::Matrix2d whitening_;
+};
+
+// |(log s_b - log s_a) / sigma_s|^2 + |(d_b - d_a) / sigma_d|^2 of two frames: a lens changes smoothly.
+class LensWalk final : public ceres::SizedCostFunction<3, kSharedSize, kSharedSize> {
+ public:
+  explicit LensWalk(const Eigen::Vector3d& sigma) : information_(sigma.cwiseInverse()) {}
+  bool Evaluate(double const* const* parameters,
+                double* residuals,
+                double** jacobians) const override {
+    for (int i = 0; i < 3; ++i) {
+      residuals[i] = information_[i] * (parameters[1][i] - parameters[0][i]);
+    }
+    if (jacobians == nullptr) return true;
+    for (int side = 0; side < 2; ++side) {
+      if (jacobians[side] == nullptr) continue;
+      Eigen::Map<Eigen::Matrix<double, 3, kSharedSize, Eigen::RowMajor>> d(jacobians[side]);
+      d.setZero();
+      for (int i = 0; i < 3; ++i) d(i, i) = side == 0 ? -information_[i] : information_[i];
+    }
+    return true;
+  }
+
+ private:
+  Eigen::Vector3d information_;
+};
+
+// (log(f / guess) noise / sigma)^2
 class FocalPrior final : public ceres::SizedCostFunction<1, kSharedSize> {
  public:
-  FocalPrior(double guess, double log_sigma) : guess_(guess), log_sigma_(log_sigma) {}
+  FocalPrior(double guess, double log_sigma, double noise)
+      : guess_(guess), log_sigma_(log_sigma / noise) {}
   bool Evaluate(double const* const* parameters,
                 double* residuals,
                 double** jacobians) const override {
@@ -209,6 +289,61 @@ class FocalPrior final : public ceres::SizedCostFunction<1, kSharedSize> {
  private:
   double guess_;
   double log_sigma_;
+};
+
+// (k1 r^2 noise / sigma)^2 + (k2 r^4 noise / sigma)^2, with r = corner / f: what the lens does to the
+// picture's corner, `corner_px` from its centre. It keeps coefficients that the tracks say nothing of
+// from running away; in these units it is the same for narrow and for wide lenses.
+class RadialPrior final : public ceres::SizedCostFunction<2, kSharedSize> {
+ public:
+  RadialPrior(double corner_px, double sigma, double noise)
+      : corner_px_(corner_px), sigma_(sigma / noise) {}
+  bool Evaluate(double const* const* parameters,
+                double* residuals,
+                double** jacobians) const override {
+    const double focal = parameters[0][0];
+    if (focal <= 0.0) return false;
+    const double r2 = corner_px_ * corner_px_ / (focal * focal);
+    const double k1 = parameters[0][3];
+    const double k2 = parameters[0][4];
+    residuals[0] = k1 * r2 / sigma_;
+    residuals[1] = k2 * r2 * r2 / sigma_;
+    if (jacobians != nullptr && jacobians[0] != nullptr) {
+      Eigen::Map<RowMajor26> d(jacobians[0]);
+      d.setZero();
+      d(0, 0) = -2.0 * residuals[0] / focal;
+      d(1, 0) = -4.0 * residuals[1] / focal;
+      d(0, 3) = r2 / sigma_;
+      d(1, 4) = r2 * r2 / sigma_;
+    }
+    return true;
+  }
+
+ private:
+  double corner_px_;
+  double sigma_;
+};
+
+// |(cx, cy) - guess|^2 (noise / sigma)^2
+class CenterPrior final : public ceres::SizedCostFunction<2, kSharedSize> {
+ public:
+  CenterPrior(const Eigen::Vector2d& guess, double sigma_px, double noise)
+      : guess_(guess), sigma_px_(sigma_px / noise) {}
+  bool Evaluate(double const* const* parameters,
+                double* residuals,
+                double** jacobians) const override {
+    for (int i = 0; i < 2; ++i) residuals[i] = (parameters[0][1 + i] - guess_[i]) / sigma_px_;
+    if (jacobians != nullptr && jacobians[0] != nullptr) {
+      Eigen::Map<RowMajor26> d(jacobians[0]);
+      d.setZero();
+      d(0, 1) = d(1, 2) = 1.0 / sigma_px_;
+    }
+    return true;
+  }
+
+ private:
+  Eigen::Vector2d guess_;
+  double sigma_px_;
 };
 
 // (|c_b - c_a| / length - 1) / sigma, where camera a is fixed: holds the scale while covariances

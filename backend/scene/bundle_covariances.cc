@@ -96,9 +96,15 @@ std::optional<BundleCovariances> CovariancesFromJacobian(const ceres::CRSMatrix&
   result.cameras.resize(camera_count, Eigen::Matrix<double, 6, 6>::Zero());
   result.points.resize(point_count, Eigen::Matrix3d::Zero());
   result.intrinsics.setZero();
+  result.centers = Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(3 * camera_count),
+                                         static_cast<Eigen::Index>(3 * camera_count));
   for (std::size_t i = 0; i < columns.cameras.size(); ++i) {
     const auto at = static_cast<Eigen::Index>(6 * i);
     result.cameras[columns.cameras[i]] = S_inverse->block<6, 6>(at, at);
+    for (std::size_t j = 0; j < columns.cameras.size(); ++j) {
+      result.centers.block<3, 3>(3 * columns.cameras[i], 3 * columns.cameras[j]) =
+          S_inverse->block<3, 3>(at + 3, static_cast<Eigen::Index>(6 * j + 3));
+    }
   }
   for (std::size_t i = 0; i < columns.points.size(); ++i) {
     CheckInterruption();

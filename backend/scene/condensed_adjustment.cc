@@ -276,13 +276,12 @@ FrameRuns ChooseRuns(const WorkingModel& model) {
 BundleResult AdjustCondensed(WorkingModel& model,
                              const FrameRuns& runs,
                              const BundleOptions& options) {
-  // At 1e4 the cameras of a path of 2000 frames had five times the error. Of a guessed camera the
-  // steps stay short: a wrong focal length costs little as well.
+  // At 1e4 the cameras of a path of 2000 frames had five times the error.
   constexpr double kTrustRadius = 1e8;
   CondensedProblem problem = Condense(model, runs, options.loss_scale);
   BundleOptions bundle = options;
   bundle.loss = RobustLoss::kNone;  // it is in the weights
-  if (!options.RefinesIntrinsics()) bundle.trust_radius = kTrustRadius;
+  bundle.trust_radius = kTrustRadius;
   BundleResult result = AdjustBundle(std::move(problem.bundle), bundle);
   if (result.termination == BundleTermination::kFailed) return result;
   std::vector<Rigid3> moved;  // of the runs, new world from old one
@@ -296,10 +295,13 @@ BundleResult AdjustCondensed(WorkingModel& model,
   for (std::size_t i = 0; i < problem.tracks.size(); ++i) {
     model.SetPoint(problem.tracks[i], result.solution.points_in_world[i]);
   }
-  if (options.RefinesIntrinsics()) model.SetCamera(result.solution.intrinsics);
-  AdjustPosesAlone(model, options.loss_scale);
-  AdjustPointsAlone(model, options.loss_scale);
+  FollowCamera(model, options.loss_scale);
   return result;
+}
+
+void FollowCamera(WorkingModel& model, double turn) {
+  AdjustPosesAlone(model, turn);
+  AdjustPointsAlone(model, turn);
 }
 
 }  // namespace cohort

@@ -33,4 +33,8 @@ BundleResult AdjustCondensed(WorkingModel& model,
                              const FrameRuns& runs,
                              const BundleOptions& options);
 
+// Every pose by the points alone, then every point by the poses alone, from the inliers weighed by
+// Cauchy's loss that turns at `turn`; the camera stays.
+void FollowCamera(WorkingModel& model, double turn);
+
 }  // namespace cohort

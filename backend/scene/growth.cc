@@ -68,7 +68,7 @@ void GrowModel(WorkingModel& model,
                const std::vector<int>& keyframes,
                const GrowthOptions& options) {
   model.SetMinRayAngle(options.min_ray_angle_deg);
-  AdjustAll(model, options.refinement);
+  AdjustAll(model);
   double adjusted_at = model.registered();
   std::set<int> refused;
   int stuck_at = -1;  // frames registered
@@ -80,7 +80,7 @@ void GrowModel(WorkingModel& model,
       stuck_at = model.registered();
       refused.clear();
       model.Relax(true);
-      AdjustAll(model, options.refinement);
+      AdjustAll(model);
       continue;
     }
     if (!RegisterFromNeighbour(model, *frame)) {
@@ -94,14 +94,14 @@ void GrowModel(WorkingModel& model,
     AdjustAround(model, *frame);
     model.UpdateInliersNear(*frame, kInfinity);
     if (model.registered() >= kGlobalGrowth * adjusted_at) {
-      AdjustAll(model, options.refinement);
+      AdjustAll(model);
       adjusted_at = model.registered();
     }
   }
   model.Relax(false);
   model.SetMinRayAngle(kFarRayAngleDeg);
-  AdjustAll(model, options.refinement);
-  AdjustUntilSettled(model, options.refinement, 4, 5);
+  AdjustAll(model);
+  AdjustUntilSettled(model, 4, 5);
 }
 
 void RegisterOtherFrames(WorkingModel& model) {

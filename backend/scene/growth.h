@@ -7,7 +7,6 @@
 namespace cohort {
 
 struct GrowthOptions {
-  CameraRefinement refinement = {};
   // Points that no two rays see at this angle count for nothing while the model grows; in the end
   // all do that are seen at kFarRayAngleDeg.
   double min_ray_angle_deg = kNearRayAngleDeg;

@@ -161,31 +161,36 @@ std::optional<double> CameraUncertainty(
   return Median(std::move(deviations)) / distance;
 }
 
-std::optional<Doubt> DescribeUncertainCameras(double uncertainty) {
-  // Models of error 0.5 % and less said 0.3 % and less; one of a clip from black to glare, whose
-  // error was 15 %, 2.2 %.
+std::optional<Doubt> DescribeExpectedError(double expected_error) {
   constexpr double kUncertain = 0.01;
-  if (!(uncertainty > kUncertain)) return std::nullopt;
+  if (!(expected_error > kUncertain)) return std::nullopt;
   return Doubt{
       DoubtCode::kCamerasUncertain,
-      fmt::format("the cameras are known to {:.1f} % of the distance to the scene only, and noise "
-                  "is not all that puts them off: film in steady light, with more texture in the "
-                  "picture",
-                  100.0 * uncertainty),
-      {{"camera_uncertainty", uncertainty}}};
+      fmt::format(
+          "the cameras are expected to be off by {:.1f} % of the extent of their path, by "
+          "noise alone: film a longer way, in steady light, with more texture in the picture",
+          100.0 * expected_error),
+      {{"expected_error", expected_error}}};
 }
 
-std::optional<Doubt> DescribeUncertainFocal(double deviation) {
-  // Of nine real clips without their cameras, three of straight paths (two sliders, a drive) said 6 to
-  // 13 %, and were off by 1, 15 and 88 %; the others less than 5 %, and were off by 10 % at most, where
-  // the truth is known.
+std::optional<Doubt> DescribeUncertainFocal(double focal_sigma) {
   constexpr double kUncertain = 0.05;
-  if (!(deviation > kUncertain)) return std::nullopt;
+  if (!(focal_sigma > kUncertain)) return std::nullopt;
   return Doubt{DoubtCode::kFocalUncertain,
                fmt::format("the focal length is known to {:.0f} % only, and depths as badly: turn "
                            "the camera while it moves, or give --camera",
-                           100.0 * deviation),
-               {{"focal_sigma", deviation}}};
+                           100.0 * focal_sigma),
+               {{"focal_sigma", focal_sigma}}};
+}
+
+Doubt DescribeRivalCamera(const Camera& camera, const Camera& rival) {
+  return Doubt{
+      DoubtCode::kTwoCameras,
+      fmt::format("two cameras explain the tracks equally well, of the focal lengths {:.0f} "
+                  "and {:.0f} px: turn the camera while it moves, or give --camera",
+                  camera.fx,
+                  rival.fx),
+      {{"focal_px", camera.fx}, {"rival_focal_px", rival.fx}}};
 }
 
 double SpreadAcrossLine(const Reconstruction& reconstruction) {

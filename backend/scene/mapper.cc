@@ -11,8 +11,10 @@
 #include <span>
 #include <utility>
 
-#include "backend/scene/growth.h"
+#include "backend/scene/camera_search.h"
+#include "backend/scene/grown_parts.h"
 #include "backend/scene/judgement.h"
+#include "backend/scene/lens_changes.h"
 #include "backend/scene/near_world.h"
 #include "backend/scene/parts.h"
 #include "backend/scene/rolling_shutter.h"
@@ -50,7 +52,11 @@ Camera CameraOrGuess(const TrackFile& file) {
 
 CameraRefinement RefinementOf(const Camera& camera, const MapperOptions& options) {
   if (camera.known) return {};
-  return {options.refine_focal, options.refine_radial, options.refine_principal_point};
+  return {options.refine_focal,
+          options.refine_radial,
+          options.refine_principal_point,
+          camera.fx,
+          camera.guess_log_sigma};
 }
 
 WhiteningOptions WhiteningOptionsFrom(const MapperOptions& options) {
@@ -133,102 +139,6 @@ Doubt DescribeBetterCamera(const Camera& better, const Camera& given) {
            {"given_k2", given.k2}}};
 }
 
-// The parts of a clip, the largest first, adjusted by the camera given; or why there is none.
-struct GrownParts {
-  MapperEnd end = {};
-  std::vector<MappedPart> parts = {};
-};
-
-GrownParts GrowParts(const WhitenedTracks& whitened,
-                     const Camera& camera,
-                     const GrowthOptions& growth,
-                     const std::vector<int>& keyframes) {
-  PartResult first = MapPart(whitened, camera, growth, keyframes);
-  GrownParts grown;
-  grown.end = first.end;
-  if (!first.model) return grown;
-  grown.parts = MapRemainingParts(std::move(first), camera, growth, keyframes);
-  return grown;
-}
-
-// By far points too and, where those are many, by near ones alone as well (kNearRayAngleDeg): the
-// parts whose largest fits the tracks better.
-GrownParts GrowPartsBothWays(const WhitenedTracks& whitened,
-                             const Camera& camera,
-                             const CameraRefinement& refinement,
-                             const std::vector<int>& keyframes) {
-  // Of the inliers. Where far points had less, both ways gave about the same model on real clips, but
-  // of a hand that turns the camera, where near ones alone were worse; where those lost the scale of
-  // a drive, far points had a quarter.
-  constexpr double kManyFarPoints = 0.05;
-  GrownParts far = GrowParts(whitened, camera, {refinement, kFarRayAngleDeg}, keyframes);
-  if (!far.parts.empty() && far.parts.front().model.ShareOfFarPoints() < kManyFarPoints) return far;
-  GrownParts near = GrowParts(whitened, camera, {refinement, kNearRayAngleDeg}, keyframes);
-  if (near.parts.empty()) return far;
-  if (far.parts.empty()) return near;
-  for (GrownParts* grown : {&far, &near}) AdjustUntilSettled(grown->parts.front().model, {}, 3, 4);
-  const WorkingModel& by_far = far.parts.front().model;
-  const WorkingModel& by_near = near.parts.front().model;
-  std::vector<int> frames(whitened.frame_count());
-  std::iota(frames.begin(), frames.end(), 0);
-  const ComparedCosts costs = CompareCosts(by_near, by_far, frames);
-  spdlog::debug("grown by near points {} frames, cost {:.1f}; by far ones {}, {:.1f}",
-                by_near.registered(),
-                costs.a,
-                by_far.registered(),
-                costs.b);
-  return costs.a <= costs.b ? std::move(near) : std::move(far);
-}
-
-// Have all keyframes a pose in one part, which is the only scene that explains its start and most of
-// the parallax?
-bool IsSure(const GrownParts& grown, const std::vector<int>& keyframes) {
-  // Of a hand that turns the camera fast, where half the tracks made a model of twice the error, they
-  // left 0.5 to 0.7; of other clips, 0.01 to 0.26.
-  constexpr double kMostUnexplained = 0.4;
-  if (grown.parts.size() != 1 || !grown.parts.front().doubts.empty()) return false;
-  const WorkingModel& model = grown.parts.front().model;
-  return std::all_of(
-             keyframes.begin(), keyframes.end(), [&](int frame) { return model.HasPose(frame); }) &&
-         UnexplainedParallax(model, keyframes) <= kMostUnexplained;
-}
-
-// By all tracks, settled.
-GrownParts GrowPartsByAll(const WhitenedTracks& whitened,
-                          const Camera& camera,
-                          const CameraRefinement& refinement,
-                          const std::vector<int>& keyframes) {
-  GrownParts grown = GrowPartsBothWays(whitened, camera, refinement, keyframes);
-  for (MappedPart& part : grown.parts) AdjustUntilSettled(part.model, {}, 3, 4);
-  return grown;
-}
-
-// Grown by some of the tracks, which takes so much less time, and then with all of them; where some
-// are not enough, or there is a seam, by all.
-GrownParts GrowPartsBySome(const WhitenedTracks& whitened,
-                           const Camera& camera,
-                           const CameraRefinement& refinement,
-                           const std::vector<int>& keyframes) {
-  constexpr int kPerCell = 2;
-  constexpr double kWorthIt = 0.75;
-  if (whitened.HasSeam()) return GrowPartsByAll(whitened, camera, refinement, keyframes);
-  const WhitenedTracks some = whitened.Select(SpreadTracks(whitened, camera, keyframes, kPerCell));
-  if (static_cast<double>(some.observations().size()) <
-      kWorthIt * static_cast<double>(whitened.observations().size())) {
-    const GrownParts grown = GrowPartsBothWays(some, camera, refinement, keyframes);
-    if (IsSure(grown, keyframes)) {
-      WorkingModel model(whitened, grown.parts.front().model);
-      model.SetMinRayAngle(kFarRayAngleDeg);
-      model.TriangulateAllTracks();
-      RegisterOtherFrames(model);
-      GrownParts all;
-      all.parts.push_back({std::move(model), {}});
-      return all;
-    }
-  }
-  return GrowPartsByAll(whitened, camera, refinement, keyframes);
-}
-
 // The parts of a clip and what is to be thought of them, in the same order.
 struct JudgedParts {
   std::vector<MappedPart> parts;
@@ -237,14 +147,6 @@ struct JudgedParts {
   double readout = 0.0;
   std::vector<WhitenedTracks> corrected = {};  // the parts' tracks where the shutter rolls
 };
-
-// With all else. The focal length first: distortion would take its part while it is wrong.
-void RefineCamera(const CameraRefinement& refinement, WorkingModel& model) {
-  constexpr int kRounds = 5;  // of points that a wrong focal length made outliers
-  const int rounds = refinement.focal ? kRounds : 0;
-  for (int round = 0; round < rounds; ++round) AdjustAll(model, {.focal = true});
-  AdjustUntilSettled(model, refinement, 6, 10);
-}
 
 // Adjusts the parts, all of one camera and so of one readout: the largest tells it. A guessed camera
 // is held until then: what bends a model (a rolling shutter, tracks that drift) bends the focal
@@ -268,19 +170,20 @@ void AdjustParts(const MapperOptions& options,
   for (std::size_t i = 0; i < judged.parts.size(); ++i) {
     WorkingModel& model = judged.parts[i].model;
     if (judged.readout != 0.0) {
-      AdjustToReadout(observed, judged.readout, {}, model, judged.corrected[i]);
-      AdjustUntilSettled(model, {}, 3, 4);
+      AdjustToReadout(observed, judged.readout, model, judged.corrected[i]);
+      AdjustUntilSettled(model, 3, 4);
     }
     if (refinement.Any()) {
-      RefineCamera(refinement, model);
+      AdjustCamera(model, refinement);
       if (i == 0 && rolling) {
         judged.readout = RefineReadout(observed, *rolling, model, judged.corrected[i]);
       }
     }
     if (judged.readout != 0.0) {
-      AdjustToReadout(observed, judged.readout, refinement, model, judged.corrected[i]);
+      AdjustToReadout(observed, judged.readout, model, judged.corrected[i]);
     }
-    if (refinement.Any()) AdjustToOptimum(model, refinement);
+    if (judged.readout != 0.0 && refinement.Any()) AdjustCamera(model, refinement);
+    model.RemoveUnsupportedPoses();
     model.Normalise();
   }
 }
@@ -323,8 +226,8 @@ std::vector<Doubt> DoubtModel(const MapperResult& result,
   }
   if (result.better_camera) {
     doubts.push_back(DescribeBetterCamera(*result.better_camera, camera));
-  } else if (std::optional<Doubt> noise = DescribeExcessNoise(model, camera.known)) {
-    // Refined from a camera that is far off, the better one may not be found.
+  } else if (std::optional<Doubt> noise = DescribeExcessNoise(model, true); noise && camera.known) {
+    // Of a camera that was searched for (SearchCamera) there is no better one.
     doubts.push_back(std::move(*noise));
   }
   return doubts;
@@ -341,15 +244,28 @@ void Describe(const JudgedParts& judged,
               MapperResult& result) {
   const WorkingModel& model = judged.parts[judged.chosen].model;
   result.noise = model.noise();
+  result.lens_changes = MeasureLensChanges(model, refinement);
   if (camera.known) result.better_camera = FindBetterCamera(model, keyframes);
   result.summary.reasons = DoubtModel(result, judged, camera);
   const auto add_doubt = [&result](std::optional<Doubt> doubt) {
     if (doubt) result.summary.reasons.push_back(std::move(*doubt));
   };
+  if (result.lens_changes) add_doubt(DescribeLensChanges(*result.lens_changes));
   if (options.covariances) {
     if (auto covariances = CovariancesAtOptimum(model, refinement)) {
-      spdlog::debug("focal length known to {:.2g}", covariances->focal.value_or(0.0));
-      add_doubt(DescribeUncertainFocal(covariances->focal.value_or(0.0)));
+      if (covariances->focal) {
+        result.focal_sigma = kFocalErrorOverNoise * *covariances->focal;
+        add_doubt(DescribeUncertainFocal(*result.focal_sigma));
+      }
+      double sum = 0.0;
+      for (const auto& [frame, deviation] : covariances->centers) sum += deviation * deviation;
+      result.expected_error =
+          kCameraErrorOverNoise * std::sqrt(sum / static_cast<double>(std::max<std::size_t>(
+                                                      1, covariances->centers.size())));
+      add_doubt(DescribeExpectedError(*result.expected_error));
+      spdlog::debug("expected error: {:.4f} %, focal sigma {:.3f} %",
+                    100.0 * *result.expected_error,
+                    100.0 * result.focal_sigma.value_or(0.0));
       result.camera_covariances = std::move(covariances->cameras);
       result.point_covariances = std::move(covariances->points);
     } else {
@@ -359,8 +275,6 @@ void Describe(const JudgedParts& judged,
   }
   result.reconstruction = ToReconstruction(model, observed, judged.readout);
   add_doubt(DescribeLine(result.reconstruction));
-  const auto uncertainty = CameraUncertainty(result.camera_covariances, result.reconstruction);
-  add_doubt(DescribeUncertainCameras(uncertainty.value_or(0.0)));
 }
 
 MapperEnd EndOfModel(const MapperResult& described, std::size_t frames) {
@@ -375,10 +289,10 @@ bool HasNeighbours(const std::vector<FrameInfo>& frames) {
          }) != frames.end();
 }
 
-// All but the summary's figures.
-MapperResult MapTracks(const TrackFile& file, const MapperOptions& options) {
+// All but the summary's figures, with one focal length for all frames.
+MapperResult MapAtOneFocalLength(const TrackFile& file, const MapperOptions& options) {
   MapperResult result;
-  const Camera camera = CameraOrGuess(file);
+  const Camera given = CameraOrGuess(file);
   const auto least = static_cast<std::size_t>(std::max(2, options.min_track_length));
   if (file.frames.size() < least) {
     return WithEnd(std::move(result),
@@ -405,17 +319,21 @@ MapperResult MapTracks(const TrackFile& file, const MapperOptions& options) {
                     options.readout,
                     kMostFramesApart));
   }
-  const CameraRefinement refinement = RefinementOf(camera, options);
-  const std::vector<int> keyframes =
+  const CameraRefinement refinement = RefinementOf(given, options);
+  Camera camera = given;
+  std::vector<int> keyframes =
       SelectKeyframes(whitened, camera, kKeyframeParallaxPx, kMinKeyframes);
-  // A guessed focal length is held while the model grows; where nothing grows by it, it is not.
-  GrownParts grown = GrowPartsBySome(whitened, camera, {}, keyframes);
-  if (grown.parts.empty() && refinement.focal) {
-    grown = GrowPartsBySome(whitened, camera, refinement, keyframes);
+  std::optional<FoundCamera> found;
+  if (refinement.focal) {
+    if ((found = SearchCamera(whitened, camera, refinement, keyframes))) {
+      camera = found->camera;
+      keyframes = SelectKeyframes(whitened, camera, kKeyframeParallaxPx, kMinKeyframes);
+    }
   }
+  GrownParts grown = GrowPartsBySome(whitened, camera, keyframes);
   if (grown.parts.empty()) return WithEnd(std::move(result), grown.end);
-  for (MappedPart& part : grown.parts) AdjustUntilSettled(part.model, {}, 4, 4);
-  JudgedParts judged = JudgeParts(std::move(grown.parts), camera, options, refinement, keyframes);
+  for (MappedPart& part : grown.parts) AdjustUntilSettled(part.model, 4, 4);
+  JudgedParts judged = JudgeParts(std::move(grown.parts), given, options, refinement, keyframes);
   const Judgement& judgement = judged.judgements[judged.chosen];
   result.depth_uncertainty = judgement.depth_uncertainty;
   result.unexplained_parallax = judgement.unexplained_parallax;
@@ -425,8 +343,56 @@ MapperResult MapTracks(const TrackFile& file, const MapperOptions& options) {
     result.other_parts.push_back(ToReconstruction(judged.parts[i].model, whitened, judged.readout));
   }
   Describe(judged, whitened, camera, refinement, options, keyframes, result);
+  if (found && found->rival) {
+    result.summary.reasons.push_back(DescribeRivalCamera(found->camera, *found->rival));
+  }
   const MapperEnd end = EndOfModel(result, file.frames.size());
   return WithEnd(std::move(result), end);
+}
+
+// All but the summary's figures. Where the tracks ask for a focal length that changes, they are brought
+// to one, as a camera without zoom would have seen them, and mapped again, until they ask for no more.
+MapperResult MapTracks(const TrackFile& file, const MapperOptions& options) {
+  constexpr int kMostRounds = 5;
+  constexpr double kLeastZoom = 1.02;
+  // As long as the model is bent, a shift of the picture may gain more than the zoom that there is.
+  constexpr double kMayBeZoom = 0.6;
+  constexpr double kSettled = 1.002;  // a zoom that is left
+  constexpr double kFound = 1.01;
+  constexpr double kBetter = 0.9;  // noise, of that with one focal length
+  MapperResult result = MapAtOneFocalLength(file, options);
+  if (file.KnowsCamera() || !options.refine_focal || !result.lens_changes ||
+      !result.lens_changes->IsChanging() || result.lens_changes->Zoom() < kLeastZoom ||
+      result.lens_changes->focal_gain < kMayBeZoom * result.lens_changes->center_gain) {
+    return result;
+  }
+  FocalScales scales;
+  MapperResult zoomed = result;
+  for (int round = 0; round < kMostRounds; ++round) {
+    for (const auto& [frame, scale] : zoomed.lens_changes->focal) {
+      scales[frame] = FocalScaleOf(scales, frame) * scale;
+    }
+    TrackFile at_one = file;
+    at_one.camera = zoomed.reconstruction.camera;
+    at_one.tracks = AtOneFocalLength(file.tracks, *at_one.camera, scales);
+    zoomed = MapAtOneFocalLength(at_one, options);
+    if (!zoomed.lens_changes) return result;
+    spdlog::debug("zoom: f {:.1f}, noise {:.4f}, a zoom of {:.4f} is left",
+                  zoomed.reconstruction.camera.fx,
+                  zoomed.noise,
+                  zoomed.lens_changes->Zoom());
+    if (zoomed.lens_changes->Zoom() < kSettled) break;
+  }
+  if (zoomed.lens_changes->Zoom() > kFound || zoomed.noise > kBetter * result.noise ||
+      zoomed.reconstruction.cam_from_world.size() < result.reconstruction.cam_from_world.size()) {
+    return result;
+  }
+  zoomed.lens_changes->focal = scales;
+  zoomed.reconstruction.focal_scale = std::move(scales);
+  MoveViewsToTracks(file.tracks, zoomed.reconstruction.readout, zoomed.reconstruction);
+  zoomed.summary.reasons.push_back(DescribeFoundZoom(zoomed.lens_changes->Zoom()));
+  const MapperEnd end = EndOfModel(zoomed, file.frames.size());
+  return WithEnd(std::move(zoomed), end);
 }
 
 void SetPoses(const std::map<FrameIndex, Rigid3>& cam_from_world, WorkingModel& model) {
@@ -442,7 +408,7 @@ WorkingModel AdjustedModel(const WhitenedTracks& whitened, const Reconstruction&
   WorkingModel model(whitened, start.camera);
   SetPoses(start.cam_from_world, model);
   model.TriangulateAllTracks();
-  AdjustUntilSettled(model, {}, 4, 5);
+  AdjustUntilSettled(model, 4, 5);
   return model;
 }
 

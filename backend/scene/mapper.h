@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "backend/scene/lens_changes.h"
 #include "backend/scene/mapper_termination.h"
 #include "backend/scene/reconstruction.h"
 #include "frontend/tracks/track_store.h"
@@ -19,7 +20,7 @@ struct MapperOptions {
   double predicted_growth_px = 1.0;
   bool refine_focal = true;
   bool refine_radial = true;
-  bool refine_principal_point = false;
+  bool refine_principal_point = true;
   double readout = 0.0;
   bool estimate_readout = true;
   bool covariances = false;
@@ -58,8 +59,8 @@ struct MapperOptions {
     v.Flag("refine_radial", o.refine_radial, "refine k1 and k2 of a guessed camera");
     v.Flag("refine_principal_point",
            o.refine_principal_point,
-           "Refine the principal point of a guessed camera too, which needs a clip with "
-           "much rotation.",
+           "Refine the principal point of a guessed camera too. It stays within a few per cent of "
+           "the picture's middle, as those of real cameras do; off: it is the middle.",
            Tier::kCommon);
     v.Number("readout",
              o.readout,
@@ -98,6 +99,12 @@ struct MapperResult {
   double unexplained_parallax = 0.0;
   // Where the tracks contradict a camera that was given as known: the one they ask for.
   std::optional<Camera> better_camera;
+  // With MapperOptions::covariances: the root mean square error of the cameras that is expected, as a
+  // share of that distance of them from their mean, and the relative standard deviation of a focal
+  // length that was refined (judgement.h says how both follow from the covariances).
+  std::optional<double> expected_error;
+  std::optional<double> focal_sigma;
+  std::optional<LensChanges> lens_changes;  // of the model returned
   // With MapperOptions::covariances, scaled by noise^2: of (omega [rad], centre), see CameraPose.
   std::map<FrameIndex, Eigen::Matrix<double, 6, 6>> camera_covariances;
   std::map<FeatureId, Eigen::Matrix3d> point_covariances;

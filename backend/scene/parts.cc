@@ -51,7 +51,7 @@ PartResult MapBody(const WhitenedTracks& whitened,
   }
   // Whether it has parallax is judged by the model, if there is one: the noise of fast, shaken
   // cameras is hard to tell.
-  Start start = FindStart(whitened, camera, pairs, growth.refinement.focal);
+  Start start = FindStart(whitened, camera, pairs);
   if (!start.models.empty()) return GrowStart(std::move(start.models), keyframes, growth);
   return {ExplainMissingModel(
       whitened,
@@ -105,7 +105,7 @@ std::optional<WorkingModel> MapOtherBody(const WorkingModel& model,
   WorkingModel other(whitened, *body.model);
   other.SetMinRayAngle(kFarRayAngleDeg);
   other.TriangulateAllTracks();
-  AdjustUntilSettled(other, growth.refinement, 4, 5);
+  AdjustUntilSettled(other, 4, 5);
   const auto [cost, other_cost] = CompareCosts(model, other, keyframes);
   spdlog::debug("another body: {} tracks, {} frames; costs over all tracks {:.1f}, by it {:.1f}",
                 unexplained.track_count(),

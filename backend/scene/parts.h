@@ -5,6 +5,7 @@
 
 #include "backend/scene/growth.h"
 #include "backend/scene/mapper_termination.h"
+#include "backend/scene/reconstruction.h"
 
 namespace cohort {
 

@@ -90,6 +90,9 @@ enum class DoubtCode : std::uint8_t {
   kWorthless,            // the model says nothing of the scene: how else there would be none
   kCameraContradicted,   // the tracks ask for another camera than the one given
   kExcessNoise,          // the model leaves more noise than the tracks have
+  kTwoCameras,           // two focal lengths explain the tracks equally well
+  kFocalChanges,         // the tracks ask for a focal length that changes
+  kCenterMoves,          // the tracks ask for a principal point that moves: a 2-D stabiliser
   kFocalUncertain,       // the focal length is uncertain
   kCamerasUncertain,     // the cameras' positions are uncertain
   kPointsOnALine,        // the points lie along a line
@@ -97,7 +100,7 @@ enum class DoubtCode : std::uint8_t {
   kNotJudged,            // COLMAP made it, and Ceres was not asked
   kOther,                // of a file that another version wrote
 };
-inline constexpr ChoiceNames<DoubtCode, 15> kDoubtCodeNames{
+inline constexpr ChoiceNames<DoubtCode, 18> kDoubtCodeNames{
     {{"few-frames", DoubtCode::kFewFrames},
      {"parts", DoubtCode::kParts},
      {"two-scenes", DoubtCode::kTwoScenes},
@@ -107,6 +110,9 @@ inline constexpr ChoiceNames<DoubtCode, 15> kDoubtCodeNames{
      {"worthless", DoubtCode::kWorthless},
      {"camera-contradicted", DoubtCode::kCameraContradicted},
      {"excess-noise", DoubtCode::kExcessNoise},
+     {"two-cameras", DoubtCode::kTwoCameras},
+     {"focal-changes", DoubtCode::kFocalChanges},
+     {"center-moves", DoubtCode::kCenterMoves},
      {"focal-uncertain", DoubtCode::kFocalUncertain},
      {"cameras-uncertain", DoubtCode::kCamerasUncertain},
      {"points-on-a-line", DoubtCode::kPointsOnALine},

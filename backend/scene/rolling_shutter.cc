@@ -266,7 +266,6 @@ TrackFile AsGlobalShutter(TrackFile file, const Reconstruction& model) {
 
 void AdjustToReadout(const WhitenedTracks& observed,
                      double readout,
-                     const CameraRefinement& refinement,
                      WorkingModel& model,
                      WhitenedTracks& corrected) {
   constexpr int kRounds = 4;
@@ -274,7 +273,7 @@ void AdjustToReadout(const WhitenedTracks& observed,
     corrected = observed.WithPositions(AsGlobalShutter(observed, model, readout));
     model.SetTracks(corrected);
     model.UpdateAllInliers(std::numeric_limits<double>::infinity());
-    AdjustRegistered(model, MapperBundleOptions(model, refinement, 4, 1e-5));
+    AdjustRegistered(model, MapperBundleOptions(model, {}, 4, 1e-5));
     model.UpdateAllInliers(model.ErrorBound());
   }
 }

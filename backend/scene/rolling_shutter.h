@@ -48,7 +48,6 @@ double RefineReadout(const WhitenedTracks& observed,
 // Adjusts the model to observations corrected for a readout, which depend on its motion: four times.
 void AdjustToReadout(const WhitenedTracks& observed,
                      double readout,
-                     const CameraRefinement& refinement,
                      WorkingModel& model,
                      WhitenedTracks& corrected);
 

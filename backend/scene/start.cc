@@ -29,8 +29,7 @@ void LogStart(const FramePairMotion& pair, const StartModel& start) {
 
 Start FindStart(const WhitenedTracks& whitened,
                 const Camera& camera,
-                const std::vector<FramePairMotion>& pairs,
-                bool refine_focal) {
+                const std::vector<FramePairMotion>& pairs) {
   constexpr std::size_t kMaxWindows = 6;  // a bound on time, chosen by eye on the tuning clips
   Start start;
   std::vector<FramePairMotion> tried;
@@ -41,7 +40,7 @@ Start FindStart(const WhitenedTracks& whitened,
     if (similar) continue;
     if (tried.size() == kMaxWindows) break;
     tried.push_back(pair);
-    start.models = BuildStartModels(whitened, camera, pair, refine_focal);
+    start.models = BuildStartModels(whitened, camera, pair);
     for (const StartModel& model : start.models) LogStart(pair, model);
     if (!start.models.empty()) break;
   }

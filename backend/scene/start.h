@@ -15,8 +15,7 @@ struct Start {
 // Tries windows between these pairs, in their order; one much like one that failed is left out.
 Start FindStart(const WhitenedTracks& whitened,
                 const Camera& camera,
-                const std::vector<FramePairMotion>& pairs,
-                bool refine_focal);
+                const std::vector<FramePairMotion>& pairs);
 
 // The best start that is another scene than the first (depths differ by more than a similarity) and
 // that the window cannot tell from it; null: none.

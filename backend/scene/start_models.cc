@@ -66,13 +66,12 @@ std::vector<Rigid3> DecomposeHomography(const Eigen::Matrix3d& homography, const
   return poses;
 }
 
-// Start models of one window of frames, for one hypothesis of the camera after the other.
+// Start models of one window of frames.
 class WindowBuilder {
  public:
-  WindowBuilder(const WhitenedTracks& whitened, const FramePairMotion& pair, bool refine_focal)
+  WindowBuilder(const WhitenedTracks& whitened, const FramePairMotion& pair)
       : whitened_(whitened),
         pair_(pair),
-        refine_focal_(refine_focal),
         window_(WindowFrames(whitened, pair)),
         tracks_(TracksInFrames(whitened, window_)) {}
 
@@ -176,7 +175,6 @@ class WindowBuilder {
     bundle.loss_scale = std::clamp(model.loss_turn(), 0.1, BundleOptions::kMaxLossScale);
     bundle.max_iterations = 20;
     bundle.function_tolerance = 1e-4;
-    bundle.refine_focal = refine_focal_;
     return bundle;
   }
 
@@ -196,7 +194,6 @@ class WindowBuilder {
 
   const WhitenedTracks& whitened_;
   FramePairMotion pair_;
-  bool refine_focal_;
   std::vector<int> window_;
   std::vector<int> tracks_;
 };
@@ -205,21 +202,13 @@ class WindowBuilder {
 
 std::vector<StartModel> BuildStartModels(const WhitenedTracks& whitened,
                                          const Camera& camera,
-                                         const FramePairMotion& pair,
-                                         bool refine_focal) {
-  const WindowBuilder builder(whitened, pair, refine_focal);
+                                         const FramePairMotion& pair) {
+  const WindowBuilder builder(whitened, pair);
   std::vector<StartModel> models;
-  std::vector<double> focal_factors{1.0};
-  if (refine_focal) focal_factors = {1.0, 0.7, 1.4, 0.5, 2.0};
-  for (const double factor : focal_factors) {
-    Camera candidate = camera;
-    candidate.fx *= factor;
-    candidate.fy *= factor;
-    std::vector<StartModel> first = builder.FromRelativePoses(candidate);
-    std::ranges::move(builder.FromAffineFactorization(candidate), std::back_inserter(first));
-    for (StartModel& model : first) {
-      if (builder.GrowOverWindow(model.model)) models.push_back(std::move(model));
-    }
+  std::vector<StartModel> first = builder.FromRelativePoses(camera);
+  std::ranges::move(builder.FromAffineFactorization(camera), std::back_inserter(first));
+  for (StartModel& model : first) {
+    if (builder.GrowOverWindow(model.model)) models.push_back(std::move(model));
   }
   double bound = kMaxReprojectionPx;
   for (const StartModel& m : models) bound = std::min(bound, m.model.ErrorBound());

@@ -26,11 +26,9 @@ struct StartModel {
 // Models of the frames from pair.frame_a to pair.frame_b, the best first: relative poses of the
 // essential matrix and, where a homography explains the pair too, of its decomposition; both mirror
 // models of the affine factorisation. All are grown over the window, adjusted there and compared by
-// cost; those that leave half of the window unexplained are left out. With refine_focal the camera
-// is a guess, and several focal lengths are tried.
+// cost; those that leave half of the window unexplained are left out.
 std::vector<StartModel> BuildStartModels(const WhitenedTracks& whitened,
                                          const Camera& camera,
-                                         const FramePairMotion& pair,
-                                         bool refine_focal);
+                                         const FramePairMotion& pair);
 
 }  // namespace cohort

@@ -77,6 +77,26 @@ void WorkingModel::SetPose(int frame, const Rigid3& cam_from_world) {
   centers_[frame] = cam_from_world.Inverse().translation;
 }
 
+void WorkingModel::RemovePose(int frame) {
+  if (!HasPose(frame)) return;
+  cam_from_world_[frame].reset();
+  --registered_;
+  for (const int o : whitened_->ObservationsIn(frame)) is_inlier_[o] = 0;
+}
+
+int WorkingModel::RemoveUnsupportedPoses() {
+  int removed = 0;
+  for (const int frame : RegisteredFrames()) {
+    const auto& observations = whitened_->ObservationsIn(frame);
+    const auto inliers = std::count_if(
+        observations.begin(), observations.end(), [this](int o) { return IsInlier(o); });
+    if (inliers >= kMinPoseInliers) continue;
+    RemovePose(frame);
+    ++removed;
+  }
+  return removed;
+}
+
 std::vector<int> WorkingModel::RegisteredFrames() const {
   std::vector<int> frames;
   for (int f = 0; f < whitened_->frame_count(); ++f) {

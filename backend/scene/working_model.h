@@ -50,6 +50,10 @@ class WorkingModel {
   bool HasPose(int frame) const { return cam_from_world_[frame].has_value(); }
   const Rigid3& Pose(int frame) const { return *cam_from_world_[frame]; }
   void SetPose(int frame, const Rigid3& cam_from_world);
+  // The frame has a pose no longer, and its observations are no inliers.
+  void RemovePose(int frame);
+  // Removes the poses that fewer inliers hold than RegisterFrame asks for. Returns how many.
+  int RemoveUnsupportedPoses();
   std::vector<int> RegisteredFrames() const;  // ascending
   int registered() const { return registered_; }
   // At most `count` registered frames by distance in time, the frame itself first.

@@ -1,5 +1,7 @@
 #include "pipelines/commands/sfm.h"
 
+#include <algorithm>
+#include <cmath>
 #include <filesystem>
 
 #include "pipelines/console/messages.h"
@@ -21,10 +23,16 @@ void PrintFigures(const SfmFigures& figures, const std::string& out) {
       {"pictures of the scene", fmt::format("{}", figures.images)},
       {"points of the scene", fmt::format("{}", figures.points)}};
   if (!figures.quality.empty()) rows.push_back({"quality", figures.quality});
-  if (figures.camera_uncertainty) {
-    rows.push_back({"error of the cameras by noise",
-                    fmt::format("{:.2g} % of the distance to the scene",
-                                100.0 * *figures.camera_uncertainty)});
+  if (figures.expected_error) {
+    rows.push_back(
+        {"expected error of the cameras",
+         fmt::format("{:.2g} % of the extent of their path", 100.0 * *figures.expected_error)});
+  }
+  if (figures.focal_px && figures.focal_sigma_px) {
+    rows.push_back({"focal length found",
+                    fmt::format("{:.0f} +- {:.0f} px",
+                                *figures.focal_px,
+                                std::max(1.0, std::ceil(*figures.focal_sigma_px)))});
   }
   rows.push_back({"to look at", (fs::path(out) / "report.html").string()});
   fmt::print("{}", AlignedTable(rows));

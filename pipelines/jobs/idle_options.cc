@@ -60,12 +60,7 @@ void WarnOfIdleOptions(const TrackerOptions& options) {
   WarnOfUnread(idle, fmt::format("tracker {}", NameOf(kTrackerNames, options.tracker)));
 }
 
-void WarnOfIdleOptions(const ReconstructOptions& options, bool camera_known) {
-  if (camera_known && options.ceres.refine_principal_point) {
-    spdlog::warn(
-        "the camera is known and stays as it is, ceres.refine_principal_point changes nothing: "
-        "it is for a guessed one");
-  }
+void WarnOfIdleOptions(const ReconstructOptions& options) {
   if (options.backend != BackendKind::kCeres) return;
   std::vector<std::string> idle = ChangedOptions(options);
   std::erase_if(idle, [](const std::string& path) {

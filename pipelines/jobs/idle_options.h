@@ -10,6 +10,6 @@ namespace cohort {
 // tracker, or the backend with this camera, does not read them. No error: one file of options may
 // be meant for several.
 void WarnOfIdleOptions(const TrackerOptions& options);
-void WarnOfIdleOptions(const ReconstructOptions& options, bool camera_known);
+void WarnOfIdleOptions(const ReconstructOptions& options);
 
 }  // namespace cohort

@@ -18,7 +18,7 @@ ReconstructionSummary RunReconstructJob(const ReconstructJobOptions& options) {
   const TrackFile file = ReadTrackFile(options.tracks);
   CheckOutputsGiven({options.json});
   WarnIfUnfinished(file, options.tracks);
-  WarnOfIdleOptions(options.reconstruct, file.KnowsCamera());
+  WarnOfIdleOptions(options.reconstruct);
   if (options.reconstruct.backend == BackendKind::kColmap && options.reconstruct.write_frames) {
     WarnIfVideoChanged(file, options.tracks);
   }

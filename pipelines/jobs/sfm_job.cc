@@ -166,6 +166,11 @@ SfmFigures FiguresOf(const fs::path& summary) {
     figures.quality = Find<std::string>(model, "quality").value_or("");
     if (model.contains("reasons")) figures.reasons = DoubtsFromJson(model.at("reasons"));
     figures.camera_uncertainty = Find<double>(model, "camera_uncertainty");
+    figures.expected_error = Find<double>(model, "expected_error");
+    if (model.contains("camera") && model["camera"].contains("sigma")) {
+      figures.focal_px = Find<double>(model["camera"], "fx");
+      figures.focal_sigma_px = Find<double>(model["camera"]["sigma"], "fx");
+    }
   });
   return figures;
 }
@@ -193,6 +198,7 @@ Json SummaryOf(const SfmFigures& figures,
             {"termination", figures.model.termination},
             {"quality", figures.quality.empty() ? Json() : Json(figures.quality)},
             {"reasons", DoubtsToJson(figures.reasons)},
+            {"expected_error", figures.expected_error ? Json(*figures.expected_error) : Json()},
             {"camera_uncertainty",
              figures.camera_uncertainty ? Json(*figures.camera_uncertainty) : Json()},
             {"cuts", NumbersOf(cuts)},

@@ -64,8 +64,11 @@ struct SfmJobOptions {
 struct SfmFigures {
   ReconstructionSummary model;
   std::size_t images = 0;
-  std::size_t points = 0;                    // of the scene
-  std::string quality;                       // as summary.json of the model has it
+  std::size_t points = 0;                // of the scene
+  std::string quality;                   // as summary.json of the model has it
+  std::optional<double> expected_error;  // of the cameras, share of the extent of their path
+  std::optional<double> focal_px;        // of a camera that was not known
+  std::optional<double> focal_sigma_px;
   std::optional<double> camera_uncertainty;  // share of the distance to the scene
   std::vector<Doubt> reasons;                // to doubt the model
   std::vector<std::string> film_better;      // FilmAdvice

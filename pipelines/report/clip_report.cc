@@ -292,10 +292,10 @@ ClipReport ReadClipReport(const fs::path& model_folder) {
     if (summary.contains("quality") && summary["quality"].is_string()) {
       report.facts.emplace_back("quality", summary["quality"].get<std::string>());
     }
-    if (summary.contains("camera_uncertainty") && summary["camera_uncertainty"].is_number()) {
+    if (summary.contains("expected_error") && summary["expected_error"].is_number()) {
       report.facts.emplace_back(
-          "error of the cameras by noise, of the distance to the scene",
-          fmt::format("{:.2g} %", 100.0 * summary["camera_uncertainty"].get<double>()));
+          "expected error of the cameras, of the extent of their path",
+          fmt::format("{:.2g} %", 100.0 * summary["expected_error"].get<double>()));
     }
     if (summary.contains("reasons")) {
       report.sentences = SentencesOf(DoubtsFromJson(summary["reasons"]));

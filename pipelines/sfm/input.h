@@ -30,8 +30,7 @@ struct InputOptions {
     v.Choice("layout",
              o.layout,
              kLayoutNames,
-             "How to read the input; only needed where its layout is not recognised.",
-             Tier::kCommon);
+             "How to read the input; only needed where its layout is not recognised.");
     v.Text("frames",
            o.frames,
            "Take only frames A to B - 1 of the input, given as A:B, or every STEP-th of "

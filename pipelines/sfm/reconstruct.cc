@@ -99,6 +99,9 @@ bool IsOfTracks(DoubtCode code) {
     case DoubtCode::kUnexplainedParallax:
     case DoubtCode::kCameraContradicted:
     case DoubtCode::kExcessNoise:
+    case DoubtCode::kTwoCameras:
+    case DoubtCode::kFocalChanges:
+    case DoubtCode::kCenterMoves:
     case DoubtCode::kFocalUncertain:
     case DoubtCode::kCamerasUncertain:
     case DoubtCode::kPointsOnALine:
@@ -281,6 +284,8 @@ ReconstructResult ToReconstructResult(MapperResult model) {
                         model.depth_uncertainty,
                         model.unexplained_parallax,
                         model.better_camera,
+                        model.expected_error,
+                        model.focal_sigma,
                         std::move(model.camera_covariances),
                         std::move(model.point_covariances)}};
 }

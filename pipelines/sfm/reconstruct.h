@@ -61,6 +61,8 @@ struct CeresFindings {
   double depth_uncertainty = 0.0;
   double unexplained_parallax = 0.0;
   std::optional<Camera> better_camera;
+  std::optional<double> expected_error;
+  std::optional<double> focal_sigma;
   std::map<FrameIndex, Eigen::Matrix<double, 6, 6>> camera_covariances;
   std::map<FeatureId, Eigen::Matrix3d> point_covariances;
 };

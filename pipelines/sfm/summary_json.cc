@@ -40,6 +40,10 @@ Json FindingsToJson(const CeresFindings& findings, const Reconstruction& reconst
     json["unexplained_parallax"] = findings.unexplained_parallax;
     json["noise"] = findings.noise;
     json["camera"] = CameraToJson(reconstruction.camera);
+    if (findings.focal_sigma) {
+      json["camera"]["sigma"] = {{"fx", *findings.focal_sigma * reconstruction.camera.fx}};
+    }
+    if (findings.expected_error) json["expected_error"] = *findings.expected_error;
   }
   if (const auto uncertainty = CameraUncertainty(findings.camera_covariances, reconstruction)) {
     json["camera_uncertainty"] = *uncertainty;

@@ -55,7 +55,7 @@ TEST(Adjustment, CovariancesScaleWithTheNoise) {
     const SyntheticTracks scene = LateralScene(noise_px);
     const WhitenedTracks whitened(scene.file, {});
     WorkingModel model = TrueModel(scene, whitened, AllFrames(whitened));
-    AdjustUntilSettled(model, {}, 3, 5);
+    AdjustUntilSettled(model, 3, 5);
     const auto covariances = CovariancesAtOptimum(model, {});
     ASSERT_TRUE(covariances);
     EXPECT_EQ(covariances->cameras.size(), 24u);

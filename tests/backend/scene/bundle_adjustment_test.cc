@@ -207,7 +207,7 @@ TEST_P(ReprojectionOf, BundleAdjustmentRefinesFocalLengthAndTwoCoefficients) {
   BundleOptions options;
   options.loss = RobustLoss::kNone;
   options.refine_focal = options.refine_radial = true;
-  options.focal_prior_log_sigma = 1e3;
+  options.focal_prior_log_sigma = options.radial_prior_sigma = options.center_prior_sigma = 1e3;
   options.max_iterations = 200;
   options.function_tolerance = 1e-16;
   const BundleResult result = AdjustBundle(scene.problem, options);
@@ -261,7 +261,7 @@ TEST(BundleAdjustment, RefinesIntrinsicsThatAreOff) {
   BundleOptions options;
   options.loss = RobustLoss::kNone;
   options.refine_focal = options.refine_radial = options.refine_principal_point = true;
-  options.focal_prior_log_sigma = 1e3;
+  options.focal_prior_log_sigma = options.radial_prior_sigma = options.center_prior_sigma = 1e3;
   options.max_iterations = 200;
   options.function_tolerance = 1e-14;
   const BundleResult result = AdjustBundle(scene.problem, options);

@@ -72,19 +72,6 @@ TEST(CondensedAdjustment, WithoutNoiseBringsMovedCamerasBack) {
   EXPECT_LT(Ate(model, scene), 0.02 * moved);
 }
 
-TEST(CondensedAdjustment, FindsTheFocalLength) {
-  SyntheticTracks scene = LongTracks(CameraPath::kArc);
-  const double focal = scene.file.camera->fx;
-  scene.file.camera->fx *= 1.02;
-  scene.file.camera->fy *= 1.02;
-  const WhitenedTracks whitened(scene.file, {});
-  WorkingModel model = StartOf(scene, whitened);
-  BundleOptions bundle = Rounds();
-  bundle.refine_focal = true;
-  for (int round = 0; round < 6; ++round) AdjustCondensed(model, ChooseRuns(model), bundle);
-  EXPECT_NEAR(model.camera().fx, focal, 0.005 * focal);
-}
-
 // A camera that goes along 30 times as far as it sees at once.
 TEST(CondensedAdjustment, TakesTheDriftOutOfALongPath) {
   SyntheticTracksOptions options;

@@ -231,7 +231,7 @@ TEST(RollingShutter, EstimateSaysHowSureItIs) {
     const SyntheticTracks scene = Rolling(kReadout, seed);
     const WhitenedTracks observed(scene.file, {});
     WorkingModel model = TrueModel(scene, observed, AllFrames(observed));
-    AdjustUntilSettled(model, {}, 3, 5);
+    AdjustUntilSettled(model, 3, 5);
     WhitenedTracks corrected(observed);
     const ReadoutEstimate estimate = EstimateReadout(observed, model, corrected);
     EXPECT_TRUE(estimate.IsRolling());

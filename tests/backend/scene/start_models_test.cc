@@ -24,12 +24,10 @@ SyntheticTracks Scene(CameraPath path, double relief, double focal_px = 500.0) {
   return MakeSyntheticTracks(options);
 }
 
-std::vector<StartModel> Starts(const SyntheticTracks& scene,
-                               const WhitenedTracks& whitened,
-                               bool refine_focal = false) {
+std::vector<StartModel> Starts(const SyntheticTracks& scene, const WhitenedTracks& whitened) {
   const FramePairMotion pair =
       MeasureMotion(whitened, *scene.file.camera, 0, whitened.frame_count() - 1);
-  return BuildStartModels(whitened, *scene.file.camera, pair, refine_focal);
+  return BuildStartModels(whitened, *scene.file.camera, pair);
 }
 
 // ATE over the window, relative to the length of its path.
@@ -98,22 +96,12 @@ TEST(StartModels, TheBestIsFirstAndCostsAreOfTheSameObservations) {
   for (const StartModel& start : starts) EXPECT_EQ(start.window, starts.front().window);
 }
 
-TEST(StartModels, AGuessedFocalLengthIsVaried) {
-  SyntheticTracks scene = Scene(CameraPath::kArc, 1.0, 500.0);
-  scene.file.camera->fx = scene.file.camera->fy = 800.0;
-  scene.file.camera->known = false;
-  const WhitenedTracks whitened(scene.file, {});
-  const auto starts = Starts(scene, whitened, true);
-  ASSERT_FALSE(starts.empty());
-  EXPECT_NEAR(starts.front().model.camera().fx, 500.0, 50.0);
-}
-
 TEST(FindStart, ATurningCameraGivesNoStartInAnyWindow) {
   const SyntheticTracks scene = Scene(CameraPath::kRotation, 1.0);
   const WhitenedTracks whitened(scene.file, {});
   std::vector<FramePairMotion> pairs;
   for (int b = 8; b < 16; ++b) pairs.push_back(MeasureMotion(whitened, *scene.file.camera, 0, b));
-  const Start start = FindStart(whitened, *scene.file.camera, pairs, false);
+  const Start start = FindStart(whitened, *scene.file.camera, pairs);
   EXPECT_TRUE(start.models.empty());
   EXPECT_GE(start.windows_tried, 1u);
   EXPECT_LT(start.windows_tried, pairs.size()) << "windows much like one that failed";

@@ -347,8 +347,6 @@ TEST_F(Commands, OptionsThatChangeNothingAreSaid) {
       "reconstruct " + Path("s.tracks") + " --out " + Path("model") + " --backend ceres ";
   EXPECT_THAT(warned(reconstruct + "--seed 3"),
               HasSubstr("backend ceres does not read colmap.seed: it changes nothing"));
-  EXPECT_THAT(warned(reconstruct + "--ceres.refine-principal-point"),
-              HasSubstr("the camera is known and stays as it is, ceres.refine_principal_point"));
 
   ExpectFailure(RunCohort("degrade " + clip + " " + Path("d") + " --codec hevc"),
                 2,

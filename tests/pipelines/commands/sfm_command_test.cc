@@ -70,7 +70,7 @@ TEST_F(Sfm, MakesASceneThatOpens) {
   const test::ProgramEnd end = RunSfm(scene);
   ASSERT_EQ(end.exit_code, 0) << end.err;
   EXPECT_THAT(end.out, HasSubstr("24 of 24"));
-  EXPECT_THAT(end.out, HasSubstr("% of the distance to the scene"));
+  EXPECT_THAT(end.out, HasSubstr("% of the extent of their path"));
   const test::ProgramEnd valid = Validate(scene);
   EXPECT_EQ(valid.exit_code, 0) << valid.out << valid.err;
   EXPECT_EQ(Json(scene / "summary.json").at("quality"), "good");
