@@ -62,7 +62,7 @@ std::optional<WorkingModel> Settle(const WhitenedTracks& tracks,
       model.camera().k2,
       model.registered(),
       model.noise());
-  return std::move(model);
+  return std::move(grown.parts.front().model);
 }
 
 // The same poses and points seen through a fisheye lens, adjusted. To third order in the angle a
