@@ -18,7 +18,7 @@ namespace {
 // Focal lengths to start from beside the guess, as shares of the longer side of the picture: from 90
 // degrees across it to 30. From each of them a model comes to the minimum if the true one is between
 // half and twice as long, and mostly from further away.
-constexpr double kStarts[] = {0.5, 0.9, 1.9};
+constexpr double kStartFocals[] = {0.5, 0.9, 1.9};
 
 // Two cameras whose rays through the corner of the picture and whose focal lengths differ by less are
 // one: another start of the same minimum ends within a tenth of it.
@@ -37,7 +37,7 @@ bool AreSame(const Camera& a, const Camera& b, double bound = kSameCamera) {
 std::vector<Camera> Starts(const Camera& guess) {
   constexpr double kNear = 0.15;  // of log f: what is nearer to the guess tells nothing new
   std::vector<Camera> starts{guess};
-  for (const double share : kStarts) {
+  for (const double share : kStartFocals) {
     const double focal_px = share * std::max(guess.width_px, guess.height_px);
     if (std::abs(std::log(focal_px / guess.fx)) > kNear) {
       starts.push_back(WithFocal(guess, focal_px));
