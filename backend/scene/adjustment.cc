@@ -46,19 +46,21 @@ PointProblem MakePointProblem(const WorkingModel& model) {
 }
 
 // The variance of every centre (trace of its three coordinates) that is left after the similarity that
-// fits the centres best: P C P' with P = I - Q Q', Q an orthonormal base of what a similarity may do.
-// `centers`: one after the other; `covariance`: of all of them.
-std::vector<double> VariancesAfterSimilarity(const std::vector<Eigen::Vector3d>& centers,
-                                             const Eigen::MatrixXd& covariance) {
+// fits the centres best, P C P' with P = I - Q Q', Q an orthonormal base of what a similarity may do; as
+// a share of the mean square distance of the centres from their mean. `covariance`: of all centres.
+std::vector<double> SharesAfterSimilarity(const std::vector<Eigen::Vector3d>& centers,
+                                          const Eigen::MatrixXd& covariance) {
   const auto count = static_cast<Eigen::Index>(centers.size());
   Eigen::Vector3d mean = Eigen::Vector3d::Zero();
   for (const Eigen::Vector3d& c : centers) mean += c / static_cast<double>(count);
+  double extent2 = 0.0;
   Eigen::MatrixXd moves = Eigen::MatrixXd::Zero(3 * count, 7);
   for (Eigen::Index i = 0; i < count; ++i) {
     const Eigen::Vector3d c = centers[static_cast<std::size_t>(i)] - mean;
     moves.block<3, 3>(3 * i, 0).setIdentity();
     moves.block<3, 3>(3 * i, 3) << 0, -c.z(), c.y(), c.z(), 0, -c.x(), -c.y(), c.x(), 0;
     moves.block<3, 1>(3 * i, 6) = c;
+    extent2 += c.squaredNorm() / static_cast<double>(count);
   }
   // Of a straight path one rotation moves nothing.
   const Eigen::ColPivHouseholderQR<Eigen::MatrixXd> qr(moves);
@@ -68,11 +70,11 @@ std::vector<double> VariancesAfterSimilarity(const std::vector<Eigen::Vector3d>&
   const Eigen::MatrixXd QQCQ = Q * (Q.transpose() * CQ);
   const Eigen::VectorXd of_coordinates =
       covariance.diagonal() + (QQCQ - 2.0 * CQ).cwiseProduct(Q).rowwise().sum();
-  std::vector<double> variances;
+  std::vector<double> shares;
   for (Eigen::Index i = 0; i < count; ++i) {
-    variances.push_back(std::max(of_coordinates.segment<3>(3 * i).sum(), 0.0));
+    shares.push_back(std::max(of_coordinates.segment<3>(3 * i).sum(), 0.0) / extent2);
   }
-  return variances;
+  return shares;
 }
 
 }  // namespace
@@ -251,16 +253,9 @@ std::optional<ModelCovariances> CovariancesAtOptimum(WorkingModel model,
   }
   std::vector<Eigen::Vector3d> centers;
   for (const int frame : frames) centers.push_back(model.Pose(frame).Inverse().translation);
-  Eigen::Vector3d mean = Eigen::Vector3d::Zero();
-  for (const Eigen::Vector3d& c : centers) mean += c / static_cast<double>(centers.size());
-  double extent2 = 0.0;
-  for (const Eigen::Vector3d& c : centers) {
-    extent2 += (c - mean).squaredNorm() / static_cast<double>(centers.size());
-  }
-  const std::vector<double> variances = VariancesAfterSimilarity(centers, covariances->centers);
+  const std::vector<double> shares = SharesAfterSimilarity(centers, covariances->centers);
   for (std::size_t i = 0; i < frames.size(); ++i) {
-    result.centers[whitened.frames()[frames[i]].index] =
-        std::sqrt(variance * variances[i] / extent2);
+    result.centers[whitened.frames()[frames[i]].index] = model.noise() * std::sqrt(shares[i]);
   }
   for (std::size_t i = 0; i < adjustment.tracks.size(); ++i) {
     result.points[whitened.features()[adjustment.tracks[i]]] = variance * covariances->points[i];

@@ -94,6 +94,22 @@ class SharedManifold final : public ceres::Manifold {
   SharedVector free_ = SharedVector::Zero();
 };
 
+// The derivatives of a residual by the pose (block 0) and the point (block 1), those that Ceres asks
+// for; `d_n`: by the normalised image point.
+inline void WriteSceneDerivatives(const NormalisedProjection& p,
+                                  const Eigen::Matrix2d& d_n,
+                                  double** jacobians) {
+  if (jacobians[0] != nullptr) {
+    Eigen::Map<RowMajor27> d_pose(jacobians[0]);
+    d_pose.leftCols<6>() = d_n * p.d_pose;
+    d_pose.col(6).setZero();
+  }
+  if (jacobians[1] != nullptr) {
+    Eigen::Map<RowMajor23> d_point(jacobians[1]);
+    d_point = d_n * p.d_point;
+  }
+}
+
 // Known intrinsics: the observation is unprojected once to n, and the residual W (n(x) - n) has in
 // W the pixels' covariance and the camera's derivative at n.
 class CalibratedCost final : public ceres::SizedCostFunction<2, kPoseSize, 3> {
@@ -108,15 +124,7 @@ class CalibratedCost final : public ceres::SizedCostFunction<2, kPoseSize, 3> {
     Eigen::Map<Eigen::Vector2d> residual(residuals);
     residual = whitening_ * (p.n - n_);
     if (jacobians == nullptr) return true;
-    if (jacobians[0] != nullptr) {
-      Eigen::Map<RowMajor27> d_pose(jacobians[0]);
-      d_pose.leftCols<6>() = whitening_ * p.d_pose;
-      d_pose.col(6).setZero();
-    }
-    if (jacobians[1] != nullptr) {
-      Eigen::Map<RowMajor23> d_point(jacobians[1]);
-      d_point = whitening_ * p.d_point;
-    }
+    WriteSceneDerivatives(p, whitening_, jacobians);
     return true;
   }
 
@@ -165,15 +173,7 @@ class RefiningCost final : public ceres::SizedCostFunction<2, kPoseSize, 3, kSha
     residual = whitening_ * (q.xy - xy_);
     if (jacobians == nullptr) return true;
     const Eigen::Matrix2d d_n = whitening_ * q.d_n;
-    if (jacobians[0] != nullptr) {
-      Eigen::Map<RowMajor27> d_pose(jacobians[0]);
-      d_pose.leftCols<6>() = d_n * p.d_pose;
-      d_pose.col(6).setZero();
-    }
-    if (jacobians[1] != nullptr) {
-      Eigen::Map<RowMajor23> d_point(jacobians[1]);
-      d_point = d_n * p.d_point;
-    }
+    WriteSceneDerivatives(p, d_n, jacobians);
     if (jacobians[2] != nullptr) {
       Eigen::Map<RowMajor26> d_shared(jacobians[2]);
       d_shared.setZero();
@@ -213,15 +213,7 @@ class ChangingLensCost final
                (center + from_center + Eigen::Vector2d(parameters[2][1], parameters[2][2]) - xy_);
     if (jacobians == nullptr) return true;
     const Eigen::Matrix2d d_n = scale * whitening_ * q.d_n;
-    if (jacobians[0] != nullptr) {
-      Eigen::Map<RowMajor27> d_pose(jacobians[0]);
-      d_pose.leftCols<6>() = d_n * p.d_pose;
-      d_pose.col(6).setZero();
-    }
-    if (jacobians[1] != nullptr) {
-      Eigen::Map<RowMajor23> d_point(jacobians[1]);
-      d_point = d_n * p.d_point;
-    }
+    WriteSceneDerivatives(p, d_n, jacobians);
     if (jacobians[2] != nullptr) {
       Eigen::Map<RowMajor26> d_lens(jacobians[2]);
       d_lens.setZero();

@@ -260,7 +260,7 @@ double NoiseLeftPx(const WorkingModel& model) {
   return Median(std::move(errors)) / kMedianOfRayleigh;
 }
 
-std::optional<Doubt> DescribeExcessNoise(const WorkingModel& model, bool camera_known) {
+std::optional<Doubt> DescribeExcessNoise(const WorkingModel& model) {
   // Clips whose camera was right leave up to 1.3 times the tracks' noise, those with a wrong one
   // from 2.2 on.
   constexpr double kMuchNoise = 2.0;
@@ -272,11 +272,10 @@ std::optional<Doubt> DescribeExcessNoise(const WorkingModel& model, bool camera_
       DoubtCode::kExcessNoise,
       fmt::format(
           "the model leaves a noise of {:.2f} px where that of the tracks is {:.2f} px: the "
-          "camera is another than {}, or the tracks drift or are on things that move; {}",
+          "camera is another than the one given, or the tracks drift or are on things that move; "
+          "check --camera",
           left_px,
-          noise_px,
-          camera_known ? "the one given" : "was found",
-          camera_known ? "check --camera" : "give --camera if you know it"),
+          noise_px),
       {{"noise_left_px", left_px}, {"noise_px", noise_px}}};
 }
 

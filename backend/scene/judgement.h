@@ -79,6 +79,6 @@ double UnexplainedParallax(const WorkingModel& model, const std::vector<int>& ke
 double NoiseLeftPx(const WorkingModel& model);
 
 // Where the model leaves much more noise than the tracks have by themselves.
-std::optional<Doubt> DescribeExcessNoise(const WorkingModel& model, bool camera_known);
+std::optional<Doubt> DescribeExcessNoise(const WorkingModel& model);
 
 }  // namespace cohort

@@ -226,9 +226,9 @@ std::vector<Doubt> DoubtModel(const MapperResult& result,
   }
   if (result.better_camera) {
     doubts.push_back(DescribeBetterCamera(*result.better_camera, camera));
-  } else if (std::optional<Doubt> noise = DescribeExcessNoise(model, true); noise && camera.known) {
+  } else if (camera.known) {
     // Of a camera that was searched for (SearchCamera) there is no better one.
-    doubts.push_back(std::move(*noise));
+    if (auto noise = DescribeExcessNoise(model)) doubts.push_back(std::move(*noise));
   }
   return doubts;
 }

@@ -31,7 +31,7 @@ TEST(Judgement, ATrueModelIsWorthReturningAndLeavesTheTracksNoise) {
   EXPECT_TRUE(judgement.doubts.empty());
   EXPECT_LT(UnexplainedParallax(model, keyframes), 0.2);
   EXPECT_NEAR(NoiseLeftPx(model), 0.5, 0.1);
-  EXPECT_FALSE(DescribeExcessNoise(model, true));
+  EXPECT_FALSE(DescribeExcessNoise(model));
 }
 
 TEST(Judgement, AModelWithoutDepthIsWorthless) {
