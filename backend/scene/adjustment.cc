@@ -174,7 +174,7 @@ void AdjustCamera(WorkingModel& model, const CameraRefinement& refinement) {
   model.UpdateAllInliers(kInfinity);
   for (int round = 0; round < kMostRounds; ++round) {
     const Camera before = model.camera();
-    const BundleOptions bundle = MapperBundleOptions(model, refinement, kMostIterations, 1e-4);
+    const BundleOptions bundle = MapperBundleOptions(model, refinement, kMostIterations, 1e-6);
     const BundleResult result = model.Adjust(frames, {}, bundle).bundle;
     if (frames.size() < static_cast<std::size_t>(model.registered())) {
       FollowCamera(model, bundle.loss_scale);
@@ -236,7 +236,7 @@ std::optional<Camera> FindBetterCamera(const WorkingModel& model,
 std::optional<ModelCovariances> CovariancesAtOptimum(WorkingModel model,
                                                      const CameraRefinement& refinement) {
   const std::vector<int> frames = model.RegisteredFrames();
-  BundleOptions bundle = MapperBundleOptions(model, refinement, 10, 1e-8);
+  BundleOptions bundle = MapperBundleOptions(model, refinement, 2, 1e-8);  // it is settled
   bundle.covariances = true;
   const ModelAdjustment adjustment = model.Adjust(frames, {}, bundle);
   const std::optional<BundleCovariances>& covariances = adjustment.bundle.covariances;

@@ -34,9 +34,11 @@ bool AreSame(const Camera& a, const Camera& b, double bound = kSameCamera) {
   return a.model == b.model && CornerShift(a, b) < bound && std::abs(std::log(a.fx / b.fx)) < bound;
 }
 
-std::vector<Camera> Starts(const Camera& guess) {
+std::vector<Camera> Starts(const Camera& guess, const std::optional<Camera>& found_before) {
   constexpr double kNear = 0.15;  // of log f: what is nearer to the guess tells nothing new
-  std::vector<Camera> starts{guess};
+  std::vector<Camera> starts;
+  if (found_before) starts.push_back(*found_before);
+  starts.push_back(guess);
   for (const double share : kStartFocals) {
     const double focal_px = share * std::max(guess.width_px, guess.height_px);
     if (std::abs(std::log(focal_px / guess.fx)) > kNear) {
@@ -46,12 +48,13 @@ std::vector<Camera> Starts(const Camera& guess) {
   return starts;
 }
 
-std::optional<WorkingModel> Settle(const WhitenedTracks& tracks,
-                                   const Camera& camera,
-                                   const CameraRefinement& refinement,
-                                   const std::vector<int>& keyframes) {
+// The parts of the clip, the largest adjusted with its camera; none of them: there is no model.
+GrownParts Settle(const WhitenedTracks& tracks,
+                  const Camera& camera,
+                  const CameraRefinement& refinement,
+                  const std::vector<int>& keyframes) {
   GrownParts grown = GrowPartsBothWays(tracks, camera, keyframes);
-  if (grown.parts.empty()) return std::nullopt;
+  if (grown.parts.empty()) return grown;
   WorkingModel& model = grown.parts.front().model;
   AdjustCamera(model, refinement);
   spdlog::debug(
@@ -62,8 +65,10 @@ std::optional<WorkingModel> Settle(const WhitenedTracks& tracks,
       model.camera().k2,
       model.registered(),
       model.noise());
-  return std::move(grown.parts.front().model);
+  return grown;
 }
+
+const WorkingModel& LargestOf(const GrownParts& grown) { return grown.parts.front().model; }
 
 // The same poses and points seen through a fisheye lens, adjusted. To third order in the angle a
 // pinhole's k1 is a fisheye's k1 - 1/3.
@@ -92,6 +97,7 @@ bool IsWide(const Camera& camera) {
 
 std::optional<FoundCamera> SearchCamera(const WhitenedTracks& whitened,
                                         const Camera& guess,
+                                        const std::optional<Camera>& found_before,
                                         const CameraRefinement& refinement,
                                         const std::vector<int>& keyframes) {
   constexpr int kPerCell = 2;
@@ -99,43 +105,50 @@ std::optional<FoundCamera> SearchCamera(const WhitenedTracks& whitened,
   constexpr double kBetterLens = 0.9;
   constexpr double kRival = 0.05;  // what is nearer is the same minimum, not quite reached
   const WhitenedTracks some = whitened.Select(SpreadTracks(whitened, guess, keyframes, kPerCell));
-  std::vector<WorkingModel> models;  // the cheapest first
+  std::vector<GrownParts> hypotheses;  // the cheapest first
   std::vector<int> frames(some.frame_count());
   std::iota(frames.begin(), frames.end(), 0);
   const auto sort = [&] {
     double bound = kInfinity;
-    for (const WorkingModel& m : models) bound = std::min(bound, m.ErrorBound());
-    std::stable_sort(models.begin(), models.end(), [&](const auto& a, const auto& b) {
-      return a.TruncatedCost(frames, bound) < b.TruncatedCost(frames, bound);
+    for (const GrownParts& h : hypotheses) bound = std::min(bound, LargestOf(h).ErrorBound());
+    std::stable_sort(hypotheses.begin(), hypotheses.end(), [&](const auto& a, const auto& b) {
+      return LargestOf(a).TruncatedCost(frames, bound) < LargestOf(b).TruncatedCost(frames, bound);
     });
   };
-  for (const Camera& start : Starts(guess)) {
-    auto model = Settle(some, start, refinement, keyframes);
-    if (!model) continue;
-    const bool agrees = std::any_of(models.begin(), models.end(), [&](const WorkingModel& m) {
-      return AreSame(m.camera(), model->camera());
-    });
-    models.push_back(std::move(*model));
+  for (const Camera& start : Starts(guess, found_before)) {
+    GrownParts hypothesis = Settle(some, start, refinement, keyframes);
+    if (hypothesis.parts.empty()) continue;
+    const Camera& camera = LargestOf(hypothesis).camera();
+    const bool agrees = (found_before && AreSame(*found_before, camera)) ||
+                        std::ranges::any_of(hypotheses, [&](const GrownParts& other) {
+                          return AreSame(LargestOf(other).camera(), camera);
+                        });
+    hypotheses.push_back(std::move(hypothesis));
     sort();
     if (agrees) break;
   }
-  if (models.empty()) return std::nullopt;
-  FoundCamera found{models.front().camera(), std::nullopt};
-  for (const WorkingModel& other : models) {
-    const auto [cost, other_cost] = CompareCosts(models.front(), other, frames);
-    if (AreSame(found.camera, other.camera(), kRival) ||
-        IsWorse(other_cost, cost, models.front().noise())) {
+  if (hypotheses.empty()) return std::nullopt;
+  WorkingModel& best = hypotheses.front().parts.front().model;
+  FoundCamera found{best.camera(), std::nullopt, std::nullopt};
+  for (const GrownParts& hypothesis : hypotheses) {
+    const WorkingModel& other = LargestOf(hypothesis);
+    const auto [cost, other_cost] = CompareCosts(best, other, frames);
+    if (AreSame(found.camera, other.camera(), kRival) || IsWorse(other_cost, cost, best.noise())) {
       continue;
     }
     found.rival = other.camera();
     break;
   }
-  if (refinement.radial && IsWide(found.camera)) {
-    const WorkingModel fisheye = AsFisheye(models.front(), refinement);
-    const auto [cost, fisheye_cost] = CompareCosts(models.front(), fisheye, frames);
+  if (refinement.radial && IsWide(found.camera) && found.camera.model == CameraModel::kPinhole) {
+    WorkingModel fisheye = AsFisheye(best, refinement);
+    const auto [cost, fisheye_cost] = CompareCosts(best, fisheye, frames);
     spdlog::debug("camera search: cost {:.1f}, as a fisheye {:.1f}", cost, fisheye_cost);
-    if (fisheye_cost < kBetterLens * cost) found = {fisheye.camera(), std::nullopt};
+    if (fisheye_cost < kBetterLens * cost) {
+      found = {fisheye.camera(), std::nullopt, std::nullopt};
+      best = std::move(fisheye);
+    }
   }
+  found.grown = WithAllTracks(whitened, hypotheses.front(), keyframes);
   return found;
 }
 

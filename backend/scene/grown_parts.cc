@@ -75,6 +75,19 @@ GrownParts GrowPartsBothWays(const WhitenedTracks& whitened,
   return costs.a <= costs.b ? std::move(near) : std::move(far);
 }
 
+std::optional<GrownParts> WithAllTracks(const WhitenedTracks& whitened,
+                                        const GrownParts& by_some,
+                                        const std::vector<int>& keyframes) {
+  if (whitened.HasSeam() || !IsSure(by_some, keyframes)) return std::nullopt;
+  WorkingModel model(whitened, by_some.parts.front().model);
+  model.SetMinRayAngle(kFarRayAngleDeg);
+  model.TriangulateAllTracks();
+  RegisterOtherFrames(model);
+  GrownParts all;
+  all.parts.push_back({std::move(model), {}});
+  return all;
+}
+
 GrownParts GrowPartsBySome(const WhitenedTracks& whitened,
                            const Camera& camera,
                            const std::vector<int>& keyframes) {
@@ -85,15 +98,7 @@ GrownParts GrowPartsBySome(const WhitenedTracks& whitened,
   if (static_cast<double>(some.observations().size()) <
       kWorthIt * static_cast<double>(whitened.observations().size())) {
     const GrownParts grown = GrowPartsBothWays(some, camera, keyframes);
-    if (IsSure(grown, keyframes)) {
-      WorkingModel model(whitened, grown.parts.front().model);
-      model.SetMinRayAngle(kFarRayAngleDeg);
-      model.TriangulateAllTracks();
-      RegisterOtherFrames(model);
-      GrownParts all;
-      all.parts.push_back({std::move(model), {}});
-      return all;
-    }
+    if (auto all = WithAllTracks(whitened, grown, keyframes)) return std::move(*all);
   }
   return GrowPartsByAll(whitened, camera, keyframes);
 }

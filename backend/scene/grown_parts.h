@@ -1,5 +1,6 @@
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "backend/scene/adjustment.h"
@@ -19,6 +20,12 @@ struct GrownParts {
 GrownParts GrowPartsBothWays(const WhitenedTracks& whitened,
                              const Camera& camera,
                              const std::vector<int>& keyframes);
+
+// What some of the clip's tracks gave, with all of them; none where some are not enough: they leave a
+// keyframe without a pose, a doubt, or much of the parallax, or there is a seam.
+std::optional<GrownParts> WithAllTracks(const WhitenedTracks& whitened,
+                                        const GrownParts& by_some,
+                                        const std::vector<int>& keyframes);
 
 // Grown by some of the tracks, which takes so much less time, and then with all of them; where some
 // are not enough, or there is a seam, by all.

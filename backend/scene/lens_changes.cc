@@ -82,6 +82,9 @@ std::optional<LensChanges> MeasureLensChanges(const WorkingModel& model,
     return std::nullopt;
   }
   bundle.refine_lens_changes = true;
+  // What gains nothing shows it in a few iterations; only what gains is brought to its minimum.
+  constexpr double kCoarse = 1e-3;
+  constexpr double kGainsNothing = 0.02;
   // By chance, `more` parameters take as large a share of the cost as they are of the degrees of freedom.
   const double freedom = DegreesOfFreedom(constant.solution);
   const auto gain = [&](const BundleResult& changing, double more) {
@@ -89,12 +92,21 @@ std::optional<LensChanges> MeasureLensChanges(const WorkingModel& model,
     return 1.0 - changing.final_cost / constant.final_cost * freedom / (freedom - more);
   };
   const auto changes = static_cast<double>(frames.size() - 1);
+  const auto adjust = [&](BundleOptions options, double more) {
+    BundleOptions coarse = options;
+    coarse.function_tolerance = kCoarse;
+    BundleResult result = WorkingModel(trial).Adjust(frames, {}, coarse).bundle;
+    if (result.termination == BundleTermination::kFailed || gain(result, more) < kGainsNothing) {
+      return result;
+    }
+    return WorkingModel(trial).Adjust(frames, {}, options).bundle;
+  };
   BundleOptions focal = bundle;
   focal.center_walk_sigma_px = kHeld;
-  const BundleResult zoom = WorkingModel(trial).Adjust(frames, {}, focal).bundle;
+  const BundleResult zoom = adjust(focal, changes);
   BundleOptions center = bundle;
   center.zoom_walk_sigma = kHeld;
-  const BundleResult shift = WorkingModel(trial).Adjust(frames, {}, center).bundle;
+  const BundleResult shift = adjust(center, 2.0 * changes);
   if (zoom.termination == BundleTermination::kFailed ||
       shift.termination == BundleTermination::kFailed) {
     return std::nullopt;

@@ -320,17 +320,18 @@ MapperResult MapAtOneFocalLength(const TrackFile& file, const MapperOptions& opt
                     kMostFramesApart));
   }
   const CameraRefinement refinement = RefinementOf(given, options);
-  Camera camera = given;
+  Camera camera = file.found_camera && refinement.focal ? *file.found_camera : given;
   std::vector<int> keyframes =
       SelectKeyframes(whitened, camera, kKeyframeParallaxPx, kMinKeyframes);
   std::optional<FoundCamera> found;
   if (refinement.focal) {
-    if ((found = SearchCamera(whitened, camera, refinement, keyframes))) {
+    if ((found = SearchCamera(whitened, given, file.found_camera, refinement, keyframes))) {
       camera = found->camera;
       keyframes = SelectKeyframes(whitened, camera, kKeyframeParallaxPx, kMinKeyframes);
     }
   }
-  GrownParts grown = GrowPartsBySome(whitened, camera, keyframes);
+  GrownParts grown = found && found->grown ? std::move(*found->grown)
+                                           : GrowPartsBySome(whitened, camera, keyframes);
   if (grown.parts.empty()) return WithEnd(std::move(result), grown.end);
   for (MappedPart& part : grown.parts) AdjustUntilSettled(part.model, 4, 4);
   JudgedParts judged = JudgeParts(std::move(grown.parts), given, options, refinement, keyframes);
@@ -373,8 +374,8 @@ MapperResult MapTracks(const TrackFile& file, const MapperOptions& options) {
       scales[frame] = FocalScaleOf(scales, frame) * scale;
     }
     TrackFile at_one = file;
-    at_one.camera = zoomed.reconstruction.camera;
-    at_one.tracks = AtOneFocalLength(file.tracks, *at_one.camera, scales);
+    at_one.found_camera = zoomed.reconstruction.camera;
+    at_one.tracks = AtOneFocalLength(file.tracks, *at_one.found_camera, scales);
     zoomed = MapAtOneFocalLength(at_one, options);
     if (!zoomed.lens_changes) return result;
     spdlog::debug("zoom: f {:.1f}, noise {:.4f}, a zoom of {:.4f} is left",

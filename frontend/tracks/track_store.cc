@@ -62,6 +62,18 @@ std::string GetMeta(SqliteDatabase& db, std::string_view key) {
   return select.Bind(1, key).Step() ? std::string(select.Text(0)) : std::string();
 }
 
+void PutCamera(SqliteDatabase& db, std::string_view table, const Camera& camera) {
+  auto insert = db.Prepare(fmt::format(
+      "INSERT INTO {} VALUES(?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)", table));
+  insert.Bind(1, std::int64_t{camera.width_px}).Bind(2, std::int64_t{camera.height_px});
+  insert.Bind(3, camera.fx).Bind(4, camera.fy).Bind(5, camera.cx).Bind(6, camera.cy);
+  insert.Bind(7, camera.k1).Bind(8, camera.k2).Bind(9, camera.p1).Bind(10, camera.p2);
+  insert.Bind(11, std::int64_t{camera.known});
+  insert.Bind(12, NameOf(kCameraModelNames, camera.model));
+  insert.Bind(13, camera.k3).Bind(14, camera.k4).Bind(15, camera.k5).Bind(16, camera.k6);
+  insert.Bind(17, camera.guess_log_sigma).Run();
+}
+
 void CreateSchema(SqliteDatabase& db, const TrackFile& header, std::string_view status) {
   const bool more = header.camera && !header.camera->HasAtMostFourCoefficients();
   db.Execute(fmt::format("PRAGMA application_id = {}; PRAGMA user_version = {};{}",
@@ -77,17 +89,10 @@ void CreateSchema(SqliteDatabase& db, const TrackFile& header, std::string_view 
   PutMeta(db, "width_px", std::to_string(header.width_px));
   PutMeta(db, "height_px", std::to_string(header.height_px));
   PutMeta(db, "status", status);
-  if (header.camera) {
-    const Camera& camera = *header.camera;
-    auto insert =
-        db.Prepare("INSERT INTO camera VALUES(?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)");
-    insert.Bind(1, std::int64_t{camera.width_px}).Bind(2, std::int64_t{camera.height_px});
-    insert.Bind(3, camera.fx).Bind(4, camera.fy).Bind(5, camera.cx).Bind(6, camera.cy);
-    insert.Bind(7, camera.k1).Bind(8, camera.k2).Bind(9, camera.p1).Bind(10, camera.p2);
-    insert.Bind(11, std::int64_t{camera.known});
-    insert.Bind(12, NameOf(kCameraModelNames, camera.model));
-    insert.Bind(13, camera.k3).Bind(14, camera.k4).Bind(15, camera.k5).Bind(16, camera.k6);
-    insert.Bind(17, camera.guess_log_sigma).Run();
+  if (header.camera) PutCamera(db, "camera", *header.camera);
+  if (header.found_camera) {
+    db.Execute("CREATE TABLE found_camera AS SELECT * FROM camera WHERE 0");
+    PutCamera(db, "found_camera", *header.found_camera);
   }
 }
 
@@ -189,18 +194,21 @@ CameraModel ReadCameraModel(std::string_view name, const fs::path& path) {
              name);
 }
 
-std::optional<Camera> ReadCamera(SqliteDatabase& db, const fs::path& path) {
-  const auto has = [&db](std::string_view column) {
-    auto found = db.Prepare("SELECT 1 FROM pragma_table_info('camera') WHERE name = ?");
-    return found.Bind(1, column).Step();
-  };
+bool HasColumn(SqliteDatabase& db, std::string_view table, std::string_view column) {
+  auto found = db.Prepare("SELECT 1 FROM pragma_table_info(?) WHERE name = ?");
+  return found.Bind(1, table).Bind(2, column).Step();
+}
+
+std::optional<Camera> ReadCamera(SqliteDatabase& db, std::string_view table, const fs::path& path) {
+  const auto has = [&](std::string_view column) { return HasColumn(db, table, column); };
   // Files of version 0.1 end with `known`, early ones of 0.2 with k6.
   const char* more = has("model") ? "model, k3, k4, k5, k6" : "'pinhole', 0, 0, 0, 0";
   const char* sigma = has("guess_log_sigma") ? "guess_log_sigma" : "1.0";
   auto row = db.Prepare(fmt::format(
-      "SELECT width_px, height_px, fx, fy, cx, cy, k1, k2, p1, p2, known, {}, {} FROM camera",
+      "SELECT width_px, height_px, fx, fy, cx, cy, k1, k2, p1, p2, known, {}, {} FROM {}",
       more,
-      sigma));
+      sigma,
+      table));
   if (!row.Step()) return std::nullopt;
   const auto side = [&](int column) {
     return static_cast<int>(std::clamp<std::int64_t>(row.Int(column), -1, INT_MAX));
@@ -482,7 +490,8 @@ TrackFile ReadTrackFile(const fs::path& path) {
   file.width_px = ReadSize(take("width_px"), path);
   file.height_px = ReadSize(take("height_px"), path);
   file.complete = take("status") == kComplete;
-  file.camera = ReadCamera(db, path);
+  file.camera = ReadCamera(db, "camera", path);
+  if (HasColumn(db, "found_camera", "fx")) file.found_camera = ReadCamera(db, "found_camera", path);
   auto frames = db.Prepare("SELECT \"index\", name, timestamp_ns FROM frames ORDER BY \"index\"");
   while (frames.Step()) {
     file.frames.push_back({.index = FrameIndex{ReadFrameIndex(frames.Int(0), path)},

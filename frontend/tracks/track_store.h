@@ -27,7 +27,10 @@ struct TrackFile {
   std::string image_root;  // folder that frame names are relative to, absolute; empty for a video
   int width_px = 0;
   int height_px = 0;
-  std::optional<Camera> camera;             // none: nothing is known of it
+  std::optional<Camera> camera;  // none: nothing is known of it
+  // Where the camera is not known: the one that a model of these tracks has (the second pass), where the
+  // next one begins its search. It says nothing of what is known of the camera.
+  std::optional<Camera> found_camera;
   std::map<std::string, std::string> meta;  // tracker, options as JSON, program version ...
   std::vector<FrameInfo> frames;            // ascending; also frames without observations
   TrackSet tracks;

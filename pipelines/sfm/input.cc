@@ -125,6 +125,7 @@ void NoteCamera(const Sequence& sequence, TrackFile& file) {
 
 void NoteCamera(const std::optional<Camera>& camera, TrackFile& file) {
   file.camera = camera;
+  file.found_camera.reset();
   file.meta.erase(kFocalSourceMeta);
 }
 

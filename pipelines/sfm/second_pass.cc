@@ -193,6 +193,14 @@ bool CanBeAdjusted(std::span<const Reconstruction> models, const TrackFile& file
          models.front().readout == 0.0 && file.KnowsCamera();
 }
 
+// Where the next search for the camera begins, unless this one was undecided.
+void NoteFoundCamera(const MapperResult& result, TrackFile& file) {
+  const bool undecided = std::ranges::any_of(result.summary.reasons, [](const Doubt& doubt) {
+    return doubt.code == DoubtCode::kTwoCameras;
+  });
+  if (!file.KnowsCamera() && !undecided) file.found_camera = result.reconstruction.camera;
+}
+
 // Two pixels: of what is nearer the patches are nearly the same.
 constexpr double kTwinsWithinPx = 2.0;
 
@@ -502,11 +510,13 @@ SecondPass WithSecondPass(TrackFile file,
     if (result.summary.registered == 0) {
       if (round > 0) break;
       second.file.tracks = std::move(first_pass);
+      second.file.found_camera.reset();
       second.none_because = "the tracks do not reconstruct: " + result.summary.termination;
       second.file.meta["second_pass"] = "none: " + second.none_because;
       break;
     }
     if (round > 0 && !HaveMoved(models, result.reconstruction, options)) break;
+    NoteFoundCamera(result, second.file);
     models = std::move(result.other_parts);
     std::erase_if(models, [](const Reconstruction& part) {
       return part.cam_from_world.size() < kLeastFrames;

@@ -29,7 +29,8 @@ Camera Guess(const Camera& truth, double focal_px) {
 std::optional<FoundCamera> Search(const SyntheticTracks& scene, double focal_px) {
   const WhitenedTracks whitened(scene.file, {});
   const Camera guess = Guess(*scene.file.camera, focal_px);
-  return SearchCamera(whitened, guess, kAll, SelectKeyframes(whitened, guess, 10.0, 10));
+  return SearchCamera(
+      whitened, guess, std::nullopt, kAll, SelectKeyframes(whitened, guess, 10.0, 10));
 }
 
 SyntheticTracks Scene(CameraPath path, const Camera& camera) {
@@ -66,6 +67,21 @@ TEST(CameraSearch, AReconstructionEndsAtOneFocalLengthFromAnyStart) {
     EXPECT_NEAR(found, 500.0, 15.0);
     if (!first) first = found;
     EXPECT_NEAR(found, *first, 0.005 * *first) << "from " << focal_px << " px";
+  }
+}
+
+// The second pass hands on what the first model found, the prior apart.
+TEST(CameraSearch, BeginsWithTheCameraThatWasFoundBefore) {
+  SyntheticTracks scene = Scene(CameraPath::kArc, SyntheticTracksOptions::DefaultCamera());
+  scene.file.camera = Guess(*scene.file.camera, 700.0);
+  const Camera found = ReconstructWithCeres(scene.file).reconstruction.camera;
+  for (const double factor : {1.0, 0.6}) {  // the right one, and one that was found wrong
+    scene.file.found_camera = found;
+    scene.file.found_camera->fx *= factor;
+    scene.file.found_camera->fy *= factor;
+    const MapperResult result = ReconstructWithCeres(scene.file);
+    ASSERT_EQ(result.termination, MapperTermination::kSuccess) << result.summary.Brief();
+    EXPECT_NEAR(result.reconstruction.camera.fx, found.fx, 0.005 * found.fx) << factor;
   }
 }
 

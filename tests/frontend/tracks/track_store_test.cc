@@ -83,6 +83,24 @@ TrackFile Example(std::uint32_t frames) {
   return file;
 }
 
+void ExpectSame(const std::optional<Camera>& a, const std::optional<Camera>& b) {
+  ASSERT_EQ(a.has_value(), b.has_value());
+  if (a) {
+    EXPECT_EQ(a->width_px, b->width_px);
+    EXPECT_EQ(a->fx, b->fx);
+    EXPECT_EQ(a->cy, b->cy);
+    EXPECT_EQ(a->k1, b->k1);
+    EXPECT_EQ(a->p2, b->p2);
+    EXPECT_EQ(a->k3, b->k3);
+    EXPECT_EQ(a->k4, b->k4);
+    EXPECT_EQ(a->k5, b->k5);
+    EXPECT_EQ(a->k6, b->k6);
+    EXPECT_EQ(a->model, b->model);
+    EXPECT_EQ(a->known, b->known);
+    EXPECT_EQ(a->guess_log_sigma, b->guess_log_sigma);
+  }
+}
+
 void ExpectSame(const TrackFile& a, const TrackFile& b) {
   EXPECT_EQ(a.source, b.source);
   EXPECT_EQ(a.image_root, b.image_root);
@@ -90,21 +108,8 @@ void ExpectSame(const TrackFile& a, const TrackFile& b) {
   EXPECT_EQ(a.height_px, b.height_px);
   EXPECT_EQ(a.meta, b.meta);
   EXPECT_EQ(a.complete, b.complete);
-  ASSERT_EQ(a.camera.has_value(), b.camera.has_value());
-  if (a.camera) {
-    EXPECT_EQ(a.camera->width_px, b.camera->width_px);
-    EXPECT_EQ(a.camera->fx, b.camera->fx);
-    EXPECT_EQ(a.camera->cy, b.camera->cy);
-    EXPECT_EQ(a.camera->k1, b.camera->k1);
-    EXPECT_EQ(a.camera->p2, b.camera->p2);
-    EXPECT_EQ(a.camera->k3, b.camera->k3);
-    EXPECT_EQ(a.camera->k4, b.camera->k4);
-    EXPECT_EQ(a.camera->k5, b.camera->k5);
-    EXPECT_EQ(a.camera->k6, b.camera->k6);
-    EXPECT_EQ(a.camera->model, b.camera->model);
-    EXPECT_EQ(a.camera->known, b.camera->known);
-    EXPECT_EQ(a.camera->guess_log_sigma, b.camera->guess_log_sigma);
-  }
+  ExpectSame(a.camera, b.camera);
+  ExpectSame(a.found_camera, b.found_camera);
   ASSERT_EQ(a.frames.size(), b.frames.size());
   for (std::size_t i = 0; i < a.frames.size(); ++i) {
     EXPECT_EQ(a.frames[i].index, b.frames[i].index);
@@ -178,6 +183,7 @@ TEST(TrackStore, HoldsCamerasOfAllModels) {
   for (const Camera& camera :
        {test::FreiburgCamera(), test::RationalCamera(), test::FisheyeCamera()}) {
     file.camera = camera;
+    file.found_camera = camera;
     WriteTrackFile(dir / "a.tracks", file);
     ExpectSame(ReadTrackFile(dir / "a.tracks"), file);
     // So that version 0.1, which knows four coefficients, does not read them wrongly.
