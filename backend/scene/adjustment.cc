@@ -193,6 +193,18 @@ void AdjustCamera(WorkingModel& model, const CameraRefinement& refinement) {
   }
 }
 
+void AdjustToMinimum(WorkingModel& model) {
+  constexpr std::size_t kMostFrames = 300;  // a bound on time, as is that of the iterations
+  constexpr int kMostIterations = 50;
+  const std::vector<int> frames = model.RegisteredFrames();
+  if (frames.size() > kMostFrames) return;
+  const BundleOptions bundle = MapperBundleOptions(model, {}, kMostIterations, 1e-5);
+  const BundleResult result = model.Adjust(frames, {}, bundle).bundle;
+  spdlog::debug("to the minimum: {}", result.Brief());
+  model.UpdateAllInliers(model.ErrorBound());
+  model.TriangulateAllTracks();
+}
+
 void AdjustPoints(WorkingModel& model) {
   PointProblem problem = MakePointProblem(model);
   if (problem.bundle.observations.empty()) return;

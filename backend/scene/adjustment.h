@@ -50,6 +50,11 @@ double CornerShift(const Camera& a, const Camera& b);
 // and points and by the inliers and the noise that the result has.
 void AdjustCamera(WorkingModel& model, const CameraRefinement& refinement);
 
+// The last step of a reconstruction: poses and points together, the camera held, until the cost does not
+// fall by more than 1e-5 of itself. What the condensed adjustment leaves is a bend along directions that
+// few observations hold, such as a stretch before a blank wall. Of more than 300 frames, nothing.
+void AdjustToMinimum(WorkingModel& model);
+
 // The points from all inliers; poses and camera stay.
 void AdjustPoints(WorkingModel& model);
 

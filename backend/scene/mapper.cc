@@ -183,6 +183,7 @@ void AdjustParts(const MapperOptions& options,
       AdjustToReadout(observed, judged.readout, model, judged.corrected[i]);
     }
     if (judged.readout != 0.0 && refinement.Any()) AdjustCamera(model, refinement);
+    AdjustToMinimum(model);
     model.RemoveUnsupportedPoses();
     model.Normalise();
   }
