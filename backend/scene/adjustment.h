@@ -41,10 +41,6 @@ void AdjustAll(WorkingModel& model);
 // Poses and points, then what the result agrees with, until little changes.
 void AdjustUntilSettled(WorkingModel& model, int max_rounds, int first_iterations);
 
-// How far apart two cameras have the ray through the corner of the picture, as a share of its distance
-// from the axis.
-double CornerShift(const Camera& a, const Camera& b);
-
 // All that is refined of a camera, with everything else, until nothing moves: full bundle adjustments of
 // at most 60 frames, evenly taken, each to its minimum and followed by the other frames
 // and points and by the inliers and the noise that the result has.

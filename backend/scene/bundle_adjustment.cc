@@ -10,6 +10,7 @@
 #include <cmath>
 #include <deque>
 #include <exception>
+#include <functional>
 #include <memory>
 
 #include "backend/scene/bundle_costs.h"
@@ -57,6 +58,30 @@ class InterruptionCallback final : public ceres::IterationCallback {
   std::exception_ptr thrown_;
 };
 
+// Ends an adjustment where the camera stays as it is (BundleOptions::settled_camera).
+class SettledCameraCallback final : public ceres::IterationCallback {
+ public:
+  SettledCameraCallback(std::function<Camera()> now, double bound)
+      : now_(std::move(now)), bound_(bound), before_(now_()) {}
+
+  ceres::CallbackReturnType operator()(const ceres::IterationSummary& step) override {
+    constexpr int kSteps = 3;
+    if (!step.step_is_successful) return ceres::SOLVER_CONTINUE;
+    const Camera camera = now_();
+    const double moved =
+        std::max(CornerShift(before_, camera), std::abs(std::log(camera.fx / before_.fx)));
+    still_ = moved < bound_ ? still_ + 1 : 0;
+    before_ = camera;
+    return still_ == kSteps ? ceres::SOLVER_TERMINATE_SUCCESSFULLY : ceres::SOLVER_CONTINUE;
+  }
+
+ private:
+  std::function<Camera()> now_;
+  double bound_;
+  Camera before_;
+  int still_ = 0;
+};
+
 // The problem as Ceres holds it. Owns all that Ceres points into.
 class Adjuster {
  public:
@@ -101,6 +126,13 @@ class Adjuster {
 
     InterruptionCallback interruption;
     solver.callbacks.push_back(&interruption);
+    SettledCameraCallback settled(
+        [this] { return WithIntrinsics(problem_.intrinsics, shared_.head<kIntrinsicSize>()); },
+        options_.settled_camera);
+    if (options_.settled_camera > 0.0) {
+      solver.callbacks.push_back(&settled);
+      solver.update_state_every_iteration = true;
+    }
 
     ceres::Solver::Summary summary;
     ceres::Solve(solver, ceres_.get(), &summary);
@@ -399,6 +431,13 @@ class Adjuster {
 };
 
 }  // namespace
+
+double CornerShift(const Camera& a, const Camera& b) {
+  const Eigen::Vector2d corner(0.0, 0.0);
+  const Eigen::Vector2d n = a.Unproject(corner);
+  const Eigen::Vector2d m = b.Unproject(corner);
+  return (n - m).norm() / n.norm();
+}
 
 BundleResult AdjustBundle(BundleProblem problem, const BundleOptions& options) {
   CheckInterruption();

@@ -48,6 +48,10 @@ enum class RobustLoss : std::uint8_t {
 inline constexpr ChoiceNames<RobustLoss, 3> kRobustLossNames{
     {{"none", RobustLoss::kNone}, {"huber", RobustLoss::kHuber}, {"cauchy", RobustLoss::kCauchy}}};
 
+// How far apart two cameras have the ray through the corner of the picture, as a share of its distance
+// from the axis.
+double CornerShift(const Camera& a, const Camera& b);
+
 struct BundleOptions {
   static constexpr double kMinLossScale = 1e-3;
   static constexpr double kMaxLossScale = 1e3;
@@ -83,6 +87,9 @@ struct BundleOptions {
   bool refine_lens_changes = false;
   double zoom_walk_sigma = 0.02;
   double center_walk_sigma_px = 3.0;
+  // With refined intrinsics: ends where they have moved by less than this in each of the last three steps
+  // (CornerShift, and the logarithm of the focal length). 0: by the cost alone.
+  double settled_camera = 0.0;
   bool covariances = false;
 
   bool RefinesIntrinsics() const { return refine_focal || refine_principal_point || refine_radial; }

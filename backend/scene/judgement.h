@@ -52,7 +52,8 @@ std::optional<double> CameraUncertainty(
 inline constexpr double kCameraErrorOverNoise = 2.0;
 inline constexpr double kFocalErrorOverNoise = 5.0;
 
-// Where the cameras are expected to be off by more than 1 % of the extent of their path.
+// Where the cameras may be off by more than 1 % of the extent of their path: half of all clips are off by
+// more than is expected, and one in twenty by twice as much.
 std::optional<Doubt> DescribeExpectedError(double expected_error);
 
 // Where the focal length, of this relative standard deviation, is as good as unknown: of a camera that
@@ -67,6 +68,10 @@ Doubt DescribeRivalCamera(const Camera& camera, const Camera& rival);
 double SpreadAcrossLine(const Reconstruction& reconstruction);
 // Where the points lie along a line, about which cameras may turn.
 std::optional<Doubt> DescribeLine(const Reconstruction& reconstruction);
+
+// Where some frames are held by few points, in number and beside the other frames. Covariances do not say
+// it: a few features before a blank wall drift together, and the model follows them.
+std::optional<Doubt> DescribeFewPoints(const Reconstruction& reconstruction);
 
 // How much of the parallax the model leaves unexplained: over the pairs of keyframes with most of
 // it, the median distance of the observations from the model's points, relative to that from the

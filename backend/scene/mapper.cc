@@ -183,7 +183,7 @@ void AdjustParts(const MapperOptions& options,
       AdjustToReadout(observed, judged.readout, model, judged.corrected[i]);
     }
     if (judged.readout != 0.0 && refinement.Any()) AdjustCamera(model, refinement);
-    AdjustToMinimum(model);
+    if (!options.draft) AdjustToMinimum(model);
     model.RemoveUnsupportedPoses();
     model.Normalise();
   }
@@ -245,8 +245,10 @@ void Describe(const JudgedParts& judged,
               MapperResult& result) {
   const WorkingModel& model = judged.parts[judged.chosen].model;
   result.noise = model.noise();
-  result.lens_changes = MeasureLensChanges(model, refinement);
-  if (camera.known) result.better_camera = FindBetterCamera(model, keyframes);
+  if (refinement.Any() || !options.draft) {
+    result.lens_changes = MeasureLensChanges(model, refinement);
+  }
+  if (camera.known && !options.draft) result.better_camera = FindBetterCamera(model, keyframes);
   result.summary.reasons = DoubtModel(result, judged, camera);
   const auto add_doubt = [&result](std::optional<Doubt> doubt) {
     if (doubt) result.summary.reasons.push_back(std::move(*doubt));
@@ -276,6 +278,7 @@ void Describe(const JudgedParts& judged,
   }
   result.reconstruction = ToReconstruction(model, observed, judged.readout);
   add_doubt(DescribeLine(result.reconstruction));
+  add_doubt(DescribeFewPoints(result.reconstruction));
 }
 
 MapperEnd EndOfModel(const MapperResult& described, std::size_t frames) {

@@ -24,6 +24,9 @@ struct MapperOptions {
   double readout = 0.0;
   bool estimate_readout = true;
   bool covariances = false;
+  // For a model that is only to predict where features are seen (the second pass): it is not brought to its
+  // minimum, and less is asked what is to be thought of it.
+  bool draft = false;
 
   template <typename Self, typename Visitor>
   static void Visit(Self& o, Visitor& v) {

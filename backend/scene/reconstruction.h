@@ -96,11 +96,12 @@ enum class DoubtCode : std::uint8_t {
   kFocalUncertain,       // the focal length is uncertain
   kCamerasUncertain,     // the cameras' positions are uncertain
   kPointsOnALine,        // the points lie along a line
+  kFewPoints,            // few points hold some of the frames
   kNoModelByCeres,       // COLMAP made a model of tracks of which Ceres makes none
   kNotJudged,            // COLMAP made it, and Ceres was not asked
   kOther,                // of a file that another version wrote
 };
-inline constexpr ChoiceNames<DoubtCode, 18> kDoubtCodeNames{
+inline constexpr ChoiceNames<DoubtCode, 19> kDoubtCodeNames{
     {{"few-frames", DoubtCode::kFewFrames},
      {"parts", DoubtCode::kParts},
      {"two-scenes", DoubtCode::kTwoScenes},
@@ -116,6 +117,7 @@ inline constexpr ChoiceNames<DoubtCode, 18> kDoubtCodeNames{
      {"focal-uncertain", DoubtCode::kFocalUncertain},
      {"cameras-uncertain", DoubtCode::kCamerasUncertain},
      {"points-on-a-line", DoubtCode::kPointsOnALine},
+     {"few-points", DoubtCode::kFewPoints},
      {"no-model-by-ceres", DoubtCode::kNoModelByCeres},
      {"not-judged", DoubtCode::kNotJudged},
      {"other", DoubtCode::kOther}}};

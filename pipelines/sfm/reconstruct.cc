@@ -105,6 +105,7 @@ bool IsOfTracks(DoubtCode code) {
     case DoubtCode::kFocalUncertain:
     case DoubtCode::kCamerasUncertain:
     case DoubtCode::kPointsOnALine:
+    case DoubtCode::kFewPoints:
       return true;
     case DoubtCode::kFewFrames:
     case DoubtCode::kParts:

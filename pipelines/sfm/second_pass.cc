@@ -506,7 +506,7 @@ SecondPass WithSecondPass(TrackFile file,
         !HaveMoved(models, AdjustWithCeres(second.file, models.front()), options)) {
       break;
     }
-    MapperResult result = ReconstructWithCeres(second.file, {});
+    MapperResult result = ReconstructWithCeres(second.file, {.draft = true});
     if (result.summary.registered == 0) {
       if (round > 0) break;
       second.file.tracks = std::move(first_pass);
