@@ -168,7 +168,7 @@ void AdjustCamera(WorkingModel& model, const CameraRefinement& refinement) {
   constexpr std::size_t kCalibrationFrames = 60;  // a bound on time
   constexpr int kMostRounds = 10;
   // Share of the picture's half diagonal by which its corner moves from round to round.
-  constexpr double kSettled = 3e-4;
+  constexpr double kSettled = 1e-3;
   std::vector<int> frames = model.RegisteredFrames();
   if (frames.size() > kCalibrationFrames) frames = Spread(frames, kCalibrationFrames);
   model.UpdateAllInliers(kInfinity);

@@ -119,7 +119,7 @@ std::optional<FoundCamera> SearchCamera(const WhitenedTracks& whitened,
     GrownParts hypothesis = Settle(some, start, refinement, keyframes);
     if (hypothesis.parts.empty()) continue;
     const Camera& camera = LargestOf(hypothesis).camera();
-    const bool agrees = (found_before && AreSame(*found_before, camera)) ||
+    const bool agrees = (found_before && AreSame(*found_before, camera, kRival)) ||
                         std::ranges::any_of(hypotheses, [&](const GrownParts& other) {
                           return AreSame(LargestOf(other).camera(), camera);
                         });

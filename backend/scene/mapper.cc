@@ -173,7 +173,8 @@ void AdjustParts(const MapperOptions& options,
       AdjustToReadout(observed, judged.readout, model, judged.corrected[i]);
       AdjustUntilSettled(model, 3, 4);
     }
-    if (refinement.Any()) {
+    // To predict where features are seen, the camera of the search does, but for a rolling shutter.
+    if (refinement.Any() && (!options.draft || judged.readout != 0.0)) {
       AdjustCamera(model, refinement);
       if (i == 0 && rolling) {
         judged.readout = RefineReadout(observed, *rolling, model, judged.corrected[i]);
