@@ -118,6 +118,9 @@ class Adjuster {
     solver.max_num_iterations = options_.max_iterations;
     solver.function_tolerance = options_.function_tolerance;
     solver.initial_trust_region_radius = options_.trust_radius;
+    // Beyond it the damping is below what rounding leaves of the equations, and steps are invalid.
+    constexpr double kMostTrust = 1e10;
+    solver.max_trust_region_radius = std::max(kMostTrust, options_.trust_radius);
     solver.gradient_tolerance = 1e-10;
     solver.parameter_tolerance = 1e-9;
     solver.num_threads = 1;  // more add in an order of their own: not the same bytes twice

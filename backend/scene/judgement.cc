@@ -256,10 +256,10 @@ std::optional<Doubt> DescribeFewPoints(const Reconstruction& reconstruction) {
   return Doubt{
       DoubtCode::kFewPoints,
       fmt::format(
-          "{} frames, the first of them {} and the last {}, are held by few points, at worst by "
-          "{}, where the "
-          "others have {:.0f}: they may drift together; film what has texture there, or leave "
-          "these frames out by --frames",
+          "{} frames, the first of them {} and the last {}, are held by few points, one of them by "
+          "{} "
+          "where the others have {:.0f}, and few points may drift together: film what has texture "
+          "there, or leave these frames out by --frames",
           few.size(),
           ToInt(few.front()),
           ToInt(few.back()),

@@ -92,7 +92,7 @@ std::optional<LensChanges> MeasureLensChanges(const WorkingModel& model,
     return 1.0 - changing.final_cost / constant.final_cost * freedom / (freedom - more);
   };
   const auto changes = static_cast<double>(frames.size() - 1);
-  const auto adjust = [&](BundleOptions options, double more) {
+  const auto adjust = [&](const BundleOptions& options, double more) {
     BundleOptions coarse = options;
     coarse.function_tolerance = kCoarse;
     BundleResult result = WorkingModel(trial).Adjust(frames, {}, coarse).bundle;

@@ -59,6 +59,16 @@ CameraRefinement RefinementOf(const Camera& camera, const MapperOptions& options
           camera.guess_log_sigma};
 }
 
+// Where the search begins; none where less is to be refined than when it was found.
+std::optional<Camera> FoundBefore(const TrackFile& file,
+                                  const Camera& given,
+                                  const CameraRefinement& refinement) {
+  if (!refinement.focal || !refinement.radial || !refinement.principal_point) return std::nullopt;
+  std::optional<Camera> found = file.found_camera;
+  if (found) found->row_order = given.row_order;
+  return found;
+}
+
 WhiteningOptions WhiteningOptionsFrom(const MapperOptions& options) {
   WhiteningOptions result;
   result.min_track_length = options.min_track_length;
@@ -325,12 +335,13 @@ MapperResult MapAtOneFocalLength(const TrackFile& file, const MapperOptions& opt
                     kMostFramesApart));
   }
   const CameraRefinement refinement = RefinementOf(given, options);
-  Camera camera = file.found_camera && refinement.focal ? *file.found_camera : given;
+  const std::optional<Camera> found_before = FoundBefore(file, given, refinement);
+  Camera camera = found_before.value_or(given);
   std::vector<int> keyframes =
       SelectKeyframes(whitened, camera, kKeyframeParallaxPx, kMinKeyframes);
   std::optional<FoundCamera> found;
   if (refinement.focal) {
-    if ((found = SearchCamera(whitened, given, file.found_camera, refinement, keyframes))) {
+    if ((found = SearchCamera(whitened, given, found_before, refinement, keyframes))) {
       camera = found->camera;
       keyframes = SelectKeyframes(whitened, camera, kKeyframeParallaxPx, kMinKeyframes);
     }

@@ -492,6 +492,11 @@ TrackFile ReadTrackFile(const fs::path& path) {
   file.complete = take("status") == kComplete;
   file.camera = ReadCamera(db, "camera", path);
   if (HasColumn(db, "found_camera", "fx")) file.found_camera = ReadCamera(db, "found_camera", path);
+  if (file.found_camera &&
+      (file.found_camera->known || file.found_camera->width_px != file.width_px ||
+       file.found_camera->height_px != file.height_px)) {
+    ThrowDamaged(path, "the camera that was found is not of these pictures");
+  }
   auto frames = db.Prepare("SELECT \"index\", name, timestamp_ns FROM frames ORDER BY \"index\"");
   while (frames.Step()) {
     file.frames.push_back({.index = FrameIndex{ReadFrameIndex(frames.Int(0), path)},

@@ -81,7 +81,8 @@ TEST(FocalScale, AGlobalShutterSeesAZoomWithTheFramesCameras) {
   }
   TrackFile rolling = scene.file;
   rolling.tracks = TrackSet::Build(std::move(observations));
-  for (const Observation& o : AsGlobalShutter(rolling, model).tracks.observations()) {
+  const TrackFile global = AsGlobalShutter(rolling, model);
+  for (const Observation& o : global.tracks.observations()) {
     const auto xy =
         CameraOf(model, o.frame).Project(model.cam_from_world.at(o.frame) * in_world(o));
     ASSERT_TRUE(xy);

@@ -74,6 +74,40 @@ TEST(Judgement, SaysThatPointsLieAlongALine) {
   EXPECT_EQ(flat.summary.Quality(), ModelQuality::kGood);
 }
 
+// A stretch before a blank wall, where few features may drift together.
+TEST(Judgement, SaysThatFewPointsHoldAStretch) {
+  const auto model = [](std::uint32_t points, std::uint32_t in_stretch) {
+    Reconstruction made;
+    for (std::uint32_t f = 0; f < 40; ++f) made.cam_from_world[FrameIndex{f}] = {};
+    for (std::uint32_t i = 0; i < points; ++i) {
+      for (std::uint32_t f = 0; f < 40; ++f) {
+        if (f >= 10 && f < 14 && i >= in_stretch) continue;
+        made.points[FeatureId{i}].views.push_back({FrameIndex{f}, {1.0, 1.0}});
+      }
+    }
+    return made;
+  };
+  const auto doubt = DescribeFewPoints(model(170, 42));
+  ASSERT_TRUE(doubt);
+  EXPECT_EQ(doubt->code, DoubtCode::kFewPoints);
+  EXPECT_THAT(doubt->sentence, StartsWith("4 frames, the first of them 10 and the last 13, are"));
+  EXPECT_THAT(doubt->figures,
+              ElementsAre(testing::Pair("frames", 4.0),
+                          testing::Pair("points", 42.0),
+                          testing::Pair("median_points", 170.0)));
+  EXPECT_FALSE(DescribeFewPoints(model(170, 90))) << "enough";
+  EXPECT_FALSE(DescribeFewPoints(model(50, 40))) << "as many as all frames have";
+  EXPECT_FALSE(DescribeFewPoints(Reconstruction()));
+}
+
+// Half of all clips are off by more than is expected.
+TEST(Judgement, DoubtsWhatMayBeOffByMoreThanAHundredthOfThePath) {
+  EXPECT_FALSE(DescribeExpectedError(0.0049));
+  const auto doubt = DescribeExpectedError(0.0051);
+  ASSERT_TRUE(doubt);
+  EXPECT_EQ(doubt->code, DoubtCode::kCamerasUncertain);
+}
+
 TEST(SpreadAcrossLine, IsThatOfTheViewsInTheirPictures) {
   Reconstruction model;
   // Twice as far along the diagonal as across, in a frame; in the other nothing to tell by.

@@ -184,6 +184,9 @@ TEST(TrackStore, HoldsCamerasOfAllModels) {
        {test::FreiburgCamera(), test::RationalCamera(), test::FisheyeCamera()}) {
     file.camera = camera;
     file.found_camera = camera;
+    file.found_camera->known = false;
+    file.found_camera->width_px = file.width_px;
+    file.found_camera->height_px = file.height_px;
     WriteTrackFile(dir / "a.tracks", file);
     ExpectSame(ReadTrackFile(dir / "a.tracks"), file);
     // So that version 0.1, which knows four coefficients, does not read them wrongly.
@@ -504,6 +507,8 @@ TEST(TrackStore, NamesAFileThatIsMissingForeignOrDamaged) {
       {"DROP TABLE camera", "camera"},
       {"UPDATE camera SET guess_log_sigma = 0", "uncertainty"},
       {"UPDATE camera SET guess_log_sigma = 9e999", "not finite"},
+      {"CREATE TABLE found_camera AS SELECT * FROM camera; UPDATE found_camera SET width_px = 7",
+       "the camera that was found"},
       {"PRAGMA user_version = 7", "version 7"}};
   for (const auto& [sql, message] : damages) {
     WriteTrackFile(dir / "bad.tracks", Example(2));
