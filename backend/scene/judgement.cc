@@ -245,6 +245,8 @@ std::optional<Doubt> DescribeFewPoints(const Reconstruction& reconstruction) {
   std::vector<double> counts;
   for (const auto& [frame, count] : held) counts.push_back(static_cast<double>(count));
   const double median = Median(std::move(counts));
+  // Who asked for few features has few points everywhere.
+  if (!(median > static_cast<double>(kFew))) return std::nullopt;
   std::vector<FrameIndex> few;
   std::size_t least = kFew;
   for (const auto& [frame, count] : held) {
