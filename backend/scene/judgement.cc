@@ -233,8 +233,8 @@ std::optional<Doubt> DescribeLine(const Reconstruction& reconstruction) {
 
 std::optional<Doubt> DescribeFewPoints(const Reconstruction& reconstruction) {
   // Two clips of a white wall in the dark had 9 and 42 points in their poorest frames, 0.11 and 0.25 of
-  // their medians, and cameras that were off by 25 and 22 %. Of 70 others, rendered and real, bright and
-  // dark, none had less than 160 or 0.2.
+  // their medians, and cameras that were off by 25 and 22 %. No other clip, of 70 rendered and real ones,
+  // bright and dark, had fewer than 160 points in a frame; one of them had 0.2 of its median.
   constexpr std::size_t kFew = 60;
   constexpr double kFewOfOthers = 0.4;
   std::map<FrameIndex, std::size_t> held;

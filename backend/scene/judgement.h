@@ -52,8 +52,9 @@ std::optional<double> CameraUncertainty(
 inline constexpr double kCameraErrorOverNoise = 2.0;
 inline constexpr double kFocalErrorOverNoise = 5.0;
 
-// Where the cameras may be off by more than 1 % of the extent of their path: half of all clips are off by
-// more than is expected, and one in twenty by twice as much.
+// Where the cameras may be off by more than 1 % of the extent of their path. Half of the clips with truth
+// are off by more than is expected, and one in twenty by 2.6 times as much
+// (docs/results/unknown_camera.md).
 std::optional<Doubt> DescribeExpectedError(double expected_error);
 
 // Where the focal length, of this relative standard deviation, is as good as unknown: of a camera that
