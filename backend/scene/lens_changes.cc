@@ -36,6 +36,21 @@ FocalScales BetweenFrames(const std::vector<FrameInfo>& frames,
   return scales;
 }
 
+// The poses of the measured frames; the others are to the measured one before as they were in the model.
+std::map<FrameIndex, Rigid3> PosesBetween(const WorkingModel& model,
+                                          const std::vector<int>& measured,
+                                          const std::vector<BundleCamera>& cameras) {
+  std::map<FrameIndex, Rigid3> poses;
+  std::size_t before = 0;
+  for (const int frame : model.RegisteredFrames()) {
+    while (before + 1 < measured.size() && measured[before + 1] <= frame) ++before;
+    const auto index = model.whitened().frames()[static_cast<std::size_t>(frame)].index;
+    poses[index] =
+        model.Pose(frame) * model.Pose(measured[before]).Inverse() * cameras[before].cam_from_world;
+  }
+  return poses;
+}
+
 // Of a bundle adjustment of poses and points.
 double DegreesOfFreedom(const BundleProblem& problem) {
   return 2.0 * static_cast<double>(problem.observations.size()) -
@@ -114,6 +129,8 @@ std::optional<LensChanges> MeasureLensChanges(const WorkingModel& model,
   LensChanges result;
   result.camera_known = !refinement.Any();
   result.focal = BetweenFrames(model.whitened().frames(), frames, zoom.solution.cameras);
+  result.camera = zoom.solution.intrinsics;
+  result.cam_from_world = PosesBetween(model, frames, zoom.solution.cameras);
   result.focal_gain = gain(zoom, changes);
   result.center_gain = gain(shift, 2.0 * changes);
   Eigen::Vector2d least = Eigen::Vector2d::Zero();

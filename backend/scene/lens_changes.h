@@ -1,10 +1,12 @@
 #pragma once
 
+#include <map>
 #include <optional>
 
 #include "backend/scene/adjustment.h"
 #include "backend/scene/focal_scale.h"
 #include "backend/scene/reconstruction.h"
+#include "frontend/geometry/rigid3.h"
 
 namespace cohort {
 
@@ -12,7 +14,10 @@ namespace cohort {
 // the focal length; a stabiliser that shifts the picture, as phones and editors have, changes the
 // principal point. Both bend a model that has one camera, and leave it a small error.
 struct LensChanges {
-  FocalScales focal;          // of every frame, against the first
+  FocalScales focal;  // of every frame, against the first
+  Camera camera;      // that goes with them: of the first frame
+  std::map<FrameIndex, Rigid3> cam_from_world =
+      {};                     // poses that go with them, of the model's frames
   double focal_gain = 0.0;    // share of the model's cost that these focal lengths take away
   double center_gain = 0.0;   // that a principal point for each frame takes away
   bool camera_known = false;  // the model's one camera was given, and so bends to nothing

@@ -367,51 +367,6 @@ MapperResult MapAtOneFocalLength(const TrackFile& file, const MapperOptions& opt
   return WithEnd(std::move(result), end);
 }
 
-// All but the summary's figures. Where the tracks ask for a focal length that changes, they are brought
-// to one, as a camera without zoom would have seen them, and mapped again, until they ask for no more.
-MapperResult MapTracks(const TrackFile& file, const MapperOptions& options) {
-  constexpr int kMostRounds = 5;
-  constexpr double kLeastZoom = 1.02;
-  // As long as the model is bent, a shift of the picture may gain more than the zoom that there is.
-  constexpr double kMayBeZoom = 0.6;
-  constexpr double kSettled = 1.002;  // a zoom that is left
-  constexpr double kFound = 1.01;
-  constexpr double kBetter = 0.9;  // noise, of that with one focal length
-  MapperResult result = MapAtOneFocalLength(file, options);
-  if (file.KnowsCamera() || !options.refine_focal || !result.lens_changes ||
-      !result.lens_changes->IsChanging() || result.lens_changes->Zoom() < kLeastZoom ||
-      result.lens_changes->focal_gain < kMayBeZoom * result.lens_changes->center_gain) {
-    return result;
-  }
-  FocalScales scales;
-  MapperResult zoomed = result;
-  for (int round = 0; round < kMostRounds; ++round) {
-    for (const auto& [frame, scale] : zoomed.lens_changes->focal) {
-      scales[frame] = FocalScaleOf(scales, frame) * scale;
-    }
-    TrackFile at_one = file;
-    at_one.found_camera = zoomed.reconstruction.camera;
-    at_one.tracks = AtOneFocalLength(file.tracks, *at_one.found_camera, scales);
-    zoomed = MapAtOneFocalLength(at_one, options);
-    if (!zoomed.lens_changes) return result;
-    spdlog::debug("zoom: f {:.1f}, noise {:.4f}, a zoom of {:.4f} is left",
-                  zoomed.reconstruction.camera.fx,
-                  zoomed.noise,
-                  zoomed.lens_changes->Zoom());
-    if (zoomed.lens_changes->Zoom() < kSettled) break;
-  }
-  if (zoomed.lens_changes->Zoom() > kFound || zoomed.noise > kBetter * result.noise ||
-      zoomed.reconstruction.cam_from_world.size() < result.reconstruction.cam_from_world.size()) {
-    return result;
-  }
-  zoomed.lens_changes->focal = scales;
-  zoomed.reconstruction.focal_scale = std::move(scales);
-  MoveViewsToTracks(file.tracks, zoomed.reconstruction.readout, zoomed.reconstruction);
-  zoomed.summary.reasons.push_back(DescribeFoundZoom(zoomed.lens_changes->Zoom()));
-  const MapperEnd end = EndOfModel(zoomed, file.frames.size());
-  return WithEnd(std::move(zoomed), end);
-}
-
 void SetPoses(const std::map<FrameIndex, Rigid3>& cam_from_world, WorkingModel& model) {
   const std::vector<FrameInfo>& frames = model.whitened().frames();
   for (std::size_t frame = 0; frame < frames.size(); ++frame) {
@@ -427,6 +382,112 @@ WorkingModel AdjustedModel(const WhitenedTracks& whitened, const Reconstruction&
   model.TriangulateAllTracks();
   AdjustUntilSettled(model, 4, 5);
   return model;
+}
+
+// All but the summary's figures, from a model of the clip, with one focal length for all frames.
+MapperResult AdjustAtOneFocalLength(const TrackFile& file,
+                                    const Reconstruction& start,
+                                    const MapperOptions& options) {
+  const WhitenedTracks whitened(file, WhiteningOptionsFrom(options));
+  const NearModel near(start);
+  JudgedParts judged{.parts = {{AdjustedModel(whitened, near.get()), {}}}};
+  const CameraRefinement refinement = RefinementOf(start.camera, options);
+  AdjustParts(options, refinement, judged);
+  const WorkingModel& model = judged.parts.front().model;
+  const std::vector<int> keyframes =
+      SelectKeyframes(whitened, model.camera(), kKeyframeParallaxPx, kMinKeyframes);
+  judged.judgements = {JudgeModel(model, start.camera, keyframes)};
+
+  MapperResult result;
+  if (const auto& worthless = judged.judgements.front().worthless) {
+    judged.judgements.front().doubts.push_back(
+        {DoubtCode::kWorthless,
+         fmt::format("{}: {}",
+                     NameOf(kMapperTerminationNames, worthless->termination),
+                     worthless->detail)});
+  }
+  result.depth_uncertainty = judged.judgements.front().depth_uncertainty;
+  result.unexplained_parallax = judged.judgements.front().unexplained_parallax;
+  Describe(judged, whitened, start.camera, refinement, options, keyframes, result);
+  const MapperEnd end = EndOfModel(result, file.frames.size());
+  return WithEnd(std::move(result), end);
+}
+
+// The clip as a camera that does not zoom would have seen it.
+TrackFile AtOneFocalLength(const TrackFile& file, const Camera& camera, const FocalScales& scales) {
+  TrackFile at_one = file;
+  at_one.tracks = AtOneFocalLength(file.tracks, camera, scales);
+  return at_one;
+}
+
+// A model of the tracks at one focal length becomes one of `file`.
+MapperResult WithFocalScales(MapperResult result,
+                             const FocalScales& scales,
+                             const TrackFile& file) {
+  result.reconstruction.focal_scale = scales;
+  MoveViewsToTracks(file.tracks, result.reconstruction.readout, result.reconstruction);
+  double shortest = kInfinity;
+  double longest = 0.0;
+  for (const auto& [frame, scale] : scales) {
+    shortest = std::min(shortest, scale);
+    longest = std::max(longest, scale);
+  }
+  result.summary.reasons.push_back(DescribeFoundZoom(longest / shortest));
+  const MapperEnd end = EndOfModel(result, file.frames.size());
+  return WithEnd(std::move(result), end);
+}
+
+// The model with the poses, the camera and the focal lengths that its tracks ask for.
+Reconstruction FollowLens(const LensChanges& changes, const FocalScales& before) {
+  Reconstruction model;
+  model.camera = changes.camera;
+  model.cam_from_world = changes.cam_from_world;
+  for (const auto& [frame, scale] : changes.focal) {
+    model.focal_scale[frame] = FocalScaleOf(before, frame) * scale;
+  }
+  return model;
+}
+
+// A model of a clip that zooms, adjusted in turns: everything but the focal lengths with all tracks, and
+// everything with some (MeasureLensChanges), until the focal lengths stay.
+MapperResult AdjustWithZoom(const TrackFile& file,
+                            Reconstruction model,
+                            const MapperOptions& options) {
+  constexpr int kMostRounds = 10;
+  constexpr double kSettled = 1.002;  // a zoom that is left
+  MapperResult adjusted;
+  for (int round = 0; round < kMostRounds; ++round) {
+    if (round > 0) model = FollowLens(*adjusted.lens_changes, model.focal_scale);
+    const FocalScales scales = std::exchange(model.focal_scale, {});
+    adjusted = AdjustAtOneFocalLength(AtOneFocalLength(file, model.camera, scales), model, options);
+    model.focal_scale = scales;
+    if (model.camera.known || !options.refine_focal || !adjusted.lens_changes) break;
+    spdlog::debug("zoom: f {:.1f}, noise {:.4f}, a zoom of {:.4f} is left",
+                  adjusted.reconstruction.camera.fx,
+                  adjusted.noise,
+                  adjusted.lens_changes->Zoom());
+    if (adjusted.lens_changes->Zoom() < kSettled) break;
+  }
+  return WithFocalScales(std::move(adjusted), model.focal_scale, file);
+}
+
+// All but the summary's figures. Where the tracks ask for a focal length that changes, every frame has its
+// own, if the model is much better for it.
+MapperResult MapTracks(const TrackFile& file, const MapperOptions& options) {
+  constexpr double kFound = 1.01;  // a zoom that may be left
+  constexpr double kBetter = 0.9;  // noise, of that with one focal length
+  MapperResult result = MapAtOneFocalLength(file, options);
+  if (file.KnowsCamera() || !options.refine_focal || !result.lens_changes ||
+      !result.lens_changes->IsChanging()) {
+    return result;
+  }
+  MapperResult zoomed = AdjustWithZoom(file, FollowLens(*result.lens_changes, {}), options);
+  if (!zoomed.lens_changes || zoomed.lens_changes->Zoom() > kFound ||
+      zoomed.noise > kBetter * result.noise ||
+      zoomed.reconstruction.cam_from_world.size() < result.reconstruction.cam_from_world.size()) {
+    return result;
+  }
+  return zoomed;
 }
 
 }  // namespace
@@ -451,29 +512,10 @@ MapperResult AdjustAndJudgeWithCeres(const TrackFile& file,
   ValidateOptions(options);
   const TimedPart part("reconstruction");
   const Stopwatch stopwatch;
-  const WhitenedTracks whitened(file, WhiteningOptionsFrom(options));
-  const NearModel near(start);
-  JudgedParts judged{.parts = {{AdjustedModel(whitened, near.get()), {}}}};
-  const CameraRefinement refinement = RefinementOf(start.camera, options);
-  AdjustParts(options, refinement, judged);
-  const WorkingModel& model = judged.parts.front().model;
-  const std::vector<int> keyframes =
-      SelectKeyframes(whitened, model.camera(), kKeyframeParallaxPx, kMinKeyframes);
-  judged.judgements = {JudgeModel(model, start.camera, keyframes)};
-
-  MapperResult result;
-  if (const auto& worthless = judged.judgements.front().worthless) {
-    judged.judgements.front().doubts.push_back(
-        {DoubtCode::kWorthless,
-         fmt::format("{}: {}",
-                     NameOf(kMapperTerminationNames, worthless->termination),
-                     worthless->detail)});
-  }
-  result.depth_uncertainty = judged.judgements.front().depth_uncertainty;
-  result.unexplained_parallax = judged.judgements.front().unexplained_parallax;
-  Describe(judged, whitened, start.camera, refinement, options, keyframes, result);
-  const MapperEnd end = EndOfModel(result, file.frames.size());
-  return WithSummary(WithEnd(std::move(result), end), file, stopwatch);
+  return WithSummary(start.focal_scale.empty() ? AdjustAtOneFocalLength(file, start, options)
+                                               : AdjustWithZoom(file, start, options),
+                     file,
+                     stopwatch);
 }
 
 MapperResult TriangulateWithCeres(const TrackFile& file,

@@ -104,6 +104,18 @@ TEST(LensChanges, AZoomIsFoundForEveryFrame) {
                           result.summary.reasons.end(),
                           [](const Doubt& d) { return d.code == DoubtCode::kFocalChanges; }))
       << "a zoom looks much like a way ahead, and that is said";
+
+  // As `refine` does: a model that zooms goes on as one, with a camera that is refined or kept.
+  for (const bool known : {false, true}) {
+    Reconstruction start = result.reconstruction;
+    start.camera.known = known;
+    const MapperResult on = AdjustAndJudgeWithCeres(scene.file, start);
+    ASSERT_EQ(on.reconstruction.focal_scale.size(), zoom.size()) << on.summary.Brief();
+    for (const auto& [frame, scale] : zoom) {
+      EXPECT_NEAR(CameraOf(on.reconstruction, frame).fx, 500.0 * scale, 15.0 * scale) << known;
+    }
+    EXPECT_LT(on.summary.mean_reprojection_px, 1.05 * result.summary.mean_reprojection_px) << known;
+  }
 }
 
 // A window of the picture that moves, as that of a 2-D stabiliser.
