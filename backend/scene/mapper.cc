@@ -454,7 +454,7 @@ MapperResult AdjustWithZoom(const TrackFile& file,
                             Reconstruction model,
                             const MapperOptions& options) {
   constexpr int kMostRounds = 10;
-  constexpr double kSettled = 1.002;  // a zoom that is left
+  constexpr double kGainsNothing = 0.02;  // by chance it is up to 1 %
   MapperResult adjusted;
   for (int round = 0; round < kMostRounds; ++round) {
     if (round > 0) model = FollowLens(*adjusted.lens_changes, model.focal_scale);
@@ -466,28 +466,24 @@ MapperResult AdjustWithZoom(const TrackFile& file,
                   adjusted.reconstruction.camera.fx,
                   adjusted.noise,
                   adjusted.lens_changes->Zoom());
-    if (adjusted.lens_changes->Zoom() < kSettled) break;
+    if (adjusted.lens_changes->focal_gain < kGainsNothing) break;
   }
   return WithFocalScales(std::move(adjusted), model.focal_scale, file);
 }
 
-// All but the summary's figures. Where the tracks ask for a focal length that changes, every frame has its
-// own, if the model is much better for it.
+// All but the summary's figures. Where the tracks ask for a lens that changes, and ask for no more once
+// every frame has its own focal length, it has.
 MapperResult MapTracks(const TrackFile& file, const MapperOptions& options) {
-  constexpr double kFound = 1.01;  // a zoom that may be left
-  constexpr double kBetter = 0.9;  // noise, of that with one focal length
   MapperResult result = MapAtOneFocalLength(file, options);
   if (file.KnowsCamera() || !options.refine_focal || !result.lens_changes ||
       !result.lens_changes->IsChanging()) {
     return result;
   }
   MapperResult zoomed = AdjustWithZoom(file, FollowLens(*result.lens_changes, {}), options);
-  if (!zoomed.lens_changes || zoomed.lens_changes->Zoom() > kFound ||
-      zoomed.noise > kBetter * result.noise ||
-      zoomed.reconstruction.cam_from_world.size() < result.reconstruction.cam_from_world.size()) {
-    return result;
-  }
-  return zoomed;
+  const bool explained =
+      zoomed.lens_changes && !zoomed.lens_changes->IsChanging() &&
+      zoomed.reconstruction.cam_from_world.size() >= result.reconstruction.cam_from_world.size();
+  return explained ? zoomed : result;
 }
 
 }  // namespace
