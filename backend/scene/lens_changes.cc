@@ -169,12 +169,17 @@ std::optional<Doubt> DescribeLensChanges(const LensChanges& changes) {
                     changes.Zoom()),
         {{"zoom", changes.Zoom()}, {"gain", changes.focal_gain}}};
   }
+  // A model that a zoom bent may gain as much by shifts.
+  constexpr double kMayBeZoom = 0.5;
+  const bool may_zoom = changes.focal_gain > kMayBeZoom * changes.center_gain;
   return Doubt{
       DoubtCode::kCenterMoves,
-      fmt::format("the picture is shifted from frame to frame, by up to {:.0f} px, which no "
-                  "movement of the camera explains: a stabiliser did that; film without it, "
+      fmt::format("the picture is shifted from frame to frame, by up to {:.0f} px{}, which no "
+                  "movement of the camera explains: a stabiliser{} did that; film without it, "
                   "or give the clip as it was before",
-                  changes.shift_px),
+                  changes.shift_px,
+                  may_zoom ? ", or its focal length changes" : "",
+                  may_zoom ? " or a zoom" : ""),
       {{"shift_px", changes.shift_px}, {"gain", changes.center_gain}}};
 }
 

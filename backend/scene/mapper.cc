@@ -449,13 +449,15 @@ Reconstruction FollowLens(const LensChanges& changes, const FocalScales& before)
 }
 
 // A model of a clip that zooms, adjusted in turns: everything but the focal lengths with all tracks, and
-// everything with some (MeasureLensChanges), until the focal lengths stay.
+// everything with some (MeasureLensChanges), until the noise stays.
 MapperResult AdjustWithZoom(const TrackFile& file,
                             Reconstruction model,
                             const MapperOptions& options) {
   constexpr int kMostRounds = 10;
-  constexpr double kGainsNothing = 0.02;  // by chance it is up to 1 %
+  // The way to the minimum may lead along a valley, where a round takes little of the noise away.
+  constexpr double kStays = 0.99;
   MapperResult adjusted;
+  double noise = kInfinity;  // of the round before
   for (int round = 0; round < kMostRounds; ++round) {
     if (round > 0) model = FollowLens(*adjusted.lens_changes, model.focal_scale);
     const FocalScales scales = std::exchange(model.focal_scale, {});
@@ -466,7 +468,8 @@ MapperResult AdjustWithZoom(const TrackFile& file,
                   adjusted.reconstruction.camera.fx,
                   adjusted.noise,
                   adjusted.lens_changes->Zoom());
-    if (adjusted.lens_changes->focal_gain < kGainsNothing) break;
+    if (adjusted.noise > kStays * noise) break;
+    noise = adjusted.noise;
   }
   return WithFocalScales(std::move(adjusted), model.focal_scale, file);
 }

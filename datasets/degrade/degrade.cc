@@ -111,7 +111,7 @@ cv::Mat Sensor(const cv::Mat& gray,
                const DegradeOptions& options,
                std::uint32_t frame,
                const cv::Mat& motion) {
-  const SensorLevel level = SensorLevelAt(options.level);
+  const SensorLevel level = SensorLevelAt(options.level, options.light);
   cv::Mat image = MeasuredLight(gray, options, frame, motion);
   image = cv::max(level.digital_gain * image, 0.0);
   cv::pow(image, 1.0 / kGamma, image);
@@ -154,8 +154,8 @@ PaperLevel PaperLevelAt(double level) {
           Straight(level, 0.0, 0.02, 0.03)};
 }
 
-SensorLevel SensorLevelAt(double level) {
-  const double gain = Geometric(level, 1.0, 0.08, 0.04);
+SensorLevel SensorLevelAt(double level, double light) {
+  const double gain = light * Geometric(level, 1.0, 0.08, 0.04);
   const double shot = Geometric(level, 1e-4, 0.006, 0.012);
   return {gain,
           shot,
@@ -190,7 +190,7 @@ cv::Mat MeasuredLight(const cv::Mat& gray,
                       const DegradeOptions& options,
                       std::uint32_t frame,
                       const cv::Mat& motion) {
-  const SensorLevel level = SensorLevelAt(options.level);
+  const SensorLevel level = SensorLevelAt(options.level, options.light);
   RandomStream random = NoiseStream(options, frame);
   cv::Mat image = SensorSignal(ToUnit(gray), level, motion, random);
   for (float& v : cv::Mat_<float>(image)) {
@@ -261,7 +261,7 @@ cv::Mat NoiseFreeSignal(const cv::Mat& gray,
     case DegradeRecipe::kSensor:
     case DegradeRecipe::kPhone: {
       RandomStream random = NoiseStream(options, frame);
-      return SensorSignal(image, SensorLevelAt(options.level), motion, random);
+      return SensorSignal(image, SensorLevelAt(options.level, options.light), motion, random);
     }
   }
   ThrowUsageError("unknown recipe");

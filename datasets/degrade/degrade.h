@@ -19,6 +19,7 @@ inline constexpr ChoiceNames<DegradeRecipe, 3> kRecipeNames{{{"paper", DegradeRe
 struct DegradeOptions {
   DegradeRecipe recipe = DegradeRecipe::kPaper;
   double level = 1.0;  // 0 clean, 1 medium, 2 hard; as text: ParseLevel
+  double light = 1.0;
   double occluder_px_per_frame = 0.0;
   VideoCodec codec = VideoCodec::kH264;
   int bitrate_kbit = 0;  // 0: PhoneBitrateKbit
@@ -33,6 +34,14 @@ struct DegradeOptions {
              "sensor is a camera that gets little light; phone is what a phone makes of "
              "that: exposure in steps, denoising, compressed video (with the program ffmpeg).",
              Tier::kCommon);
+    v.Number(
+        "light",
+        o.light,
+        1e-4,
+        1.0,
+        "Recipes sensor and phone: the share that is left of the level's light, such as 0.125: "
+        "three stops less, at the same exposure and noise of the sensor.",
+        Tier::kCommon);
     v.Number("occluder_px_per_frame",
              o.occluder_px_per_frame,
              0.0,
@@ -82,7 +91,7 @@ struct SensorLevel {
   double shutter;       // open for this share of the time between frames
 };
 PaperLevel PaperLevelAt(double level);
-SensorLevel SensorLevelAt(double level);
+SensorLevel SensorLevelAt(double level, double light = 1.0);  // gain times light
 
 // One frame; `gray` is CV_8UC1 or CV_16UC1, the result CV_8UC1. With v in 0..1 and n normal noise:
 //   paper   g v + s1 n, Gaussian blur, + s2 n

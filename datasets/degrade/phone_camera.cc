@@ -59,7 +59,7 @@ cv::Mat PhoneDenoiser::Next(const cv::Mat& value) {
 }
 
 PhoneCamera::PhoneCamera(const DegradeOptions& options, double frames_per_second)
-    : sensor_(SensorLevelAt(options.level)),
+    : sensor_(SensorLevelAt(options.level, options.light)),
       exposure_(frames_per_second, options.seed),
       denoiser_(NoiseBehindGamma(sensor_)) {}
 

@@ -42,7 +42,7 @@ PositionBound::PositionBound(const DegradeOptions& options, int window_px)
     : recipe_(options.recipe), half_px_(window_px / 2) {
   Check(recipe_ != DegradeRecipe::kPhone, "the noise that a phone leaves is not known");
   if (recipe_ == DegradeRecipe::kSensor) {
-    const SensorLevel level = SensorLevelAt(options.level);
+    const SensorLevel level = SensorLevelAt(options.level, options.light);
     shot_ = level.shot;
     // Rounding happens behind digital gain and gamma; in linear light it is least where it is dark.
     read_ = level.read;

@@ -33,9 +33,14 @@ struct RecipeLevel {
   std::string_view name;
   DegradeRecipe recipe;
   const char* level;
+  double light = 1.0;  // DegradeOptions::light
 };
-inline constexpr std::array<RecipeLevel, 3> kRecipeLevels{
+inline constexpr std::array<RecipeLevel, 7> kRecipeLevels{
     {{"sensor", DegradeRecipe::kSensor, "hard"},
+     {"sensor-half", DegradeRecipe::kSensor, "hard", 1.0 / 2},
+     {"sensor-4th", DegradeRecipe::kSensor, "hard", 1.0 / 4},
+     {"sensor-8th", DegradeRecipe::kSensor, "hard", 1.0 / 8},
+     {"sensor-16th", DegradeRecipe::kSensor, "hard", 1.0 / 16},
      {"phone", DegradeRecipe::kPhone, "hard"},
      {"phone-medium", DegradeRecipe::kPhone, "medium"}}};
 
@@ -62,6 +67,10 @@ struct Condition {
   std::string DegradeLevel() const {  // of the recipe
     const RecipeLevel* const other = FindRecipeLevel(level);
     return other != nullptr ? other->level : level;
+  }
+  double Light() const {
+    const RecipeLevel* const other = FindRecipeLevel(level);
+    return other != nullptr ? other->light : 1.0;
   }
   std::filesystem::path Frames() const {
     return IsDegraded() ? folder / "frames" : std::filesystem::path(clip.input);

@@ -84,8 +84,8 @@ struct ExperimentOptions {
     v.List("levels",
            o.levels,
            "How dark `cohort degrade` makes the clips: clean, medium, hard, a number; "
-           "sensor, phone: its recipe of that name at hard; phone-medium: recipe phone at "
-           "medium; as-is: not at all.",
+           "sensor, phone: its recipe of that name at hard; sensor-half, -4th, -8th, -16th: at "
+           "that share of its light; phone-medium: recipe phone at medium; as-is: not at all.",
            Tier::kCommon);
     v.List("seeds",
            o.seeds,

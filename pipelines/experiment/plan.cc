@@ -218,6 +218,7 @@ DegradeOptions DegradationOf(const Condition& condition) {
   degrade.seed = condition.seed;
   degrade.recipe = condition.Recipe();
   degrade.level = ParseLevel(condition.DegradeLevel());
+  degrade.light = condition.Light();
   return degrade;
 }
 

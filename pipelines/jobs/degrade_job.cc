@@ -14,6 +14,10 @@ void RunDegradeJob(const DegradeJobOptions& options) {
     ThrowUsageError("--codec and --bitrate-kbit are for --recipe phone: leave them out with {}",
                     NameOf(kRecipeNames, options.degrade.recipe));
   }
+  if (options.degrade.recipe == DegradeRecipe::kPaper && options.degrade.light != defaults.light) {
+    ThrowUsageError("--light is for the recipes sensor and phone: leave it out with {}",
+                    NameOf(kRecipeNames, options.degrade.recipe));
+  }
   DegradeOptions degrade = options.degrade;
   degrade.level = ParseLevel(options.level);
   const auto sequence = OpenInput(options.input);

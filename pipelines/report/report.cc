@@ -47,10 +47,10 @@ Json NotesOf(const std::vector<CellNote>& notes) {
 Json LevelOf(const std::string& level) {
   if (level == kAsIs) return {{"name", level}, {"about", "the clips as they are"}};
   if (const RecipeLevel* const other = FindRecipeLevel(level)) {
-    const SensorLevel sensor = SensorLevelAt(ParseLevel(other->level));
+    const SensorLevel sensor = SensorLevelAt(ParseLevel(other->level), other->light);
     return {{"name", level},
             {"about",
-             fmt::format("a camera sensor at {:.0f} % of the light: photon and read noise, gain, "
+             fmt::format("a camera sensor at {:.2g} % of the light: photon and read noise, gain, "
                          "motion blur{}",
                          100.0 * sensor.gain,
                          other->recipe == DegradeRecipe::kPhone

@@ -1,5 +1,6 @@
 #include "pipelines/report/shown_tracks.h"
 
+#include <cmath>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <opencv2/core.hpp>
@@ -39,7 +40,8 @@ std::vector<const TrackCell*> ShowcaseCells(const ExperimentResults& results) {
   const auto darkness = [](const Condition& condition) {
     if (!condition.IsDegraded()) return -1.0;
     if (condition.Recipe() == DegradeRecipe::kPaper) return ParseLevel(condition.level);
-    return 0.75 * ParseLevel(condition.DegradeLevel());  // brighter than the paper's
+    // Brighter than the paper's; with each stop less as much darker as from medium to hard.
+    return 0.75 * (ParseLevel(condition.DegradeLevel()) - std::log2(condition.Light()));
   };
   const Condition* shown = nullptr;
   for (const TrackCell& cell : results.cells) {

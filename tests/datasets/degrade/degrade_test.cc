@@ -114,20 +114,23 @@ TEST(PaperRecipe, HasTheMeanAndTheNoiseThatItPromises) {
 // Back in linear light, before gamma and digital gain, the noise has the promised variance; taken
 // where nothing is cut off.
 TEST(SensorRecipe, HasTheMeanAndTheNoiseThatItPromises) {
-  for (const auto& [level, value] : {std::pair{0.0, 0.5}, std::pair{0.3, 0.8}}) {
+  for (const auto& [level, value, light] :
+       {std::tuple{0.0, 0.5, 1.0}, std::tuple{0.3, 0.8, 1.0}, std::tuple{0.0, 0.8, 0.125}}) {
     const cv::Mat flat(400, 400, CV_16UC1, cv::Scalar(value * 65535.0));
-    const SensorLevel sensor = SensorLevelAt(level);
+    const SensorLevel sensor = SensorLevelAt(level, light);
+    DegradeOptions options = Options(DegradeRecipe::kSensor, level);
+    options.light = light;
     cv::Mat linear;
-    DegradeFrame(flat, Options(DegradeRecipe::kSensor, level), 0)
-        .convertTo(linear, CV_64F, 1.0 / 255.0);
+    DegradeFrame(flat, options, 0).convertTo(linear, CV_64F, 1.0 / 255.0);
     cv::pow(linear, 2.2, linear);
     linear /= sensor.digital_gain;
     cv::Scalar mean;
     cv::Scalar sigma;
     cv::meanStdDev(linear, mean, sigma);
-    const double expected = sensor.gain * std::pow(value, 2.2);
-    EXPECT_NEAR(mean[0] / expected, 1.0, 0.01) << level;
-    EXPECT_NEAR(sigma[0] / std::sqrt(sensor.shot * expected + sensor.read), 1.0, 0.03) << level;
+    const double expected = light * SensorLevelAt(level).gain * std::pow(value, 2.2);
+    EXPECT_NEAR(mean[0] / expected, 1.0, 0.01) << level << ", " << light;
+    EXPECT_NEAR(sigma[0] / std::sqrt(sensor.shot * expected + sensor.read), 1.0, 0.03)
+        << level << ", " << light;
   }
 }
 

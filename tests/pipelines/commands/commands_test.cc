@@ -351,6 +351,9 @@ TEST_F(Commands, OptionsThatChangeNothingAreSaid) {
   ExpectFailure(RunCohort("degrade " + clip + " " + Path("d") + " --codec hevc"),
                 2,
                 HasSubstr("--codec and --bitrate-kbit are for --recipe phone"));
+  ExpectFailure(RunCohort("degrade " + clip + " " + Path("d") + " --light 0.5"),
+                2,
+                HasSubstr("--light is for the recipes sensor and phone"));
   ExpectFailure(
       RunCohort("show " + Path("s.tracks") + " --out " + Path("p.html") + " --width-px 64"),
       2,

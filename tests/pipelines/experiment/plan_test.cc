@@ -18,19 +18,21 @@ using testing::HasSubstr;
 using testing::ThrowsMessage;
 
 TEST(DegradationOf, NamesOfLevelsAreRecipesAndTheirLevels) {
-  for (const auto& [name, recipe, level] :
-       {std::tuple("clean", DegradeRecipe::kPaper, 0.0),
-        std::tuple("1.5", DegradeRecipe::kPaper, 1.5),
-        std::tuple("hard", DegradeRecipe::kPaper, 2.0),
-        std::tuple("sensor", DegradeRecipe::kSensor, 2.0),
-        std::tuple("phone", DegradeRecipe::kPhone, 2.0),
-        std::tuple("phone-medium", DegradeRecipe::kPhone, 1.0)}) {
+  for (const auto& [name, recipe, level, light] :
+       {std::tuple("clean", DegradeRecipe::kPaper, 0.0, 1.0),
+        std::tuple("1.5", DegradeRecipe::kPaper, 1.5, 1.0),
+        std::tuple("hard", DegradeRecipe::kPaper, 2.0, 1.0),
+        std::tuple("sensor", DegradeRecipe::kSensor, 2.0, 1.0),
+        std::tuple("sensor-8th", DegradeRecipe::kSensor, 2.0, 0.125),
+        std::tuple("phone", DegradeRecipe::kPhone, 2.0, 1.0),
+        std::tuple("phone-medium", DegradeRecipe::kPhone, 1.0, 1.0)}) {
     Condition condition;
     condition.level = name;
     condition.seed = 7;
     const DegradeOptions degrade = DegradationOf(condition);
     EXPECT_EQ(degrade.recipe, recipe) << name;
     EXPECT_EQ(degrade.level, level) << name;
+    EXPECT_EQ(degrade.light, light) << name;
     EXPECT_EQ(degrade.seed, 7u);
   }
 }
