@@ -1,5 +1,7 @@
 #include "backend/scene/focal_scale.h"
 
+#include <algorithm>
+#include <ranges>
 #include <utility>
 #include <vector>
 
@@ -8,6 +10,13 @@ namespace cohort {
 double FocalScaleOf(const FocalScales& scales, FrameIndex frame) {
   const auto scale = scales.find(frame);
   return scale != scales.end() ? scale->second : 1.0;
+}
+
+double ZoomOf(const FocalScales& scales) {
+  if (scales.empty()) return 1.0;
+  const auto values = std::views::values(scales);
+  const auto [shortest, longest] = std::ranges::minmax(values);
+  return longest / shortest;
 }
 
 Camera CameraOf(const Camera& camera, const FocalScales& scales, FrameIndex frame) {

@@ -14,6 +14,9 @@ using FocalScales = std::map<FrameIndex, double>;
 
 double FocalScaleOf(const FocalScales& scales, FrameIndex frame);
 
+// The largest over the smallest of those listed; 1 of an empty list.
+double ZoomOf(const FocalScales& scales);
+
 // The camera of a frame: fx and fy times the frame's scale, the rest as it is.
 Camera CameraOf(const Camera& camera, const FocalScales& scales, FrameIndex frame);
 

@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
-#include <limits>
 
 #include "backend/scene/spread_tracks.h"
 
@@ -67,16 +66,6 @@ bool LensChanges::IsChanging() const {
   constexpr double kGain = 0.07;
   constexpr double kGainOfKnown = 0.27;
   return std::max(focal_gain, center_gain) > (camera_known ? kGainOfKnown : kGain);
-}
-
-double LensChanges::Zoom() const {
-  double shortest = std::numeric_limits<double>::infinity();
-  double longest = 0.0;
-  for (const auto& [frame, scale] : focal) {
-    shortest = std::min(shortest, scale);
-    longest = std::max(longest, scale);
-  }
-  return focal.empty() ? 1.0 : longest / shortest;
 }
 
 std::optional<LensChanges> MeasureLensChanges(const WorkingModel& model,
@@ -141,7 +130,7 @@ std::optional<LensChanges> MeasureLensChanges(const WorkingModel& model,
   }
   result.shift_px = (most - least).norm();
   spdlog::debug("lens changes: focal length x{:.4f} gains {:.3f}, centre by {:.1f} px gains {:.3f}",
-                result.Zoom(),
+                ZoomOf(result.focal),
                 result.focal_gain,
                 result.shift_px,
                 result.center_gain);
@@ -166,10 +155,11 @@ std::optional<Doubt> DescribeLensChanges(const LensChanges& changes) {
         fmt::format("the focal length changes during the clip, about {:.2f} times: it zooms or "
                     "focuses anew, and the model has one focal length for all frames; give "
                     "the stretch before or after the change by --frames",
-                    changes.Zoom()),
-        {{"zoom", changes.Zoom()}, {"gain", changes.focal_gain}}};
+                    ZoomOf(changes.focal)),
+        {{"zoom", ZoomOf(changes.focal)}, {"gain", changes.focal_gain}}};
   }
-  // A model that a zoom bent may gain as much by shifts.
+  // A model that a zoom bent may gain as much by shifts: a rendered zoom of x1.25 of which no zoom was
+  // found gained .12 by focal lengths and .13 by shifts; a clip shifted by a stabiliser, .06 and .70.
   constexpr double kMayBeZoom = 0.5;
   const bool may_zoom = changes.focal_gain > kMayBeZoom * changes.center_gain;
   return Doubt{

@@ -15,9 +15,9 @@ namespace cohort {
 // principal point. Both bend a model that has one camera, and leave it a small error.
 struct LensChanges {
   FocalScales focal;  // of every frame, against the first
-  Camera camera;      // that goes with them: of the first frame
-  std::map<FrameIndex, Rigid3> cam_from_world =
-      {};                     // poses that go with them, of the model's frames
+  // What goes with these focal lengths: the camera of the first frame, and the poses.
+  Camera camera;
+  std::map<FrameIndex, Rigid3> cam_from_world;
   double focal_gain = 0.0;    // share of the model's cost that these focal lengths take away
   double center_gain = 0.0;   // that a principal point for each frame takes away
   bool camera_known = false;  // the model's one camera was given, and so bends to nothing
@@ -27,7 +27,6 @@ struct LensChanges {
   bool IsChanging() const;
   // Of both, the focal length takes more away.
   bool IsZoom() const { return focal_gain >= center_gain; }
-  double Zoom() const;  // the longest focal length over the shortest
 };
 
 // By bundle adjustments of at most 40 frames, evenly taken, and of some of their tracks, in which each

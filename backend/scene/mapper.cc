@@ -292,10 +292,11 @@ void Describe(const JudgedParts& judged,
   add_doubt(DescribeFewPoints(result.reconstruction));
 }
 
-MapperEnd EndOfModel(const MapperResult& described, std::size_t frames) {
+MapperResult WithEndOfModel(MapperResult described, std::size_t frames) {
   const bool partial = TooFewRegistered(described.reconstruction.cam_from_world.size(), frames);
-  return {partial ? MapperTermination::kPartial : MapperTermination::kSuccess,
-          fmt::format("{}", fmt::join(SentencesOf(described.summary.reasons), "; "))};
+  const MapperEnd end{partial ? MapperTermination::kPartial : MapperTermination::kSuccess,
+                      fmt::format("{}", fmt::join(SentencesOf(described.summary.reasons), "; "))};
+  return WithEnd(std::move(described), end);
 }
 
 bool HasNeighbours(const std::vector<FrameInfo>& frames) {
@@ -363,8 +364,7 @@ MapperResult MapAtOneFocalLength(const TrackFile& file, const MapperOptions& opt
   if (found && found->rival) {
     result.summary.reasons.push_back(DescribeRivalCamera(found->camera, *found->rival));
   }
-  const MapperEnd end = EndOfModel(result, file.frames.size());
-  return WithEnd(std::move(result), end);
+  return WithEndOfModel(std::move(result), file.frames.size());
 }
 
 void SetPoses(const std::map<FrameIndex, Rigid3>& cam_from_world, WorkingModel& model) {
@@ -387,11 +387,11 @@ WorkingModel AdjustedModel(const WhitenedTracks& whitened, const Reconstruction&
 // All but the summary's figures, from a model of the clip, with one focal length for all frames.
 MapperResult AdjustAtOneFocalLength(const TrackFile& file,
                                     const Reconstruction& start,
+                                    const CameraRefinement& refinement,
                                     const MapperOptions& options) {
   const WhitenedTracks whitened(file, WhiteningOptionsFrom(options));
   const NearModel near(start);
   JudgedParts judged{.parts = {{AdjustedModel(whitened, near.get()), {}}}};
-  const CameraRefinement refinement = RefinementOf(start.camera, options);
   AdjustParts(options, refinement, judged);
   const WorkingModel& model = judged.parts.front().model;
   const std::vector<int> keyframes =
@@ -409,8 +409,7 @@ MapperResult AdjustAtOneFocalLength(const TrackFile& file,
   result.depth_uncertainty = judged.judgements.front().depth_uncertainty;
   result.unexplained_parallax = judged.judgements.front().unexplained_parallax;
   Describe(judged, whitened, start.camera, refinement, options, keyframes, result);
-  const MapperEnd end = EndOfModel(result, file.frames.size());
-  return WithEnd(std::move(result), end);
+  return WithEndOfModel(std::move(result), file.frames.size());
 }
 
 // The clip as a camera that does not zoom would have seen it.
@@ -426,15 +425,8 @@ MapperResult WithFocalScales(MapperResult result,
                              const TrackFile& file) {
   result.reconstruction.focal_scale = scales;
   MoveViewsToTracks(file.tracks, result.reconstruction.readout, result.reconstruction);
-  double shortest = kInfinity;
-  double longest = 0.0;
-  for (const auto& [frame, scale] : scales) {
-    shortest = std::min(shortest, scale);
-    longest = std::max(longest, scale);
-  }
-  result.summary.reasons.push_back(DescribeFoundZoom(longest / shortest));
-  const MapperEnd end = EndOfModel(result, file.frames.size());
-  return WithEnd(std::move(result), end);
+  result.summary.reasons.push_back(DescribeFoundZoom(ZoomOf(scales)));
+  return WithEndOfModel(std::move(result), file.frames.size());
 }
 
 // The model with the poses, the camera and the focal lengths that its tracks ask for.
@@ -452,6 +444,7 @@ Reconstruction FollowLens(const LensChanges& changes, const FocalScales& before)
 // everything with some (MeasureLensChanges), until the noise stays.
 MapperResult AdjustWithZoom(const TrackFile& file,
                             Reconstruction model,
+                            const CameraRefinement& refinement,
                             const MapperOptions& options) {
   constexpr int kMostRounds = 10;
   // The way to the minimum may lead along a valley, where a round takes little of the noise away.
@@ -461,32 +454,47 @@ MapperResult AdjustWithZoom(const TrackFile& file,
   for (int round = 0; round < kMostRounds; ++round) {
     if (round > 0) model = FollowLens(*adjusted.lens_changes, model.focal_scale);
     const FocalScales scales = std::exchange(model.focal_scale, {});
-    adjusted = AdjustAtOneFocalLength(AtOneFocalLength(file, model.camera, scales), model, options);
+    adjusted = AdjustAtOneFocalLength(
+        AtOneFocalLength(file, model.camera, scales), model, refinement, options);
     model.focal_scale = scales;
-    if (model.camera.known || !options.refine_focal || !adjusted.lens_changes) break;
+    if (!refinement.focal || !adjusted.lens_changes) break;
     spdlog::debug("zoom: f {:.1f}, noise {:.4f}, a zoom of {:.4f} is left",
                   adjusted.reconstruction.camera.fx,
                   adjusted.noise,
-                  adjusted.lens_changes->Zoom());
+                  ZoomOf(adjusted.lens_changes->focal));
     if (adjusted.noise > kStays * noise) break;
     noise = adjusted.noise;
   }
   return WithFocalScales(std::move(adjusted), model.focal_scale, file);
 }
 
+bool Has(const ReconstructionSummary& summary, DoubtCode code) {
+  return std::ranges::any_of(summary.reasons, [&](const Doubt& d) { return d.code == code; });
+}
+
 // All but the summary's figures. Where the tracks ask for a lens that changes, and ask for no more once
 // every frame has its own focal length, it has.
 MapperResult MapTracks(const TrackFile& file, const MapperOptions& options) {
   MapperResult result = MapAtOneFocalLength(file, options);
-  if (file.KnowsCamera() || !options.refine_focal || !result.lens_changes ||
-      !result.lens_changes->IsChanging()) {
+  const CameraRefinement refinement = RefinementOf(CameraOrGuess(file), options);
+  if (!refinement.focal || !result.lens_changes || !result.lens_changes->IsChanging()) {
     return result;
   }
-  MapperResult zoomed = AdjustWithZoom(file, FollowLens(*result.lens_changes, {}), options);
+  MapperResult zoomed =
+      AdjustWithZoom(file, FollowLens(*result.lens_changes, {}), refinement, options);
   const bool explained =
       zoomed.lens_changes && !zoomed.lens_changes->IsChanging() &&
+      !Has(zoomed.summary, DoubtCode::kWorthless) &&
       zoomed.reconstruction.cam_from_world.size() >= result.reconstruction.cam_from_world.size();
-  return explained ? zoomed : result;
+  if (!explained) return result;
+  // What an adjustment of one model cannot find.
+  zoomed.other_parts = std::move(result.other_parts);
+  for (Doubt& doubt : result.summary.reasons) {
+    if (doubt.code == DoubtCode::kParts || doubt.code == DoubtCode::kTwoScenes) {
+      zoomed.summary.reasons.push_back(std::move(doubt));
+    }
+  }
+  return WithEndOfModel(std::move(zoomed), file.frames.size());
 }
 
 }  // namespace
@@ -511,8 +519,10 @@ MapperResult AdjustAndJudgeWithCeres(const TrackFile& file,
   ValidateOptions(options);
   const TimedPart part("reconstruction");
   const Stopwatch stopwatch;
-  return WithSummary(start.focal_scale.empty() ? AdjustAtOneFocalLength(file, start, options)
-                                               : AdjustWithZoom(file, start, options),
+  const CameraRefinement refinement = RefinementOf(start.camera, options);
+  return WithSummary(start.focal_scale.empty()
+                         ? AdjustAtOneFocalLength(file, start, refinement, options)
+                         : AdjustWithZoom(file, start, refinement, options),
                      file,
                      stopwatch);
 }
