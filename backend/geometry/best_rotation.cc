@@ -5,8 +5,6 @@
 #include <cmath>
 #include <vector>
 
-#include "frontend/core/statistics.h"
-
 namespace cohort {
 
 BestRotation FitRotation(std::span<const std::pair<Eigen::Vector2d, Eigen::Vector2d>> pairs) {
@@ -39,14 +37,12 @@ BestRotation FitRotation(std::span<const std::pair<Eigen::Vector2d, Eigen::Vecto
       weights[i] = 1.0 / std::max((rays[i].second - R * rays[i].first).norm(), 1e-5);
     }
   }
-  std::vector<double> errors;
-  errors.reserve(pairs.size());
+  result.errors.reserve(pairs.size());
   const Eigen::Matrix3d R = result.target_from_source.toRotationMatrix();
   for (const auto& [source, target] : pairs) {
     const Eigen::Vector3d x = R * source.homogeneous();
-    errors.push_back((x.hnormalized() - target).norm());
+    result.errors.push_back((x.hnormalized() - target).norm());
   }
-  result.median_error = Median(std::move(errors));
   return result;
 }
 

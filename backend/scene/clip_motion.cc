@@ -9,43 +9,62 @@
 #include <span>
 #include <utility>
 
+#include "backend/geometry/best_rotation.h"
 #include "backend/scene/two_view_geometry.h"
 #include "frontend/core/statistics.h"
 
 namespace cohort {
 namespace {
 
-// The pairs of most motion, most first.
-std::vector<FramePairMotion> WidestPairs(std::vector<FramePairMotion> pairs) {
-  constexpr std::size_t kPairs = 12;
+constexpr std::size_t kMostPairs = 12;
+
+template <typename Keep>
+WidestPairs WidestPairsWhere(const WhitenedTracks& whitened,
+                             std::vector<FramePairMotion> pairs,
+                             double quantile,
+                             const Keep& keep) {
   std::stable_sort(pairs.begin(), pairs.end(), [](const auto& a, const auto& b) {
     return a.motion_px > b.motion_px;
   });
-  pairs.resize(std::min(pairs.size(), kPairs));
-  return pairs;
+  pairs.resize(std::min(pairs.size(), kMostPairs));
+  WidestPairs widest;
+  widest.motion_px = pairs.empty() ? 0.0 : pairs.front().motion_px;
+  widest.quantile = quantile;
+  for (const FramePairMotion& pair : pairs) {
+    Correspondences& points = widest.pairs.emplace_back();
+    for (const auto& [a, b] : whitened.CommonObservations(pair.frame_a, pair.frame_b)) {
+      if (!keep(a) || !keep(b)) continue;
+      points.emplace_back(whitened.observations()[a].xy, whitened.observations()[b].xy);
+    }
+  }
+  return widest;
 }
 
-// The largest parallax of these pairs.
-double LargestParallaxPx(const WhitenedTracks& whitened,
-                         const Camera& camera,
-                         const std::vector<FramePairMotion>& pairs) {
-  double largest_px = 0.0;
-  for (const FramePairMotion& pair : pairs) {
-    const FramePairMotion motion = MeasureMotion(whitened, camera, pair.frame_a, pair.frame_b);
-    largest_px = std::max(largest_px, motion.parallax_px);
+// The largest parallax of these pairs: the median of what the best rotation leaves, or the quantile, as
+// much as the median of noise would be, whose lengths have Rayleigh's distribution.
+double LargestParallaxPx(const WidestPairs& widest, const Camera& camera) {
+  const double medians = std::sqrt(std::log(1.0 - widest.quantile) / std::log(0.5));
+  double largest = 0.0;
+  Correspondences rays;
+  for (const Correspondences& pair : widest.pairs) {
+    rays.clear();
+    for (const auto& [xy_a, xy_b] : pair) {
+      rays.emplace_back(camera.Unproject(xy_a), camera.Unproject(xy_b));
+    }
+    const BestRotation best = FitRotation(rays);
+    largest =
+        std::max({largest, Median(best.errors), Quantile(best.errors, widest.quantile) / medians});
   }
-  return largest_px;
+  return largest * 0.5 * (camera.fx + camera.fy);
 }
 
 // The least that LargestParallaxPx becomes by another focal length and k1, found step by step from
 // this camera.
-double LeastParallaxNear(const WhitenedTracks& whitened,
-                         Camera camera,
-                         const std::vector<FramePairMotion>& pairs) {
+double LeastParallaxNear(const WidestPairs& widest, Camera camera) {
   constexpr double kFirstStep = 0.08;  // of log f, and of k1
   constexpr double kLastStep = 0.004;
   constexpr double kMostK1 = 0.3;
-  double least_px = LargestParallaxPx(whitened, camera, pairs);
+  double least_px = LargestParallaxPx(widest, camera);
   for (double step = kFirstStep; step > kLastStep;) {
     bool better = false;
     for (const auto& [log_f, k1] : {std::pair(step, 0.0),
@@ -56,7 +75,7 @@ double LeastParallaxNear(const WhitenedTracks& whitened,
       other.fx *= std::exp(log_f);
       other.fy *= std::exp(log_f);
       other.k1 = std::clamp(other.k1 + k1, -kMostK1, kMostK1);
-      const double px = LargestParallaxPx(whitened, other, pairs);
+      const double px = LargestParallaxPx(widest, other);
       if (px >= least_px) continue;
       least_px = px;
       camera = other;
@@ -80,12 +99,10 @@ struct CameraAndParallax {
   double parallax_px;
 };
 // The one of CamerasToTry by which the largest parallax of these pairs is least.
-CameraAndParallax LeastOfThoseToTry(const WhitenedTracks& whitened,
-                                    const Camera& camera,
-                                    const std::vector<FramePairMotion>& pairs) {
+CameraAndParallax LeastOfThoseToTry(const WidestPairs& widest, const Camera& camera) {
   CameraAndParallax least{camera, std::numeric_limits<double>::infinity()};
   for (const Camera& candidate : CamerasToTry(camera)) {
-    const double px = LargestParallaxPx(whitened, candidate, pairs);
+    const double px = LargestParallaxPx(widest, candidate);
     if (px < least.parallax_px) least = {candidate, px};
   }
   return least;
@@ -167,29 +184,30 @@ std::vector<Camera> CamerasToTry(const Camera& camera) {
   return cameras;
 }
 
-ClipMotion ClassifyMotion(const WhitenedTracks& whitened,
-                          const Camera& camera,
-                          const std::vector<FramePairMotion>& pairs,
-                          double noise_px) {
+WidestPairs WidestPairsOf(const WhitenedTracks& whitened, std::vector<FramePairMotion> pairs) {
+  return WidestPairsWhere(whitened, std::move(pairs), 0.5, [](int) { return true; });
+}
+
+WidestPairs WidestPairsOf(const WorkingModel& model, std::vector<FramePairMotion> pairs) {
+  return WidestPairsWhere(
+      model.whitened(), std::move(pairs), 0.9, [&](int o) { return model.IsInlier(o); });
+}
+
+ClipMotion ClassifyMotion(const WidestPairs& widest, const Camera& camera, double noise_px) {
   const double threshold = LeastParallaxThatTells(noise_px);
-  const std::vector<FramePairMotion> widest = WidestPairs(pairs);
-  if (widest.empty() || widest.front().motion_px < threshold) return ClipMotion::kStatic;
-  const auto [best, least_px] = LeastOfThoseToTry(whitened, camera, widest);
+  if (widest.motion_px < threshold) return ClipMotion::kStatic;
+  const auto [best, least_px] = LeastOfThoseToTry(widest, camera);
   return least_px < threshold ? ClipMotion::kRotation : ClipMotion::kParallax;
 }
 
-bool TurnsByAnotherCamera(const WhitenedTracks& whitened,
-                          const Camera& camera,
-                          const std::vector<FramePairMotion>& pairs,
-                          double noise_px) {
+bool TurnsByAnotherCamera(const WidestPairs& widest, const Camera& camera, double noise_px) {
   // In units of what tells: more is not made of a rotation by a focal length between those of
   // CamerasToTry, nor by the distortion of a lens.
   constexpr double kBeyondOtherCameras = 10.0;
   const double threshold = LeastParallaxThatTells(noise_px);
-  const std::vector<FramePairMotion> widest = WidestPairs(pairs);
-  const auto [best, px] = LeastOfThoseToTry(whitened, camera, widest);
+  const auto [best, px] = LeastOfThoseToTry(widest, camera);
   if (px < threshold || px >= kBeyondOtherCameras * threshold) return false;
-  const double least_px = LeastParallaxNear(whitened, best, widest);
+  const double least_px = LeastParallaxNear(widest, best);
   spdlog::debug("parallax beyond a rotation {:.2f} px, by another camera {:.2f} px, {:.2f} tell",
                 px,
                 least_px,
@@ -200,7 +218,6 @@ bool TurnsByAnotherCamera(const WhitenedTracks& whitened,
 ClipMotion ClassifyDrift(const WhitenedTracks& whitened,
                          const Camera& camera,
                          const std::vector<FramePairMotion>& pairs) {
-  constexpr std::size_t kPairs = 12;
   constexpr double kAlongEpipolarLines = 5.0;
   constexpr double kStill = 1.5;  // motion before the best rotation to that after it
   constexpr double kMinErrorPx = 0.05;
@@ -208,7 +225,7 @@ ClipMotion ClassifyDrift(const WhitenedTracks& whitened,
     candidate.known = true;  // this focal length is the hypothesis
     std::vector<double> along;
     std::vector<double> turned;
-    for (const FramePairMotion& pair : std::span(pairs).first(std::min(pairs.size(), kPairs))) {
+    for (const FramePairMotion& pair : std::span(pairs).first(std::min(pairs.size(), kMostPairs))) {
       std::vector<Eigen::Vector2d> xy_a;
       std::vector<Eigen::Vector2d> xy_b;
       for (const auto& [a, b] : whitened.CommonObservations(pair.frame_a, pair.frame_b)) {

@@ -9,7 +9,6 @@
 #include <string>
 #include <vector>
 
-#include "backend/scene/clip_motion.h"
 #include "frontend/core/statistics.h"
 
 namespace cohort {
@@ -47,11 +46,10 @@ std::string DescribeUnexplained(double share) {
 
 }  // namespace
 
-std::optional<MapperEnd> DescribeClipWithoutParallax(const WhitenedTracks& whitened,
+std::optional<MapperEnd> DescribeClipWithoutParallax(const WidestPairs& widest,
                                                      const Camera& camera,
-                                                     const std::vector<FramePairMotion>& pairs) {
-  const double noise_px = EstimateNoise(whitened);
-  switch (ClassifyMotion(whitened, camera, pairs, noise_px)) {
+                                                     double noise_px) {
+  switch (ClassifyMotion(widest, camera, noise_px)) {
     case ClipMotion::kStatic:
       return MapperEnd{
           MapperTermination::kStaticCamera,
@@ -71,7 +69,10 @@ MapperEnd ExplainMissingModel(const WhitenedTracks& whitened,
                               const std::vector<int>& keyframes,
                               MapperEnd otherwise) {
   const std::vector<FramePairMotion> pairs = RankPairs(whitened, camera, keyframes);
-  if (auto end = DescribeClipWithoutParallax(whitened, camera, pairs)) return *end;
+  if (auto end = DescribeClipWithoutParallax(
+          WidestPairsOf(whitened, pairs), camera, EstimateNoise(whitened))) {
+    return *end;
+  }
   const char* why =
       "if the camera moved, the tracks do not show it: they drift, or are on things that move";
   switch (ClassifyDrift(whitened, camera, pairs)) {
@@ -107,9 +108,10 @@ Judgement JudgeModel(const WorkingModel& model,
   Judgement judgement{uncertainty, unexplained, std::nullopt, {}};
   // Of a guessed camera a focal length can be found that makes parallax of a rotation.
   const std::vector<FramePairMotion> pairs = RankPairs(model.whitened(), camera, keyframes);
-  if (!camera.known) {
-    judgement.worthless = DescribeClipWithoutParallax(model.whitened(), camera, pairs);
-  }
+  const WidestPairs widest =
+      camera.known ? WidestPairsOf(model.whitened(), pairs) : WidestPairsOf(model, pairs);
+  const double noise_px = EstimateNoise(model.whitened());
+  if (!camera.known) judgement.worthless = DescribeClipWithoutParallax(widest, camera, noise_px);
   if (judgement.worthless) return judgement;
   if (!(uncertainty <= kWorthlessDepth)) {
     judgement.worthless =
@@ -127,7 +129,7 @@ Judgement JudgeModel(const WorkingModel& model,
          "no rigid scene explains how the tracks move beyond a rotation of the camera: they drift, "
          "or most of them are on things that move"});
   }
-  if (TurnsByAnotherCamera(model.whitened(), camera, pairs, EstimateNoise(model.whitened()))) {
+  if (TurnsByAnotherCamera(widest, camera, noise_px)) {
     judgement.doubts.push_back(
         {DoubtCode::kOnlyTurns,
          fmt::format("a camera that only turns, of another lens than {}, explains all motion as "

@@ -5,6 +5,7 @@
 #include <optional>
 #include <vector>
 
+#include "backend/scene/clip_motion.h"
 #include "backend/scene/keyframes.h"
 #include "backend/scene/mapper_termination.h"
 #include "backend/scene/reconstruction.h"
@@ -14,9 +15,9 @@ namespace cohort {
 
 // How a clip without parallax beyond its noise ends if it gives no model: its camera stands still
 // or only turns. None: it has parallax.
-std::optional<MapperEnd> DescribeClipWithoutParallax(const WhitenedTracks& whitened,
+std::optional<MapperEnd> DescribeClipWithoutParallax(const WidestPairs& widest,
                                                      const Camera& camera,
-                                                     const std::vector<FramePairMotion>& pairs);
+                                                     double noise_px);
 
 // How a clip that moves and yet gave no model ends: where its motion is not that of a camera on its
 // way through a scene, so; otherwise as it is.

@@ -61,7 +61,7 @@ FramePairMotion MeasureMotion(const WhitenedTracks& whitened,
   }
   motion.common = static_cast<int>(pairs.size());
   motion.motion_px = Median(std::move(displacements));
-  motion.parallax_px = FitRotation(pairs).median_error * 0.5 * (camera.fx + camera.fy);
+  motion.parallax_px = Median(FitRotation(pairs).errors) * 0.5 * (camera.fx + camera.fy);
   return motion;
 }
 

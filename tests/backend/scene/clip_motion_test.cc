@@ -48,8 +48,8 @@ TEST(TurnsByAnotherCamera, IsSaidOfARotationWhoseLensIsAnotherAndOfNoPath) {
     given.k1 = 0.0;
     given.known = true;
     const std::vector<int> keyframes = SelectKeyframes(whitened, given, 2.0, 10);
-    const std::vector<FramePairMotion> pairs = RankPairs(whitened, given, keyframes);
-    EXPECT_EQ(TurnsByAnotherCamera(whitened, given, pairs, 0.1), turns) << static_cast<int>(path);
+    const auto widest = WidestPairsOf(whitened, RankPairs(whitened, given, keyframes));
+    EXPECT_EQ(TurnsByAnotherCamera(widest, given, 0.1), turns) << static_cast<int>(path);
   }
 }
 

@@ -126,8 +126,9 @@ TEST(Judgement, SaysWhyAClipHasNoParallax) {
     options.path = path;
     const SyntheticTracks scene = MakeSyntheticTracks(options);
     const WhitenedTracks whitened(scene.file, {});
-    return DescribeClipWithoutParallax(
-        whitened, *scene.file.camera, RankPairs(whitened, *scene.file.camera, {0, 8, 16}));
+    const Camera& camera = *scene.file.camera;
+    const auto widest = WidestPairsOf(whitened, RankPairs(whitened, camera, {0, 8, 16}));
+    return DescribeClipWithoutParallax(widest, camera, EstimateNoise(whitened));
   };
   EXPECT_FALSE(judge(CameraPath::kLateral));
   ASSERT_TRUE(judge(CameraPath::kStatic));

@@ -84,7 +84,8 @@ TEST_P(ModelOfHardClip, SaysHowItEndedInBothTrackers) {
     EXPECT_EQ(summary.Quality(),
               termination == "success" ? ModelQuality::kGood
               : has_model              ? ModelQuality::kDoubtful
-                                       : ModelQuality::kFailed);
+                                       : ModelQuality::kFailed)
+        << summary.Brief();
     if (tracker == TrackerKind::kSubspace) {
       EXPECT_THAT(outcome.file.meta.at("second_pass"),
                   StartsWith(has_model ? "done" : "none: the tracks do not reconstruct"));
