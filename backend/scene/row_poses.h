@@ -26,7 +26,7 @@ class RowPoses {
            double readout,
            const Camera& camera);
 
-  // The pose of a frame for the row of xy; rows beyond the picture are clamped to one height away.
+  // The pose of a frame for the row of xy; rows beyond the picture are extrapolated.
   Rigid3 CamFromWorld(FrameIndex frame, const Eigen::Vector2d& xy) const;
 
   // Projects a point of the world with that camera: finds the xy whose row projects the point to
