@@ -46,10 +46,10 @@ void AdjustUntilSettled(WorkingModel& model, int max_rounds, int first_iteration
 // and points, the inliers and the noise.
 void AdjustCamera(WorkingModel& model, const CameraRefinement& refinement);
 
-// The last step of a reconstruction: adjusts poses and points together, with the camera held, until
-// the relative decrease of the cost is below 1e-5. It removes the bend that the condensed
-// adjustment leaves along directions that few observations hold, such as a stretch before a blank
-// wall. Does nothing for more than 300 frames.
+// The last step of a reconstruction: adjusts poses and points with the camera held until the
+// relative decrease of the cost is below 1e-5. This removes the bend that the condensed adjustment
+// leaves along weakly observed directions, such as a stretch before a blank wall. Does nothing for
+// more than 300 frames.
 void AdjustToMinimum(WorkingModel& model);
 
 // Adjusts the points to all inliers; poses and camera stay.
@@ -70,9 +70,8 @@ struct ModelCovariances {
   // best similarity: a share of the root mean square distance of the centres from their mean.
   std::map<FrameIndex, double> centers;
 };
-// Covariances at the end of one more adjustment of everything, of at most ten iterations. The
-// adjustment works on a copy, so that computing covariances changes no model. Returns nullopt if
-// the problem is rank deficient.
+// Covariances after one more adjustment of everything, of at most ten iterations, on a copy: the
+// model does not change. Returns nullopt if the problem is rank deficient.
 std::optional<ModelCovariances> CovariancesAtOptimum(WorkingModel model,
                                                      const CameraRefinement& refinement);
 

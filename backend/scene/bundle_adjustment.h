@@ -48,8 +48,8 @@ enum class RobustLoss : std::uint8_t {
 inline constexpr ChoiceNames<RobustLoss, 3> kRobustLossNames{
     {{"none", RobustLoss::kNone}, {"huber", RobustLoss::kHuber}, {"cauchy", RobustLoss::kCauchy}}};
 
-// The largest shift between two cameras of the ray through the picture's corner, as a share of its
-// distance from the axis.
+// The shift between two cameras of the ray through the picture's corner, as a share of its distance
+// from the axis.
 double CornerShift(const Camera& a, const Camera& b);
 
 struct BundleOptions {

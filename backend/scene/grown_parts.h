@@ -21,9 +21,8 @@ GrownParts GrowPartsBothWays(const WhitenedTracks& whitened,
                              const Camera& camera,
                              const std::vector<int>& keyframes);
 
-// Extends the parts grown by some of the clip's tracks to all of them. Returns nullopt if some
-// tracks do not suffice: they leave a keyframe without a pose, a doubt or much of the parallax, or
-// there is a seam.
+// Extends the parts grown by some tracks to all. Returns nullopt if some tracks do not suffice:
+// they leave a keyframe without a pose, a doubt or much of the parallax, or there is a seam.
 std::optional<GrownParts> WithAllTracks(const WhitenedTracks& whitened,
                                         const GrownParts& by_some,
                                         const std::vector<int>& keyframes);

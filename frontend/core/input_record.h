@@ -10,9 +10,9 @@ namespace cohort {
 // the same entry replace each other.
 std::string EntryOf(const std::filesystem::path& path);
 
-// Records which files a run has read, so that no output replaces one: a mistake such as `track
-// v.mp4 --out v.mp4` loses nothing. Active while an instance lives, as in the program. Users of the
-// libraries may read a file and rewrite it.
+// Records which files a run has read, so that no output replaces one by mistake, as in `track v.mp4
+// --out v.mp4`. Active while an instance lives, as in the program. Users of the libraries may read
+// a file and rewrite it.
 class InputRecord {
  public:
   InputRecord();

@@ -70,7 +70,7 @@ class SqliteStatement {
 class SqliteDatabase {
  public:
   // kRead: writes nothing, neither in the file nor beside it, and reads a write-ahead log in place.
-  // kWrite: the file must exist; a transaction that a dead program left half written is rolled
+  // kWrite: the file must exist; a transaction that a crashed program left half written is rolled
   // back. kCreate: kWrite, and creates a missing file. Throws Error naming the path.
   enum class Mode { kRead, kWrite, kCreate };
   static SqliteDatabase Open(const std::filesystem::path& path, Mode mode);
@@ -95,9 +95,9 @@ class SqliteDatabase {
   std::unique_ptr<sqlite3, Close> db_;
 };
 
-// Call this before placing a file at PATH: SQLite would play a journal or log that a dead program
-// left beside PATH into the next file of that name. First rolls the journal back, so that PATH
-// itself is whole until it is replaced. Throws Error naming what cannot be removed.
+// Call this before placing a file at PATH: SQLite would play a journal or log that a crashed
+// program left beside PATH into the next file of that name. First rolls the journal back, so that
+// PATH itself is whole until it is replaced. Throws Error naming what cannot be removed.
 void RemoveJournals(const std::filesystem::path& path);
 
 // BEGIN ... COMMIT; rolls back at the end of the scope unless committed.

@@ -14,8 +14,8 @@ Eigen::Matrix2d CommonSimilarity(const Eigen::Matrix2Xd& before,
                                  const Eigen::Matrix2Xd& now,
                                  std::span<const Feature> features);
 
-// Updates every anchor's warp by the common similarity. `warp_noise` (a share) is added to the
-// warp's standard deviation, so that the measurement can correct what the similarity misses.
+// Updates every anchor's warp by the common similarity. `warp_noise` (a share) is added in
+// quadrature to the warp's deviation, and the measurement corrects what the similarity misses.
 void DeformAnchors(const Eigen::Matrix2d& similarity,
                    double warp_noise,
                    std::span<Feature> features);

@@ -45,9 +45,9 @@ class FrameMeasurement {
   // Tests whether observed features lie where the others predict them (strong constraint).
   void TestPositions(std::span<const TrajectoryModel::Estimate> predicted);
 
-  // Measures features that are not observed again: the large patch from the prediction, then a
-  // small one with the prediction as prior, because the rim of the large one may lie on another
-  // surface or behind an occluder.
+  // Measures again what is not observed: the large patch from the prediction, then a small one with
+  // the prediction as prior, because the rim of the large one may lie on another surface or behind
+  // an occluder.
   void MeasureAtPredictions(std::span<const TrajectoryModel::Estimate> predicted, bool strong);
   void MeasureAtPrediction(std::size_t f, const TrajectoryModel::Estimate& predicted, bool strong);
 

@@ -8,7 +8,7 @@ namespace cohort {
 
 enum class SceneChange {
   kNone,   // the scene goes on, or the pictures do not decide
-  kBlank,  // the picture shows nothing: a lost frame, a flash, a hand before the lens
+  kBlank,  // nothing is seen compared with the last picture: a lost frame, a flash, a hand
   kCut,    // the picture has nothing in common with the earlier ones
 };
 

@@ -16,8 +16,8 @@ namespace cohort {
 using OptionValue = std::variant<bool, std::int64_t, double, std::string, std::vector<std::string>>;
 
 // One field of an options struct, independent of its type. `path` names it in JSON and on the
-// command
-// line: {"detector": {"max_features": 5}} and --detector.max-features 5 are detector.max_features.
+// command line: {"detector": {"max_features": 5}} and --detector.max-features 5 are
+// detector.max_features.
 struct OptionEntry {
   std::string path;
   std::string group;  // help of the group it is in; empty at the top

@@ -97,10 +97,9 @@ bool IsStillTheClip(const TrackFile& file, const Sequence& sequence);
 void CheckCameraSize(const Camera& camera, int width_px, int height_px);
 // Throws Error if a frame of a clip does not have the size of those that `file` was made from.
 void CheckPictureSize(const TrackFile& file, const Frame& frame, const std::string& clip_name);
-// Marks positions outside the pictures of `file` as predicted, since no image confirms them; tracks
-// from other programs may have such. Returns a sentence on that, empty if there were none. Throws
-// Error if they are most of the observed ones: then `tracks`, of that name, belong to another clip
-// than `clip`.
+// Marks positions outside the pictures of `file` as predicted, since no image confirms them (tracks
+// of other programs). Returns a sentence on that, empty if there were none. Throws Error if they
+// are most of the observed ones: then `tracks`, of that name, belong to another clip than `clip`.
 std::string PredictOutside(const TrackFile& file,
                            const std::string& name,
                            const std::string& clip,

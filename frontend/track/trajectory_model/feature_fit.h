@@ -8,9 +8,8 @@
 namespace cohort::trajectory_model {
 
 // The normal equations of one feature's unknowns x = (z, e) at its mean, for given cameras. In
-// frame l
-// the residual d_l = y_l - xy_l - e has the derivative -J_l, J_l = [d xy / d z, I] (no I in the
-// frame of the anchor), and the weight W_l. With the priors z ~ N(0, I), e ~ N(0, A^-1):
+// frame l the residual d_l = y_l - xy_l - e has the derivative -J_l, J_l = [d xy / d z, I] (no I in
+// the frame of the anchor), and the weight W_l. With the priors z ~ N(0, I), e ~ N(0, A^-1):
 //   information = sum_l J_l' W_l J_l + diag(I, A),   gradient = sum_l J_l' W_l d_l - diag(I, A) x.
 // A, the anchor's information, is the mean of the feature's measurements': an anchor is as noisy as
 // any picture.
