@@ -14,23 +14,23 @@
 
 namespace cohort {
 
-// A way to organise a folder of input, and what reads it.
+// A folder layout of input, and its reader.
 struct FolderReader {
   std::string_view layout;  // its name, as --layout takes it
-  std::string_view mark;    // the file or folder that it is recognised by
+  std::string_view mark;    // the file or folder that identifies it
   bool (*recognises)(const std::filesystem::path& folder);
   ImageList (*read)(const std::filesystem::path& folder);
 };
 
-// The readers, in the order in which they are tried. A new reader is one line here: --layout, the
-// recognition and what an error says was looked for follow from it.
+// The readers, in the order in which they are tried. A new reader needs only a line here: --layout,
+// the recognition and the error message for an unknown folder follow from it.
 inline constexpr auto kFolderReaders = std::to_array<FolderReader>({
     {"tum", kTumMark, IsTum, ReadTum},
     {"euroc", kEurocMark, IsEuroc, ReadEuroc},
     {"kitti", kKittiMark, IsKitti, ReadKitti},
 });
 
-// How input is organised. The values from kFirstFolder on count through kFolderReaders.
+// The layout of the input. Values from kFirstFolder on count through kFolderReaders.
 enum class Layout : std::uint8_t { kAuto, kVideo, kImages, kFirstFolder };
 
 constexpr Layout LayoutOfReader(std::size_t i) {
@@ -49,7 +49,7 @@ constexpr ChoiceNames<Layout, kLayouts> NamesOfLayouts() {
 inline constexpr auto kLayoutNames = NamesOfLayouts();
 
 // Opens a video file, an image folder, a glob of images, or a folder in one of the layouts above
-// (datasets/README.md). Throws Error saying what was looked for.
+// (datasets/README.md). Throws Error that lists what was looked for.
 std::unique_ptr<Sequence> OpenSequence(const std::filesystem::path& input,
                                        Layout layout = Layout::kAuto,
                                        const FrameRange& range = {});

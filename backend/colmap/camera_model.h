@@ -9,7 +9,7 @@
 
 namespace cohort {
 
-// COLMAP puts the origin at the corner of the top-left pixel, we at its centre: the only shift.
+// COLMAP's origin is the corner of the top-left pixel, ours its centre. This is the only shift.
 inline constexpr double kColmapPixelShift = 0.5;
 
 enum class ColmapCameraModel : std::int32_t {
@@ -24,7 +24,7 @@ enum class ColmapCameraModel : std::int32_t {
   kRadialFisheye = 9,        // f cx cy k1 k2
 };
 
-// A row of COLMAP's cameras, in its pixels.
+// A row of COLMAP's cameras table, in its pixels.
 struct ColmapCamera {
   ColmapCameraModel model = ColmapCameraModel::kPinhole;
   int width_px = 0;
@@ -35,24 +35,24 @@ struct ColmapCamera {
   bool operator==(const ColmapCamera&) const = default;
 };
 
-// PINHOLE, with distortion OPENCV, with k3 to k6 FULL_OPENCV, a fisheye OPENCV_FISHEYE. A guessed
-// camera has no prior focal length and, where it has one focal length and neither p1 nor p2, is
-// SIMPLE_RADIAL or with k2 RADIAL instead of PINHOLE and OPENCV.
+// PINHOLE; with distortion OPENCV, with k3 to k6 FULL_OPENCV; a fisheye is OPENCV_FISHEYE. A
+// guessed camera has no prior focal length. If it has one focal length and neither p1 nor p2, it is
+// SIMPLE_RADIAL, or with k2 RADIAL, instead of PINHOLE and OPENCV.
 ColmapCamera ToColmapCamera(const Camera& camera);
-// `camera` as the same model as `before` or, where that has too few parameters for it, as the first of
-// the above that has not.
+// `camera` in the model of `before`, or if that has too few parameters, in the first of the above
+// that has enough.
 ColmapCamera ToColmapCamera(const Camera& camera, const ColmapCamera& before);
-// As `known`. Throws Error on a model or a number of parameters that is not one of the above.
+// The result is `known`. Throws Error on another model or a wrong number of parameters.
 Camera FromColmapCamera(const ColmapCamera& colmap);
 
-// By how much the focal length of `camera` is that of `reference`; none where they differ in more.
+// The focal length of `camera` divided by that of `reference`; nullopt if they differ otherwise.
 std::optional<double> FocalScaleOf(const ColmapCamera& camera, const ColmapCamera& reference);
 
-// Does COLMAP refine all of such a camera by itself, wherever its first value came from? Those of
-// one focal length; who has a calibration gives the others.
+// Whether COLMAP refines all parameters of such a camera by default, wherever its first value came
+// from. This holds for models with one focal length; the others come from a calibration.
 bool IsFoundByColmap(ColmapCameraModel model);
-// Is it where COLMAP starts, as far as a calibration tells more than a focal length: without
-// distortion in a model that has some, one focal length, the principal point in the middle?
+// Whether it looks like COLMAP's initial guess, without anything that a calibration adds to a focal
+// length: no distortion in a model that has some, one focal length, principal point in the middle.
 bool IsStartOfColmap(const ColmapCamera& camera);
 
 std::string ColmapModelName(ColmapCameraModel model);

@@ -12,16 +12,16 @@ namespace cohort {
 struct ColmapOptions {
   std::string program = "colmap";  // a path, or a name in PATH
   int seed = 0;
-  int threads = 1;              // more: faster, and not the same twice
+  int threads = 1;              // with more threads faster, but not reproducible
   double max_minutes = 1440.0;  // of one run of the program
   int max_attempts = 3;
   bool fewer_adjustments = true;
   bool final_adjustment = true;
   ColmapDatabaseOptions database;
-  // The guessed camera is another model's refined one, and is kept. Set by the program, no option of
-  // the command.
+  // The guessed camera was refined in another model and is kept. Set by the program; not an option
+  // of the command.
   bool hold_guess = false;
-  // By how much the focal length of a frame is that of the tracks' camera, of the same other model.
+  // The focal length of a frame divided by that of the tracks' camera, from the same model.
   FocalScales focal_scale;
 
   template <typename Self, typename Visitor>
@@ -66,35 +66,35 @@ struct ColmapOptions {
 };
 
 struct ColmapResult {
-  Reconstruction reconstruction;  // the model that registered most frames; empty: none did
-  ReconstructionSummary summary;  // `termination` says what happened, in one line
+  Reconstruction reconstruction;  // the model that registered most frames; empty if none did
+  ReconstructionSummary summary;  // `termination` describes the outcome in one line
   double colmap_seconds = 0.0;    // of summary.seconds, in the colmap program
   std::filesystem::path log;      // all that COLMAP printed
 };
 
-// Hands tracks to COLMAP's incremental mapper: own database, own initial pair (then the next best
-// and at last COLMAP's, where fewer than 80 % of the frames register), options fit for video,
-// intrinsics kept where they are known. What counts is what registered: COLMAP's exit code says
-// nothing of that. Of a feature that it gave two points (one of them of false matches, which can
-// bend a camera) one is kept, and COLMAP's bundle_adjuster runs once more to the optimum.
-// `work_folder` is made if missing and keeps database.db, the log and COLMAP's models; what an earlier
-// run left there is replaced. A clip that does not reconstruct is a result that says why; throws
-// Error without a usable colmap program or where work_folder cannot be written.
+// Runs COLMAP's incremental mapper on tracks: own database, own initial pair (if fewer than 80 % of
+// the frames register, then the next best and at last COLMAP's), options fit for video, known
+// intrinsics kept. The registered frames decide the outcome, not COLMAP's exit code. If a feature
+// has two points (one from false matches, which can bend a camera), one is kept, and COLMAP's
+// bundle_adjuster runs once more to the optimum. `work_folder` is created if missing and keeps
+// database.db, the log and COLMAP's models; it replaces what an earlier run left there. A clip that
+// does not reconstruct is a result that states why. Throws Error if there is no usable colmap
+// program or work_folder cannot be written.
 ColmapResult ReconstructWithColmap(const TrackFile& tracked,
                                    const ColmapOptions& options,
                                    const std::filesystem::path& work_folder);
 
-// COLMAP's bundle_adjuster alone, from a model of the same tracks by another program (ids of its
-// points are the tracks'), to the optimum of COLMAP's cost: of the model's views those that its
-// mapper would get, too (WithoutWeakObservations; predicted ones only if asked for), and not off by
-// more than its bound, weighed alike. Empty where COLMAP fails.
+// Runs only COLMAP's bundle_adjuster, from another program's model of the same tracks (its point
+// ids are the tracks'), to the optimum of COLMAP's cost. It uses those of the model's views that
+// the mapper would get too (WithoutWeakObservations; predicted ones only if requested) and whose
+// error is within its bound, with equal weights. The result is empty if COLMAP fails.
 ColmapResult AdjustWithColmap(const TrackFile& tracked,
                               const Reconstruction& start,
                               const ColmapOptions& options,
                               const std::filesystem::path& work_folder);
 
-// Points alone, by COLMAP's point_triangulator from poses that are given and kept (true ones:
-// isolates the tracks from the solver). All frames with a pose count as registered; the camera of
+// Estimates only the points, by COLMAP's point_triangulator from given and fixed poses (true poses
+// isolate the tracks from the solver). All frames with a pose count as registered; the camera of
 // `tracked` must be known.
 ColmapResult TriangulateWithColmap(const TrackFile& tracked,
                                    const std::map<FrameIndex, Rigid3>& cam_from_world,

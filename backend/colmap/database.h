@@ -16,8 +16,8 @@
 
 namespace cohort {
 
-// COLMAP's ids. An image is its frame's index + 1, in databases and models alike, so that either
-// tells its frames without the other.
+// COLMAP's ids. An image id is its frame's index + 1, in databases and models alike, so that either
+// gives the frames without the other.
 using ColmapImageId = std::uint32_t;
 ColmapImageId ColmapImageIdOf(FrameIndex frame);
 FrameIndex FrameOfColmapImage(ColmapImageId id);
@@ -53,7 +53,7 @@ struct ColmapTwoViewGeometry {
 
 struct ColmapPair {
   std::vector<ColmapMatch> matches;
-  std::optional<ColmapTwoViewGeometry> geometry;  // none: no geometry holds, so no row
+  std::optional<ColmapTwoViewGeometry> geometry;  // unset if no geometry holds: no row
 
   ColmapPair Swapped() const;
 };
@@ -63,32 +63,32 @@ struct ColmapImage {
   std::vector<Eigen::Vector2f> keypoints;
 };
 
-// What a COLMAP database holds of a clip; one camera takes all images.
+// The contents of a COLMAP database for one clip; all images share one camera.
 struct ColmapDatabase {
   ColmapCamera camera;
-  // Where the focal length changes, the camera of every image, in place of the one.
+  // If the focal length changes: the camera of every image, which replaces the shared one.
   std::map<ColmapImageId, ColmapCamera> camera_of_image;
   std::map<ColmapImageId, ColmapImage> images;
   std::map<std::pair<ColmapImageId, ColmapImageId>, ColmapPair> pairs;  // first < second
 
-  // Swaps where image1 > image2. Throws Error on images or keypoint indices that are not there, a
-  // pair that is there already, and a keypoint that is matched twice.
+  // Swaps if image1 > image2. Throws Error on unknown images or keypoint indices, a pair that
+  // exists already, and a keypoint that is matched twice.
   void AddPair(ColmapImageId image1, ColmapImageId image2, ColmapPair pair);
 };
 
-// A database in the 3.8 schema (user_version 3800), which 4.x opens too. Whole or not at all; an
-// old file and its -wal and -shm are replaced. Throws Error naming the path.
+// Writes a database in the 3.8 schema (user_version 3800), which 4.x opens too. Whole or not at
+// all; an old file and its -wal and -shm are replaced. Throws Error naming the path.
 void WriteColmapDatabase(const std::filesystem::path& path, const ColmapDatabase& database);
 
-// Of how many images a file is a database with features that somebody described, as COLMAP's SIFT:
-// which take long to make again, and we write none. 0 where it is no database.
+// The number of images with descriptors, as of COLMAP's SIFT, in a database. They take long to
+// compute, and we write none. 0 if the file is no database.
 std::int64_t CountDescribedImages(const std::filesystem::path& path);
 
-// Reads the schemas of COLMAP 3.8 to 4.x: rigs, frames and pose priors of newer ones say nothing of
-// what stands here and are left out; a geometry that COLMAP wrote as "unset" (zero matrices, the
-// identity as a pose) is none. Cameras that are alike in all (size, model, parameters, whether the
-// focal length is a prior) are one, and a keypoint may be matched twice. Throws Error naming the
-// path on a file that is damaged or has several cameras.
+// Reads the schemas of COLMAP 3.8 to 4.x. Rigs, frames and pose priors of newer ones do not affect
+// these contents and are skipped. A geometry that COLMAP wrote as "unset" (zero matrices, the
+// identity as a pose) becomes nullopt. Identical cameras (size, model, parameters, whether the
+// focal length is a prior) are merged, and a keypoint may be matched twice. Throws Error naming the
+// path if the file is damaged or has several cameras.
 ColmapDatabase ReadColmapDatabase(const std::filesystem::path& path);
 
 }  // namespace cohort

@@ -15,7 +15,7 @@
 
 namespace cohort {
 
-// COLMAP's sparse model as its files have it, in COLMAP's pixels.
+// COLMAP's sparse model as in its files, in COLMAP's pixels.
 struct ColmapPoint2D {
   Eigen::Vector2d xy = Eigen::Vector2d::Zero();
   std::optional<std::uint64_t> point3d;
@@ -44,19 +44,19 @@ struct ColmapModel {
 enum class ColmapModelFormat { kText, kBinary };
 
 // cameras, images, points3D .txt or .bin in an existing folder. Reading prefers .bin, as COLMAP
-// does. Throws Error naming the file, and in text the line, of what is missing or damaged.
+// does. Throws Error naming the file, and for text the line, if something is missing or damaged.
 void WriteColmapModel(const std::filesystem::path& folder,
                       const ColmapModel& model,
                       ColmapModelFormat format);
 ColmapModel ReadColmapModel(const std::filesystem::path& folder);
 
-// No output of the run takes the place of a model's file, read or not (InputRecord). ReadColmapModel
-// does it, too.
+// Protects a model's files, read or not, from being replaced by an output of the run (InputRecord).
+// ReadColmapModel does the same.
 void AddModelToInputs(const std::filesystem::path& folder);
 
 // Of the models that a mapper left in a folder (0, 1, ...) the one with most images, the first of
-// equals; none if it failed. One that cannot be read is an Error or, where `damaged` is given,
-// left out and named there: of a mapper that died while it wrote.
+// equals; nullopt if the mapper failed. An unreadable model is an Error or, with `damaged`, is
+// skipped and listed there, as from a mapper that died while writing.
 struct ColmapModelFolder {
   std::filesystem::path folder;
   ColmapModel model;
@@ -64,44 +64,44 @@ struct ColmapModelFolder {
 std::optional<ColmapModelFolder> ReadLargestColmapModel(
     const std::filesystem::path& folder, std::vector<std::string>* damaged = nullptr);
 
-// Image id = frame + 1, point id = feature + 1, an image's points are the views of it. One camera, or
-// where the focal length changes one for every image, of the image's id.
+// Image id = frame + 1, point id = feature + 1; an image's points are its views. There is one
+// camera, or if the focal length changes one for every image, with the image's id.
 ColmapModel ToColmapModel(const Reconstruction& reconstruction);
 // The reverse, for a model that ToColmapModel made.
 Reconstruction FromColmapModel(const ColmapModel& model);
-// A model that COLMAP made of BuildColmapDatabase(file): point -> keypoint index -> feature. Of two
-// points of one feature the one with more views stays.
+// Reads a model that COLMAP made of BuildColmapDatabase(file): point -> keypoint index -> feature.
+// Of two points of one feature the one with more views is kept.
 Reconstruction FromColmapModel(const ColmapModel& model,
                                const TrackFile& file,
                                bool include_predicted);
 
-// The cameras of a model's images as one whose focal length changes.
+// The cameras of a model's images as a single one with a changing focal length.
 struct SharedCamera {
   Camera camera;                                // of an image whose focal length is the median
-  std::map<ColmapImageId, double> focal_scale;  // of every image; empty: all cameras are alike
-  std::optional<ColmapImageId> other;           // an image whose camera differs in more
+  std::map<ColmapImageId, double> focal_scale;  // of every image; empty: all cameras are equal
+  std::optional<ColmapImageId> other;           // an image whose camera differs in other parameters
 };
-// Of a model that has the cameras of its images. Throws Error where one has parameters that are none.
+// For a model that has the cameras of its images. Throws Error on invalid parameters.
 SharedCamera ShareCamera(const ColmapModel& model);
 
 // The points as a PLY file: x, y, z [float], red, green, blue [uchar], binary.
 std::string PointsPly(const ColmapModel& model);
 
-// A model folder: text and binary model, trajectory.tum (world_from_cam, `t tx ty tz qx qy qz qw`;
-// t in seconds, the frame's index where there is no time stamp), points.ply.
+// Writes a model folder: text and binary model, trajectory.tum (world_from_cam, `t tx ty tz qx qy
+// qz qw`; t in seconds, or the frame's index if there is no time stamp), points.ply.
 void WriteReconstructionFiles(const std::filesystem::path& existing_folder,
                               const Reconstruction& reconstruction);
-// The same of `model`, which is the reconstruction under other ids and with colours.
+// The same for `model`, which is the reconstruction with other ids and with colours.
 void WriteReconstructionFiles(const std::filesystem::path& existing_folder,
                               const Reconstruction& reconstruction,
                               const ColmapModel& model);
 // All names that a model folder may hold: for OutputFolder.
 const std::vector<std::string>& ModelFolderNames();
-// Whether a folder of those names is ours: COLMAP's own models have neither of what is looked for.
+// Whether we wrote a folder with those names: COLMAP's own models lack the files that it checks.
 bool IsOurModelFolder(const std::filesystem::path& folder);
 // Whole or not at all: OutputFolder and WriteReconstructionFiles.
 void WriteReconstruction(const std::filesystem::path& folder, const Reconstruction& reconstruction);
-// A folder of ours, with the time stamps of its trajectory.tum.
+// Reads a folder of ours, with the time stamps of its trajectory.tum.
 Reconstruction ReadReconstruction(const std::filesystem::path& folder);
 
 }  // namespace cohort

@@ -8,8 +8,8 @@
 
 namespace cohort {
 
-// The outside baseline: no tracks of ours, but COLMAP's own features and matches of the same
-// frames. Defaults are what did best on dark clips (pipelines/README.md).
+// The external baseline: COLMAP's own features and matches of the same frames, without our tracks.
+// The defaults performed best on dark clips (pipelines/README.md).
 struct SiftOptions {
   double denoise_sigma_px = 1.0;
   bool stretch = true;
@@ -41,12 +41,12 @@ struct SiftOptions {
   }
 };
 
-// feature_extractor, sequential_matcher (with quadratic overlap) and mapper of COLMAP on the frames
-// that `clip` names below its image_root; its tracks are not used. Intrinsics are kept where they
-// are known. Where fewer than 80 % of the frames register at COLMAP's own bounds, once more at
-// lower ones. Point ids are COLMAP's. `work_folder` is made if missing; images, database.db*, sparse,
-// sparse_lenient and colmap.log in it are this run's: what an earlier one left there is removed.
-// Throws Error without a usable colmap program or frames.
+// Runs COLMAP's feature_extractor, sequential_matcher (with quadratic overlap) and mapper on the
+// frames that `clip` names below its image_root; its tracks are not used. Known intrinsics are
+// kept. If fewer than 80 % of the frames register at COLMAP's own bounds, the mapper runs again
+// with lower ones. Point ids are COLMAP's. `work_folder` is created if missing; images,
+// database.db*, sparse, sparse_lenient and colmap.log in it are replaced. Throws Error without a
+// usable colmap program or frames.
 ColmapResult ReconstructWithSift(const TrackFile& clip,
                                  const SiftOptions& sift,
                                  const ColmapOptions& options,

@@ -40,33 +40,32 @@ struct ColmapDatabaseOptions {
   }
 };
 
-// COLMAP weighs all observations alike, so it is better off without those that are known to be
-// weak: with a deviation sqrt(trace(covariance) / 2) of more than `max_relative_sigma` times the
-// median of the clip's, or of their frame's where that is larger (a blurred frame must keep what
-// ties it to the others). They are marked predicted or, where predicted ones are included too,
-// dropped. What has no covariance stays.
+// COLMAP weighs all observations equally, so weak ones are better left out: those with a deviation
+// sqrt(trace(covariance) / 2) above `max_relative_sigma` times the median of the clip, or of their
+// frame if that is larger (a blurred frame must keep its connections). They are marked predicted,
+// or dropped if predicted ones are included too. Observations without a covariance stay.
 TrackFile WithoutWeakObservations(const TrackFile& file, const ColmapDatabaseOptions& options);
 
-// The keypoints of a frame in the order that the database has them: ascending features, observed
-// ones only unless predicted ones are asked for. Keypoint index -> feature of a mapper's model.
+// The keypoints of a frame in the database's order: ascending features, only observed ones unless
+// predicted ones are requested. It maps the keypoint indices of a mapper's model to features.
 std::vector<const Observation*> ColmapKeypoints(const TrackSet& tracks,
                                                 FrameIndex frame,
                                                 bool include_predicted);
 
-// Tracks as pairs: frames s apart for s = 1, 2, 4, 8 ..., starting every max(1, s/2) frames, which
-// costs three pairs a frame and gives COLMAP what all pairs would. A pair with fewer common tracks
-// than min_inliers is left out. A match that contradicts its pair's geometry is in `matches`, not
-// among the inliers: COLMAP's global mapper trusts those.
-// `extra_pairs` are added to the grid. Where the focal length changes, every image has a camera of its
-// own, and the geometry of a pair is that of its own two. Throws Error on a frame without a name, a name that occurs
-// twice, or tracks in unlisted frames.
+// Tracks as pairs of frames s apart for s = 1, 2, 4, 8 ..., starting every max(1, s/2) frames. This
+// costs three pairs per frame and gives COLMAP as much as all pairs. A pair with fewer common
+// tracks than min_inliers is left out. A match that contradicts its pair's geometry is in
+// `matches`, not among the inliers: COLMAP's global mapper trusts those. `extra_pairs` are added to
+// the grid. If the focal length changes, every image has its own camera, and a pair's geometry uses
+// its two. Throws Error on a frame without a name, a name that occurs twice, or tracks in unlisted
+// frames.
 ColmapDatabase BuildColmapDatabase(
     const TrackFile& file,
     const ColmapDatabaseOptions& options = {},
     const std::vector<std::pair<FrameIndex, FrameIndex>>& extra_pairs = {},
     const FocalScales& focal_scale = {});
 
-// Of the tracks WithoutWeakObservations.
+// Writes the tracks WithoutWeakObservations.
 void WriteColmapDatabase(const std::filesystem::path& path,
                          const TrackFile& file,
                          const ColmapDatabaseOptions& options = {},

@@ -15,19 +15,19 @@ struct Ray {
   Eigen::Vector2d n = Eigen::Vector2d::Zero();
 };
 
-// The point whose algebraic error over all rays is least (DLT: the right singular vector of the
+// The point with the least algebraic error over all rays (DLT: the right singular vector of the
 // rows n_x P_3 - P_1, n_y P_3 - P_2), as a homogeneous vector of norm 1; its last entry is 0 for
-// parallel rays. Needs two rays, of cameras not far from the origin: it squares their coordinates.
+// parallel rays. Needs two rays, of cameras near the origin, because it squares their coordinates.
 Eigen::Vector4d TriangulateDlt(std::span<const Ray> rays);
 
-// The point of least squared distance sum |n(X) - n|^2 in the normalised images: DLT, then
-// Gauss-Newton. Wherever the origin is, but in a world of about unit scale. None where the rays are
-// parallel or the point is not in front of every camera.
+// The point with the least squared distance sum |n(X) - n|^2 in the normalised images: DLT, then
+// Gauss-Newton. The origin is arbitrary, but the world must have about unit scale. Returns nullopt
+// if the rays are parallel or the point is not in front of every camera.
 std::optional<Eigen::Vector3d> Triangulate(std::span<const Ray> rays);
 
-// The same for rays of which some are wrong: the hypothesis, out of pairs of rays far apart, that
-// most rays agree with to within max_error (in normalised units) is refined on those rays. None
-// where fewer than min_rays agree.
+// The same for rays with outliers: the hypothesis, out of pairs of rays far apart, that most rays
+// agree with to within max_error (in normalised units) is refined on those rays. Returns nullopt if
+// fewer than min_rays agree.
 struct RobustTriangulation {
   Eigen::Vector3d in_world = Eigen::Vector3d::Zero();
   std::size_t inliers = 0;
@@ -36,7 +36,7 @@ std::optional<RobustTriangulation> TriangulateRobustly(std::span<const Ray> rays
                                                        double max_error,
                                                        std::size_t min_rays);
 
-// Distance |n(X) - n| in the normalised image; none behind the camera.
+// Distance |n(X) - n| in the normalised image; nullopt behind the camera.
 std::optional<double> RayError(const Ray& ray, const Eigen::Vector3d& x_in_world);
 
 // Angle at the point between the rays to two camera centres [rad].

@@ -14,8 +14,8 @@ namespace cohort {
 
 // What bundle adjustment minimises over cameras, points and (if asked) intrinsics:
 //   sum_k rho(|W_k (xy_k - projection of point_k in camera_k)|^2),  W_k^T W_k = covariance_k^-1
-// With a shift, an unknown that all observations share, xy_k + shift d_shift_k is in the place of
-// xy_k (to first order where the lens distorts).
+// With a shift, an unknown that all observations share, xy_k + shift d_shift_k replaces xy_k (to
+// first order if the lens distorts).
 struct BundleObservation {
   int camera = 0;                                // index into BundleProblem::cameras
   int point = 0;                                 // index into BundleProblem::points_in_world
@@ -27,8 +27,8 @@ struct BundleObservation {
 struct BundleCamera {
   Rigid3 cam_from_world;
   bool fixed = false;
-  // With BundleOptions::refine_lens_changes: the logarithm of how many times the problem's focal length
-  // this camera has, and how far its centre lies from the problem's [px]; (0, 0, 0): not at all.
+  // With BundleOptions::refine_lens_changes: the logarithm of this camera's focal length over the
+  // problem's, and the offset of its centre from the problem's [px]. (0, 0, 0) means no change.
   Eigen::Vector3d lens_change = Eigen::Vector3d::Zero();
 };
 
@@ -48,7 +48,7 @@ enum class RobustLoss : std::uint8_t {
 inline constexpr ChoiceNames<RobustLoss, 3> kRobustLossNames{
     {{"none", RobustLoss::kNone}, {"huber", RobustLoss::kHuber}, {"cauchy", RobustLoss::kCauchy}}};
 
-// How far apart two cameras have the ray through the corner of the picture, as a share of its distance
+// The shift between two cameras of the ray through the picture's corner, as a share of its distance
 // from the axis.
 double CornerShift(const Camera& a, const Camera& b);
 
@@ -60,35 +60,36 @@ struct BundleOptions {
   double loss_scale = 1.0;  // in standard deviations of an observation
   int max_iterations = 50;
   double function_tolerance = 1e-6;  // relative decrease of the cost at which it has converged
-  // How little the first step is damped. A start beside the optimum takes much more: the drift of a
-  // long clip costs so little that damped steps leave it.
+  // Large values damp the first step little. A start beside the optimum needs a much larger radius:
+  // the drift of a long clip costs so little that damped steps leave it.
   double trust_radius = 1e4;
   bool refine_focal = false;
   bool refine_principal_point = false;
   bool refine_radial = false;
   bool refine_shift = false;  // not with intrinsics
-  // A guess of the focal length counts as one observation of log(f / guess) with this standard
-  // deviation: it decides only where the tracks say nothing. Only with refine_focal. A guess of 0 px
-  // is the problem's focal length.
+  // The prior of the focal length counts as one observation of log(f / prior) with this standard
+  // deviation, so it matters only where the tracks do not determine f. Only with refine_focal. 0 px
+  // stands for the problem's focal length.
   double focal_prior_px = 0.0;
   double focal_prior_log_sigma = 1.0;
-  // The same of the principal point, with refine_principal_point: how far it is from the middle of
-  // the picture, as a share of the longer side.
+  // The prior of the principal point, with refine_principal_point: the standard deviation of its
+  // offset from the picture's middle, as a share of the longer side.
   double center_prior_sigma = 0.03;
-  // The same of the lens, with refine_radial: by what share k1 and k2 each move the corner of the
-  // picture, k_i r^2i with r the corner's normalised distance from the centre.
+  // The prior of the lens, with refine_radial: the standard deviation of the share by which k1 and
+  // k2 each move the picture's corner, k_i r^2i with r the corner's normalised distance from the
+  // centre.
   double radial_prior_sigma = 0.3;
-  // What a standard deviation is in the units of the whitened residuals, so that priors weigh
-  // against observations whose covariances are all too large or too small by one factor.
+  // One standard deviation in units of the whitened residuals. It balances priors against
+  // observations whose covariances are all too large or too small by one factor.
   double prior_noise = 1.0;
-  // A focal length and a centre for each camera: a lens that zooms, a stabiliser that shifts the
-  // picture. From one camera of the list to the next they change by so much (log, px); camera 0
-  // has what the problem says.
+  // A focal length and a centre for each camera, for a lens that zooms or a stabiliser that shifts
+  // the picture. The sigmas are the standard deviations of their change (log, px) from one camera
+  // of the list to the next; camera 0 has the problem's values.
   bool refine_lens_changes = false;
   double zoom_walk_sigma = 0.02;
   double center_walk_sigma_px = 3.0;
-  // With refined intrinsics: ends where they have moved by less than this in each of the last three steps
-  // (CornerShift, and the logarithm of the focal length). 0: by the cost alone.
+  // With refined intrinsics: stops when each of the last three steps moved them by less than this
+  // (CornerShift, and the logarithm of the focal length). 0 stops by the cost alone.
   double settled_camera = 0.0;
   bool covariances = false;
 
@@ -154,7 +155,7 @@ struct BundleCovariances {
 
 struct BundleResult {
   BundleTermination termination = BundleTermination::kFailed;
-  BundleProblem solution;     // the problem with what was found
+  BundleProblem solution;     // the problem with the estimated values
   double initial_cost = 0.0;  // half the sum above
   double final_cost = 0.0;
   int iterations = 0;
@@ -164,9 +165,9 @@ struct BundleResult {
 };
 
 // Levenberg-Marquardt with the points eliminated (dense, sparse or iterative Schur complement by
-// the number of cameras); analytic derivatives. The seven free dimensions of the world are settled
-// by keeping camera 0 (unless some camera is fixed already) and, if only one is fixed, the distance
-// to the camera farthest from it. Every camera and point needs an observation to be moved.
+// the number of cameras) and analytic derivatives. The seven gauge freedoms are fixed by holding
+// camera 0 (unless some camera is fixed already) and, if only one is fixed, the distance to the
+// camera farthest from it. A camera or point without observations does not move.
 // Throws Error on an index out of range or a covariance that is not positive definite.
 BundleResult AdjustBundle(BundleProblem problem, const BundleOptions& options);
 

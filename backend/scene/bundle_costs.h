@@ -1,6 +1,6 @@
 #pragma once
 
-// What Ceres minimises in a bundle adjustment, as Ceres takes it. For bundle_adjustment.cc alone.
+// The cost functions that Ceres minimises in a bundle adjustment. For bundle_adjustment.cc alone.
 
 #include <ceres/ceres.h>
 
@@ -17,9 +17,9 @@ using RowMajor26 = Eigen::Matrix<double, 2, 6, Eigen::RowMajor>;
 
 inline constexpr int kPoseSize = 7;  // quaternion x, y, z, w; centre
 inline constexpr int kIntrinsicSize = 5;
-// What all cameras share, the intrinsics or the shift: filled up to the six dimensions of a pose,
-// because Ceres eliminates the points several times as fast where all blocks are of one size, which
-// it then knows when it is compiled.
+// The parameters that all cameras share, the intrinsics or the shift, padded to the six dimensions
+// of a pose. If all blocks have one size, which is then known at compile time, Ceres eliminates the
+// points several times as fast.
 inline constexpr int kSharedSize = 6;
 using SharedVector = Eigen::Matrix<double, kSharedSize, 1>;
 
@@ -27,8 +27,9 @@ inline CameraPose ReadPose(const double* pose) {
   return {Eigen::Quaterniond(pose), Eigen::Vector3d(pose + 4)};
 }
 
-// Cost functions give derivatives by the pose's 6-vector in the first six of the seven columns, and
-// this manifold's Jacobian [I_6; 0] passes them on: the chain through the quaternion is saved.
+// Cost functions write derivatives by the pose's 6-vector into the first six of the seven columns.
+// This manifold's Jacobian [I_6; 0] passes them on, which saves the chain rule through the
+// quaternion.
 class PoseManifold final : public ceres::Manifold {
  public:
   int AmbientSize() const override { return kPoseSize; }
@@ -64,7 +65,7 @@ class PoseManifold final : public ceres::Manifold {
   }
 };
 
-// Moves the `free` ones alone. It stays at six dimensions, see kSharedSize: the others' columns of
+// Moves only the `free` parameters. It keeps six dimensions, see kSharedSize: the other columns of
 // the Jacobian are 0, and so are their steps.
 class SharedManifold final : public ceres::Manifold {
  public:
@@ -94,8 +95,8 @@ class SharedManifold final : public ceres::Manifold {
   SharedVector free_ = SharedVector::Zero();
 };
 
-// The derivatives of a residual by the pose (block 0) and the point (block 1), those that Ceres asks
-// for; `d_n`: by the normalised image point.
+// Writes those derivatives of a residual by the pose (block 0) and the point (block 1) that Ceres
+// asks for; `d_n`: by the normalised image point.
 inline void WriteSceneDerivatives(const NormalisedProjection& p,
                                   const Eigen::Matrix2d& d_n,
                                   double** jacobians) {
@@ -110,8 +111,8 @@ inline void WriteSceneDerivatives(const NormalisedProjection& p,
   }
 }
 
-// Known intrinsics: the observation is unprojected once to n, and the residual W (n(x) - n) has in
-// W the pixels' covariance and the camera's derivative at n.
+// Known intrinsics: the observation is unprojected once to n. In the residual W (n(x) - n), W
+// combines the pixel covariance and the camera's derivative at n.
 class CalibratedCost final : public ceres::SizedCostFunction<2, kPoseSize, 3> {
  public:
   CalibratedCost(const Eigen::Vector2d& n, const Eigen::Matrix2d& whitening)
@@ -133,7 +134,7 @@ class CalibratedCost final : public ceres::SizedCostFunction<2, kPoseSize, 3> {
   Eigen::Matrix2d whitening_;
 };
 
-// The same where the observation moves with an unknown that all share: W (n(x) - n - shift d_shift).
+// The same for an observation that moves with a shared unknown: W (n(x) - n - shift d_shift).
 class ShiftedCost final : public ceres::SizedCostFunction<2, kPoseSize, 3, kSharedSize> {
  public:
   ShiftedCost(const Eigen::Vector2d& n,
@@ -188,9 +189,9 @@ class RefiningCost final : public ceres::SizedCostFunction<2, kPoseSize, 3, kSha
   Eigen::Matrix2d whitening_;
 };
 
-// The same of a camera whose focal length is s times the shared one and whose centre is d px beside it
-// in this frame: xy = c + s (xy of the shared camera - c) + d, with the frame's (log s, dx, dy) in a
-// block of its own.
+// The same for a camera whose focal length is s times the shared one and whose centre is offset by
+// d px in this frame: xy = c + s (xy of the shared camera - c) + d, with the frame's (log s, dx,
+// dy) in a block of its own.
 class ChangingLensCost final
     : public ceres::SizedCostFunction<2, kPoseSize, 3, kSharedSize, kSharedSize> {
  public:
@@ -235,7 +236,8 @@ class ChangingLensCost final
   Eigen::Matrix2d whitening_;
 };
 
-// |(log s_b - log s_a) / sigma_s|^2 + |(d_b - d_a) / sigma_d|^2 of two frames: a lens changes smoothly.
+// |(log s_b - log s_a) / sigma_s|^2 + |(d_b - d_a) / sigma_d|^2 of two frames: a lens changes
+// smoothly.
 class LensWalk final : public ceres::SizedCostFunction<3, kSharedSize, kSharedSize> {
  public:
   explicit LensWalk(const Eigen::Vector3d& sigma) : information_(sigma.cwiseInverse()) {}
@@ -283,9 +285,9 @@ class FocalPrior final : public ceres::SizedCostFunction<1, kSharedSize> {
   double log_sigma_;
 };
 
-// (k1 r^2 noise / sigma)^2 + (k2 r^4 noise / sigma)^2, with r = corner / f: what the lens does to the
-// picture's corner, `corner_px` from its centre. It keeps coefficients that the tracks say nothing of
-// from running away; in these units it is the same for narrow and for wide lenses.
+// (k1 r^2 noise / sigma)^2 + (k2 r^4 noise / sigma)^2, with r = corner / f: how far the lens moves
+// the picture's corner, `corner_px` from its centre. This bounds coefficients that the tracks do
+// not determine, and the units make it the same for narrow and wide lenses.
 class RadialPrior final : public ceres::SizedCostFunction<2, kSharedSize> {
  public:
   RadialPrior(double corner_px, double sigma, double noise)

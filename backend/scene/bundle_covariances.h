@@ -9,7 +9,7 @@
 
 namespace cohort {
 
-// What the columns of a Jacobian are of: three each of `points`, then six each of `cameras`, then
+// The parameters of a Jacobian's columns: three each of `points`, then six each of `cameras`, then
 // one each of `intrinsics` (indices into IntrinsicVector).
 struct JacobianColumns {
   std::vector<int> points;
@@ -17,9 +17,9 @@ struct JacobianColumns {
   std::vector<int> intrinsics;
 };
 
-// The inverse of the normal equations J'J = [V W'; W U], blocks of it, by the Schur complement of
-// the points, S = U - sum W V^-1 W': S^-1 for the cameras, V^-1 + V^-1 W' S^-1 W V^-1 for a point.
-// 0 for the cameras and points that have no columns. None where the problem is rank deficient.
+// Blocks of the inverse of the normal equations J'J = [V W'; W U], by the Schur complement of the
+// points, S = U - sum W V^-1 W': S^-1 for the cameras, V^-1 + V^-1 W' S^-1 W V^-1 for a point.
+// Cameras and points without columns have 0. Returns nullopt if the problem is rank deficient.
 std::optional<BundleCovariances> CovariancesFromJacobian(const ceres::CRSMatrix& jacobian,
                                                          const JacobianColumns& columns,
                                                          std::size_t camera_count,

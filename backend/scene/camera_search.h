@@ -8,18 +8,18 @@
 
 namespace cohort {
 
-// What the tracks say of a camera that nobody knows.
+// The camera that the tracks give where it is unknown.
 struct FoundCamera {
-  Camera camera;                // at its minimum; still a guess
+  Camera camera;                // at the minimum; still a guess
   std::optional<Camera> rival;  // a different one that explains the tracks as well
-  // The clip's parts as the search left them (WithAllTracks); none: they are to be grown anew.
+  // The clip's parts as the search left them (WithAllTracks); nullopt if they must be grown again.
   std::optional<GrownParts> grown;
 };
 
-// The camera by a list of hypotheses, each of which is a lens and a focal length: a model is grown with
-// it of some of the tracks, and adjusted with all that is refined until nothing moves (AdjustCamera).
-// The hypothesis that leaves least unexplained is taken. As soon as two of them end at one camera, or the
-// first at the one that was `found_before`, no further ones are tried. None: no hypothesis gives a model.
+// Searches the camera by a list of hypotheses, each a lens and a focal length. Each grows a model
+// of some of the tracks and refines it until nothing moves (AdjustCamera). The hypothesis with the
+// lowest cost wins. The search stops early when two hypotheses converge to one camera, or the first
+// to `found_before`. Returns nullopt if no hypothesis gives a model.
 std::optional<FoundCamera> SearchCamera(const WhitenedTracks& whitened,
                                         const Camera& guess,
                                         const std::optional<Camera>& found_before,

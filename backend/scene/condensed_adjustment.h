@@ -8,33 +8,33 @@ namespace cohort {
 
 // The registered frames of a model in runs of consecutive ones, each with its middle as keyframe.
 struct FrameRuns {
-  std::vector<int> keyframes;     // ascending, one a run
-  std::vector<int> run_of_frame;  // by frame: the one that it goes along with; -1: it has no pose
-  std::vector<char> is_in_run;    // by frame: does its run speak for it?
+  std::vector<int> keyframes;     // ascending, one per run
+  std::vector<int> run_of_frame;  // by frame: the run that it moves with; -1: it has no pose
+  std::vector<char> is_in_run;    // by frame: whether its run is represented by a keyframe
 
-  // Are the runs long enough to be worth it?
+  // Whether the runs are long enough to save time.
   bool Condense() const;
 };
 
-// Runs so short that most tracks cross several of them, and that the camera sees nearly the same
-// from everywhere within one. Where the tracks are so long that they cross very many, some of the runs
-// stand for all: their number, and with it the time for a point, has a bound.
+// Chooses runs so short that most tracks cross several of them and that the view hardly changes
+// within one. If the tracks cross very many, only some of the runs are used, which bounds their
+// number and thus the time per point.
 FrameRuns ChooseRuns(const WorkingModel& model);
 
-// Bundle adjustment of all registered frames at the price of one of their keyframes. To what the
-// frames of a run tell of a point, a keyframe's one observation comes near that has the mean of their
-// residuals r_k (A_k: their information, weighed by Cauchy's loss; the mean: r):
+// Bundle adjustment of all registered frames at the cost of adjusting their keyframes. The frames
+// of a run constrain a point nearly as one observation in the keyframe would that has the mean of
+// their residuals r_k (A_k: their information, weighted by Cauchy's loss; the mean: r):
 //   A = sum A_k,   r = A^-1 sum A_k r_k,   xy = projection in the keyframe - r,   covariance A^-1.
-// The keyframes are adjusted to these, and every run goes along with its own. Then every pose by the
-// points alone and every point by the poses alone, from the observations as they are: so the result
-// is the common adjustment's but for what the camera moved within a run. Time and memory are in
-// proportion to the observations.
+// The keyframes are adjusted to these observations, and every run moves with its keyframe. Then
+// every pose is adjusted by the points alone and every point by the poses alone, from the original
+// observations. The result is that of the joint adjustment except for the camera's motion within a
+// run. Time and memory are proportional to the observations.
 BundleResult AdjustCondensed(WorkingModel& model,
                              const FrameRuns& runs,
                              const BundleOptions& options);
 
-// Every pose by the points alone, then every point by the poses alone, from the inliers weighed by
-// Cauchy's loss that turns at `turn`; the camera stays.
+// Adjusts every pose by the points alone, then every point by the poses alone, from the inliers
+// weighted by Cauchy's loss of scale `turn`; the camera stays.
 void FollowCamera(WorkingModel& model, double turn);
 
 }  // namespace cohort

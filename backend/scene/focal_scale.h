@@ -8,16 +8,16 @@
 
 namespace cohort {
 
-// Zoom and autofocus: how many times the focal length of a clip's camera a frame's is. It is 1 for a
-// frame that is not listed; an empty list: the focal length does not change.
+// Zoom and autofocus: a frame's focal length divided by that of the clip's camera. An unlisted
+// frame has 1; an empty list means that the focal length does not change.
 using FocalScales = std::map<FrameIndex, double>;
 
 double FocalScaleOf(const FocalScales& scales, FrameIndex frame);
 
-// The largest over the smallest of those listed; 1 of an empty list.
+// The largest listed scale divided by the smallest; 1 for an empty list.
 double ZoomOf(const FocalScales& scales);
 
-// The camera of a frame: fx and fy times the frame's scale, the rest as it is.
+// The camera of a frame: fx and fy times the frame's scale, the rest unchanged.
 Camera CameraOf(const Camera& camera, const FocalScales& scales, FrameIndex frame);
 
 // The positions as the camera would have seen them without zoom, at its own focal length.

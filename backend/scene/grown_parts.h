@@ -9,26 +9,26 @@
 
 namespace cohort {
 
-// The parts of a clip, the largest first, adjusted by the camera given; or why there is none.
+// The parts of a clip, the largest first, adjusted with the given camera, or why there is none.
 struct GrownParts {
   MapperEnd end = {};
   std::vector<MappedPart> parts = {};
 };
 
-// By far points too and, where those are many, by near ones alone as well (kNearRayAngleDeg): the
-// parts whose largest fits the tracks better.
+// Grows the parts with far points included and, if there are many of those, also with near points
+// alone (kNearRayAngleDeg). Returns the parts whose largest fits the tracks better.
 GrownParts GrowPartsBothWays(const WhitenedTracks& whitened,
                              const Camera& camera,
                              const std::vector<int>& keyframes);
 
-// What some of the clip's tracks gave, with all of them; none where some are not enough: they leave a
-// keyframe without a pose, a doubt, or much of the parallax, or there is a seam.
+// Extends the parts grown by some tracks to all. Returns nullopt if some tracks do not suffice:
+// they leave a keyframe without a pose, a doubt or much of the parallax, or there is a seam.
 std::optional<GrownParts> WithAllTracks(const WhitenedTracks& whitened,
                                         const GrownParts& by_some,
                                         const std::vector<int>& keyframes);
 
-// Grown by some of the tracks, which takes so much less time, and then with all of them; where some
-// are not enough, or there is a seam, by all.
+// Grows by some of the tracks, which takes less time, and then extends to all. Grows by all tracks
+// if some do not suffice or there is a seam.
 GrownParts GrowPartsBySome(const WhitenedTracks& whitened,
                            const Camera& camera,
                            const std::vector<int>& keyframes);

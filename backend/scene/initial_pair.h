@@ -15,7 +15,7 @@ struct InitialPair {
   double score = 0.0;
 };
 
-// Why pairs were refused; the largest count says what kind of clip it is.
+// Why pairs were rejected; the largest count characterises the clip.
 struct InitialPairRefusals {
   int too_few_common = 0;
   int standstill = 0;  // nothing moves
@@ -25,7 +25,7 @@ struct InitialPairRefusals {
 };
 
 struct InitialPairSearch {
-  std::vector<InitialPair> ranked;  // best first; empty: there is none
+  std::vector<InitialPair> ranked;  // best first; empty: none was found
   InitialPairRefusals refusals;
   std::string reason;  // one line: which pair and its figures, or why there is none
 };
@@ -38,9 +38,9 @@ std::string DescribeInitialPair(const InitialPair& pair);
 //   inliers * min(1, angle / good_angle) * (1 - homography_ratio^4 / 2) * max(0.2, sideways)
 //           * evidence,
 // where sideways is the part of the (unit) translation across the optical axis and evidence grows
-// from 0 to 1 as the parallax grows from that of pure noise to six times as much, good_angle is 12
-// degrees; half of it for a plane. The grid has at most 22
-// starts (of 23 frames), mostly 12, of three pairs each.
+// from 0 to 1 as the parallax grows from that of pure noise to six times as much. good_angle is 12
+// degrees, half of it for a plane. The grid has at most 22 starts (of 23 frames), mostly 12, of
+// three pairs each.
 InitialPairSearch FindInitialPairs(const TrackSet& tracks, const Camera& camera);
 
 }  // namespace cohort

@@ -12,8 +12,8 @@ struct FramePairMotion {
   int frame_b = 0;
   int common = 0;          // tracks seen by both
   double motion_px = 0.0;  // median displacement
-  // Median of what remains of it after the best rotation about the camera's centre: parallax, and
-  // noise.
+  // Median of the displacement that remains after the best rotation about the camera's centre:
+  // parallax and noise.
   double parallax_px = 0.0;
 };
 FramePairMotion MeasureMotion(const WhitenedTracks& whitened,
@@ -21,20 +21,19 @@ FramePairMotion MeasureMotion(const WhitenedTracks& whitened,
                               int frame_a,
                               int frame_b);
 
-// Frames at which something new is to be seen: a parallax of `parallax_px` since the last one, or
-// 30 % of its tracks gone. The threshold is halved (down to 1 px) until there are `at_least` of
-// them. A frame too poor in tracks to be tied to the last one starts anew.
+// Selects a new keyframe after a parallax of `parallax_px` since the last one, or when 30 % of its
+// tracks are gone. The threshold is halved (down to 1 px) until there are `at_least` keyframes. A
+// frame that shares too few tracks with the last one starts anew.
 std::vector<int> SelectKeyframes(const WhitenedTracks& whitened,
                                  const Camera& camera,
                                  double parallax_px,
                                  int at_least);
 
-// Tracks that two frames must share to say anything of each other: more than twice the five of an
-// essential matrix.
+// The fewest tracks that two frames must share: more than twice the five of an essential matrix.
 inline constexpr int kMinCommonTracks = 12;
 
-// Pairs of keyframes that share at least 30 % of their tracks (and kMinCommonTracks), by how good a
-// start they give: common * min(1, parallax / good_parallax), best first.
+// Pairs of keyframes that share at least 30 % of their tracks (and kMinCommonTracks), ranked as
+// starts by common * min(1, parallax / good_parallax), best first.
 std::vector<FramePairMotion> RankPairs(const WhitenedTracks& whitened,
                                        const Camera& camera,
                                        const std::vector<int>& keyframes);

@@ -24,8 +24,8 @@ struct MapperOptions {
   double readout = 0.0;
   bool estimate_readout = true;
   bool covariances = false;
-  // For a model that is only to predict where features are seen (the second pass): it is not brought to its
-  // minimum, and less is asked what is to be thought of it.
+  // For a model that only predicts where features are seen (the second pass): it is not adjusted to
+  // its minimum, and fewer of the checks for doubts run.
   bool draft = false;
 
   template <typename Self, typename Visitor>
@@ -90,51 +90,53 @@ struct MapperResult {
   MapperTermination termination = MapperTermination::kTooFewTracks;
   Reconstruction reconstruction;         // empty unless kSuccess or kPartial
   ReconstructionSummary summary;         // its termination says in words how it ended
-  std::vector<FeatureId> without_point;  // features with an observation, but no point in the model
+  std::vector<FeatureId> without_point;  // observed features that have no point in the model
   // Parts of the clip that could not be tied to the model returned, most frames first.
   std::vector<Reconstruction> other_parts;
-  // Standard deviation of an observation's coordinate [px], robust; where covariances are used, in
-  // units of theirs: 1 if they are right.
+  // Robust standard deviation of an observation's coordinate [px]. With covariances, relative to
+  // theirs: 1 if they are right.
   double noise = 0.0;
-  // Of the model returned, or, where none is of worth, of the largest part: how well it knows depths (median of their
-  // deviations, relative), and how much of the parallax it leaves (UnexplainedParallax).
+  // Of the model returned, or of the largest part if none is good enough: the median relative
+  // standard deviation of the depths, and the share of the parallax that it leaves
+  // (UnexplainedParallax).
   double depth_uncertainty = 0.0;
   double unexplained_parallax = 0.0;
-  // Where the tracks contradict a camera that was given as known: the one they ask for.
+  // The camera that the tracks ask for, if they contradict one that was given as known.
   std::optional<Camera> better_camera;
-  // With MapperOptions::covariances: the root mean square error of the cameras that is expected, as a
-  // share of that distance of them from their mean, and the relative standard deviation of a focal
-  // length that was refined (judgement.h says how both follow from the covariances).
+  // With MapperOptions::covariances: the expected root mean square error of the cameras, as a share
+  // of their root mean square distance from their mean, and the relative standard deviation of a
+  // refined focal length (judgement.h states how both follow from the covariances).
   std::optional<double> expected_error;
   std::optional<double> focal_sigma;
   std::optional<LensChanges> lens_changes;  // of the model returned
-  // With MapperOptions::covariances, scaled by noise^2: of (omega [rad], centre), see CameraPose.
+  // With MapperOptions::covariances, scaled by noise^2. The cameras' are those of (omega [rad],
+  // centre), see CameraPose.
   std::map<FrameIndex, Eigen::Matrix<double, 6, 6>> camera_covariances;
   std::map<FeatureId, Eigen::Matrix3d> point_covariances;
-  std::vector<std::string> warnings;  // what was asked for and could not be done, a line each
+  std::vector<std::string> warnings;  // requests that could not be met, a line each
 };
 
-// Cameras and points from tracks alone. The camera is the file's; refined if it is a guess, and
-// guessed where there is none. Exploits that it is video: keyframes grow the model, each from its
-// neighbour's pose; the other frames follow by pose alone, and one bundle adjustment of everything
-// ends it. A clip that gives no model is a result (termination), not an error. Throws Error on
-// input that makes no sense (no picture size, intrinsics that are not positive).
+// Reconstructs cameras and points from tracks alone. The camera is the file's; it is refined if it
+// is a guess, and guessed if there is none. The mapper exploits that the input is video: keyframes
+// grow the model, each from its neighbour's pose, the other frames follow by pose alone, and one
+// bundle adjustment of everything finishes it. A clip that gives no model is a result
+// (termination), not an error. Throws Error on invalid input (no picture size, intrinsics that are
+// not positive).
 MapperResult ReconstructWithCeres(const TrackFile& file, const MapperOptions& options = {});
 
-// A model adjusted to other tracks of its clip: poses of `start`, points anew, then all together.
-// Keeps the camera, which takes every frame for one moment, and registers no frame that `start` has
-// not.
+// Adjusts a model to other tracks of its clip: poses of `start`, new points, then all together.
+// Keeps the camera, treats the shutter as global, and registers no frame that `start` lacks.
 Reconstruction AdjustWithCeres(const TrackFile& file, const Reconstruction& start);
-// The same to the end, as a reconstruction is: with the readout of a rolling shutter, the camera of
-// `start` refined if it is a guess, and all that is said of a model, though it may be worth nothing
-// (summary.reasons). In a world of its own.
+// The same as a complete reconstruction: with the rolling shutter's readout, the camera of `start`
+// refined if it is a guess, and all judgements of a model, even a worthless one (summary.reasons).
+// The result has its own world frame.
 MapperResult AdjustAndJudgeWithCeres(const TrackFile& file,
                                      const Reconstruction& start,
                                      const MapperOptions& options = {});
 
-// Points alone, from poses that are given and kept (true ones: isolates the tracks from the
-// solver): triangulation, then bundle adjustment that moves nothing but points, under the bounds of
-// the mapper. All frames with a pose count as registered; the camera of `file` must be known.
+// Estimates only the points, from given and fixed poses (true poses isolate the tracks from the
+// solver): triangulation, then bundle adjustment of the points alone, within the mapper's bounds.
+// All frames with a pose count as registered; the camera of `file` must be known.
 MapperResult TriangulateWithCeres(const TrackFile& file,
                                   const std::map<FrameIndex, Rigid3>& cam_from_world,
                                   const MapperOptions& options = {});

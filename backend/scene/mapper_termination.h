@@ -14,8 +14,8 @@ enum class MapperTermination : std::uint8_t {
   kStaticCamera,  // nothing moves by more than the noise
   kPureRotation,  // a rotation about the camera's centre explains all motion: no depth
   kNoStart,       // there is parallax, but no pair of frames gave a consistent model
-  kWeakDepth,     // a model came out, but its depths are within their own uncertainty
-  kNotRigid,      // a model came out, but it does not explain the parallax
+  kWeakDepth,     // a model was found, but its depths are within their own uncertainty
+  kNotRigid,      // a model was found, but it does not explain the parallax
 };
 inline constexpr ChoiceNames<MapperTermination, 8> kMapperTerminationNames{
     {{"success", MapperTermination::kSuccess},
@@ -27,7 +27,7 @@ inline constexpr ChoiceNames<MapperTermination, 8> kMapperTerminationNames{
      {"weak depth", MapperTermination::kWeakDepth},
      {"not rigid", MapperTermination::kNotRigid}}};
 
-// How a step of the mapper ended, and what there is to say of it; the text may be empty.
+// How a step of the mapper ended, with a description that may be empty.
 struct MapperEnd {
   MapperTermination termination = MapperTermination::kSuccess;
   std::string detail;

@@ -9,25 +9,27 @@
 
 namespace cohort {
 
-// Coordinates of a georeferenced model are millions of metres: squares of them, as triangulation
-// and adjustment take, have no digits left for what lies between the cameras. And bounds on depths
+// A georeferenced model has coordinates of millions of metres. Their squares, as in triangulation
+// and adjustment, lose the digits of the distances between the cameras. Bounds on depths also
+// assume worlds of about unit scale.
 // are made for worlds of about unit scale.
 //
-// The similarity that moves such cameras so that their mean centre is the origin and their root mean
-// square distance from it 1. None where they are near enough as they are: nothing changes then.
+// Returns the similarity that moves such cameras so that their mean centre is the origin and their
+// root mean square distance from it is 1. Returns nullopt if they are near enough; nothing changes
+// then.
 std::optional<Sim3> NearFromWorld(const std::map<FrameIndex, Rigid3>& cam_from_world);
 
 // Cameras and points in another world.
 Reconstruction MoveWorld(const Sim3& target_from_world, Reconstruction reconstruction);
 
-// A model in the world that NearFromWorld leads to, and the way back. `model` must outlive it: where
-// it is near enough it is not copied.
+// A model moved by NearFromWorld, and the way back. `model` must outlive it: a model that is near
+// enough is not copied.
 class NearModel {
  public:
   explicit NearModel(const Reconstruction& model);
 
   const Reconstruction& get() const { return moved_ ? *moved_ : model_; }
-  // What was made of it, in the world of `model`.
+  // Moves a result derived from it back into the world of `model`.
   Reconstruction InWorldOfModel(Reconstruction made) const;
   bool IsMoved() const { return moved_.has_value(); }
 

@@ -9,29 +9,30 @@
 
 namespace cohort {
 
-// A model of the keyframes, or of those of them that could be tied together; or why there is none.
+// A model of all keyframes, or of those that could be connected; otherwise why there is none.
 struct PartResult {
-  MapperEnd end;  // of one without a model
+  MapperEnd end;  // if there is no model
   std::optional<WorkingModel> model = std::nullopt;
   std::vector<Doubt> doubts = {};  // of the model
 };
 
-// Finds a start among these keyframes and grows it over them; with it a rival, a start of equal
-// cost that is another scene. If all keyframes cannot tell the two apart, the one of the lower cost
-// is returned, with this doubt.
+// Finds a start among these keyframes and grows a model over them. A rival, a start of equal cost
+// that shows another scene, is grown too. If the keyframes do not distinguish the two, the model of
+// the lower cost is returned, with this doubt.
 PartResult MapPart(const WhitenedTracks& whitened,
                    const Camera& camera,
                    const GrowthOptions& growth,
                    const std::vector<int>& keyframes);
 
-// A part of the clip, and what there was to doubt when it began (PartResult).
+// A part of the clip, and the doubts from its start (PartResult).
 struct MappedPart {
   WorkingModel model;
   std::vector<Doubt> doubts;
 };
 
-// Models of the clip's parts: `first`, which has a model, with the frames between its keyframes and,
-// where the tracks break off, models of what it left over. The one of most frames is first.
+// Models of the clip's parts: `first`, which must have a model, with the frames between its
+// keyframes, and models of the keyframes that it left out if the tracks break off. The part with
+// most frames is first.
 std::vector<MappedPart> MapRemainingParts(PartResult first,
                                           const Camera& camera,
                                           const GrowthOptions& growth,

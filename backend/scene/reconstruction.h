@@ -28,12 +28,12 @@ struct Point3D {
   double mean_reprojection_px = 0.0;
 };
 
-// Cameras and points of a clip, up to a similarity of the world. One camera takes all frames; only
-// its focal length may change. Points carry the id of the feature they come from.
+// Cameras and points of a clip, up to a similarity of the world. All frames share one camera; only
+// its focal length may change. A point has the id of its feature.
 struct Reconstruction {
   Camera camera;
-  // Zoom and autofocus: by how much a frame's focal length is that of `camera` (CameraOf). Empty, or a
-  // frame that is not in it: 1.
+  // Zoom and autofocus: a frame's focal length divided by that of `camera` (CameraOf). A frame that
+  // is not listed has 1.
   FocalScales focal_scale;
   // Rolling shutter: the share of the time between frames from the first row to the last (< 0: from
   // the bottom up; 0: a global one). A frame's pose is its middle row's (RowPoses).
@@ -44,7 +44,7 @@ struct Reconstruction {
   std::map<FeatureId, Point3D> points;
 };
 
-// What to project into a frame with, and what to unproject its positions with.
+// The camera for projecting into a frame and unprojecting its positions.
 Camera CameraOf(const Reconstruction& reconstruction, FrameIndex frame);
 
 // The shortest and the longest fx of the registered frames [px].
@@ -56,18 +56,19 @@ FocalLengths FocalLengthsOf(const Reconstruction& reconstruction);
 
 // Fills mean_reprojection_px of every point from cameras, points and views.
 void UpdateReprojectionErrors(Reconstruction& reconstruction);
-// Its views where `tracks` have them: the same ones, as a shutter of that readout saw them.
+// Moves the views to the positions in `tracks`: the same views, as a shutter of that readout saw
+// them.
 void MoveViewsToTracks(const TrackSet& tracks, double readout, Reconstruction& reconstruction);
 
-// Of every frame, how far the views are from where their points should be seen [px]; a picture's
-// width behind the camera.
+// The distances of each frame's views from the projections of their points [px]; the picture's
+// width for points behind the camera.
 std::map<FrameIndex, std::vector<double>> ReprojectionErrors(const Reconstruction& reconstruction);
 
-// Median over views of the distance from the camera to the point; 0 without any. The unit of what
-// is said to people: a model has no metres.
+// Median over views of the distance from the camera to the point; 0 without any. It is the unit of
+// reports, because a model has no metric scale.
 double MedianDistance(const Reconstruction& reconstruction);
 
-// So few frames with a pose that the reconstruction failed: fewer than 80 %.
+// The reconstruction failed: fewer than 80 % of the frames have a pose.
 constexpr bool TooFewRegistered(std::size_t registered, std::size_t frames) {
   return registered * 10 < frames * 8;
 }
@@ -78,8 +79,8 @@ inline constexpr ChoiceNames<ModelQuality, 3> kModelQualityNames{
      {"doubtful", ModelQuality::kDoubtful},
      {"failed", ModelQuality::kFailed}}};
 
-// Why a model is to be doubted. The names are written to files and do not change; a new reason gets
-// a new one. docs/files.md says what each means and what its figures are.
+// Why a model is doubtful. The names are written to files and must not change; a new reason gets a
+// new name. docs/files.md explains each reason and its figures.
 enum class DoubtCode : std::uint8_t {
   kFewFrames,            // fewer than 80 % of the frames have a pose
   kParts,                // the clip breaks into parts, and this is one of them
@@ -87,7 +88,7 @@ enum class DoubtCode : std::uint8_t {
   kOnlyTurns,            // a camera of another lens that only turns explains the tracks as well
   kWeakDepth,            // the depths are uncertain
   kUnexplainedParallax,  // the model does not explain much of the parallax
-  kWorthless,            // the model says nothing of the scene: how else there would be none
+  kWorthless,            // the model does not represent the scene; normally there would be none
   kCameraContradicted,   // the tracks ask for another camera than the one given
   kExcessNoise,          // the model leaves more noise than the tracks have
   kTwoCameras,           // two focal lengths explain the tracks equally well
@@ -97,9 +98,9 @@ enum class DoubtCode : std::uint8_t {
   kCamerasUncertain,     // the cameras' positions are uncertain
   kPointsOnALine,        // the points lie along a line
   kFewPoints,            // few points hold some of the frames
-  kNoModelByCeres,       // COLMAP made a model of tracks of which Ceres makes none
-  kNotJudged,            // COLMAP made it, and Ceres was not asked
-  kOther,                // of a file that another version wrote
+  kNoModelByCeres,       // COLMAP made a model of tracks for which Ceres makes none
+  kNotJudged,            // COLMAP made the model, and Ceres did not judge it
+  kOther,                // from a file of another version
 };
 inline constexpr ChoiceNames<DoubtCode, 19> kDoubtCodeNames{
     {{"few-frames", DoubtCode::kFewFrames},
@@ -126,7 +127,7 @@ inline constexpr ChoiceNames<DoubtCode, 19> kDoubtCodeNames{
 struct Doubt {
   DoubtCode code = DoubtCode::kOther;
   std::string sentence;  // for people: what is doubtful and what to do
-  // What it was judged by, by name; a figure may be infinite.
+  // The named figures that the judgement is based on; a figure may be infinite.
   std::vector<std::pair<std::string, double>> figures = {};
 
   bool operator==(const Doubt&) const = default;
@@ -146,16 +147,16 @@ struct ReconstructionSummary {
   std::string termination;     // one line
   std::vector<Doubt> reasons;  // to doubt the model
 
-  // Failed: there is no model. Doubtful: there are reasons.
+  // Failed if there is no model, doubtful if there are reasons.
   ModelQuality Quality() const;
-  // Cameras that are given have a pose though nothing was reconstructed.
+  // Points are checked too: given cameras have poses even if nothing was reconstructed.
   bool Failed() const { return points == 0 || TooFewRegistered(registered, frames); }
   std::string WhyFailed() const;  // half a sentence
   std::string Brief() const;
 };
 
-// Fills everything but seconds and termination; of the reasons, that too few frames registered.
-// `frames` is how many the clip has.
+// Fills everything but seconds and termination. Of the reasons it adds only that too few frames
+// registered. `frames` is the number of frames of the clip.
 ReconstructionSummary Summarize(const Reconstruction& reconstruction, std::size_t frames);
 
 }  // namespace cohort

@@ -36,7 +36,7 @@ inline NormalisedProjection ProjectNormalised(const CameraPose& pose,
                                               const Eigen::Vector3d& x_in_world) {
   const Eigen::Matrix3d rotation = pose.rotation.toRotationMatrix();
   const Eigen::Vector3d x = rotation * (x_in_world - pose.center);
-  // A point on its way through the camera's plane: finite numbers, so that the solver can go on.
+  // Near the camera's plane the depth is bounded, so that the solver gets finite numbers.
   const double z = std::abs(x.z()) > 1e-9 ? x.z() : std::copysign(1e-9, x.z());
   const double w = 1.0 / z;
   NormalisedProjection result;
@@ -51,7 +51,7 @@ inline NormalisedProjection ProjectNormalised(const CameraPose& pose,
   return result;
 }
 
-// What bundle adjustment may refine of a camera: (focal length fx, cx, cy, k1, k2). fy keeps its
+// The intrinsics that bundle adjustment may refine: (focal length fx, cx, cy, k1, k2). fy keeps its
 // ratio to fx; p1, p2 and k3 to k6 keep their values.
 using IntrinsicVector = Eigen::Matrix<double, 5, 1>;
 inline IntrinsicVector ToIntrinsicVector(const Camera& camera) {
@@ -86,7 +86,7 @@ inline PixelProjection ProjectPixelByDistort(const Camera& camera, const Eigen::
 }
 inline PixelProjection ProjectPixel(const Camera& camera, const Eigen::Vector2d& n) {
   if (!camera.HasAtMostFourCoefficients()) return ProjectPixelByDistort(camera, n);
-  // The same, in the order of operations that these cameras' results were always computed in.
+  // The same in a fixed order of operations, which keeps the results of these cameras unchanged.
   const double x = n.x();
   const double y = n.y();
   const double r2 = n.squaredNorm();

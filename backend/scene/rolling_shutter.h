@@ -7,45 +7,47 @@
 
 namespace cohort {
 
-// The observations as a global shutter would have seen them: with the model's point X of each
-// (where it has none, the one on its ray at the median depth of the frame), the pose T of its frame
-// and T_y of the row that it was seen in (RowPoses),
+// The observations as a global shutter would have seen them. With the model's point X of each (if
+// there is none, the point on its ray at the median depth of the frame), the pose T of its frame
+// and the pose T_y of its row (RowPoses), the position is
 //   xy + projection of T X - projection of T_y X.
-// By `observed`'s positions, in the order of its observations; of frames without a pose as they are.
+// Uses the positions of `observed`, in the order of its observations; frames without a pose are
+// unchanged.
 std::vector<Eigen::Vector2d> AsGlobalShutter(const WhitenedTracks& observed,
                                              const WorkingModel& model,
                                              double readout);
 
-// The same of all tracks of a file, with a model's readout; predicted positions too.
+// The same for all tracks of a file, with a model's readout; includes predicted positions.
 TrackFile AsGlobalShutter(TrackFile file, const Reconstruction& model);
 
 struct ReadoutEstimate {
   double readout = 0.0;  // share of the time between frames, first row to last; < 0: bottom up
-  double sigma = 0.0;    // standard deviation; infinite: the tracks do not say
+  double sigma = 0.0;    // standard deviation; infinite if the tracks do not determine it
 
-  // More than its errors, and than what matters.
+  // Whether it exceeds its own error and the smallest readout that matters.
   bool IsRolling() const;
 };
 
-// Finds the readout that leaves the least of the model's residuals, by bundle adjustments in which
-// it is one unknown more: the observations, corrected for the readout so far, move linearly with
-// what it is to change by, at the motion that the model had before (which the next round takes
-// anew). Its deviation follows from the cost without it, which is (readout / sigma)^2 / 2 more, in
-// units of the noise. `model` is of `observed`, and comes back adjusted to the readout found if it
-// IsRolling, else as it was. Its tracks are then `corrected`, which must live as long as the model.
+// Finds the readout that minimises the model's residuals, by bundle adjustments with it as one more
+// unknown. The observations, corrected for the current readout, move linearly with its change, at
+// the motion of the model (which the next round updates). The standard deviation follows from the
+// cost without a readout, which is higher by (readout / sigma)^2 / 2 in units of the noise. `model`
+// is of `observed`, and is adjusted to the readout found if it IsRolling, else left as it was. Its
+// tracks are then `corrected`, which must outlive the model.
 ReadoutEstimate EstimateReadout(const WhitenedTracks& observed,
                                 WorkingModel& model,
                                 WhitenedTracks& corrected);
 
-// An estimate's readout, refined from there: of a model whose camera has been refined since. The
-// model comes back adjusted to what was found; where that is no rolling shutter any more, or one
-// the other way round, it does not count, and the estimate's readout stays.
+// Refines an estimate's readout for a model whose camera has been refined since. The model is
+// adjusted to the result. If that is no rolling shutter any more, or one of the other direction,
+// the function returns the estimate's readout instead.
 double RefineReadout(const WhitenedTracks& observed,
                      const ReadoutEstimate& estimate,
                      WorkingModel& model,
                      WhitenedTracks& corrected);
 
-// Adjusts the model to observations corrected for a readout, which depend on its motion: four times.
+// Adjusts the model to observations corrected for a readout. The correction depends on the model's
+// motion, so this is repeated four times.
 void AdjustToReadout(const WhitenedTracks& observed,
                      double readout,
                      WorkingModel& model,

@@ -9,29 +9,28 @@
 
 namespace cohort {
 
-// A neighbour that is further away says nothing of a frame's motion.
+// Neighbours farther away do not contribute to a frame's motion.
 inline constexpr double kMostFramesApart = 3.0;
 
-// Where a camera with a rolling shutter is when it exposes a row of its sensor: a row of the picture,
+// The pose of a rolling-shutter camera when it exposes a row of its sensor: a row of the picture,
 // or a column of one that was turned upright (Camera::row_order). Row y of a frame is exposed at
 //   tau = readout ((y + 1/2) / height - 1/2)
-// frame intervals after the middle row, whose pose is the frame's. Between frames the camera's
-// centre and its rotation vector against the frame's follow the polynomial through those of the
-// three nearest frames on each side (fewer at the ends of the clip; none beyond three frames away):
-// with two, sways of 5 Hz and more are found too small.
+// frame intervals after the middle row, whose pose is the frame's. Between frames, the camera's
+// centre and its rotation vector relative to the frame follow the polynomial through those of the
+// three nearest frames on each side (fewer at the ends of the clip; none beyond three frames away).
+// With two, sways of 5 Hz and more would be underestimated.
 class RowPoses {
  public:
-  // Frames count from FrameIndex: a frame left out is two intervals.
+  // Frames are spaced by FrameIndex: a missing frame leaves a gap of two intervals.
   RowPoses(const std::map<FrameIndex, Rigid3>& cam_from_world,
            double readout,
            const Camera& camera);
 
-  // Of a frame with a pose, for the row that xy is in; rows beyond the picture are as far away as its
-  // height goes.
+  // The pose of a frame for the row of xy; rows beyond the picture are extrapolated.
   Rigid3 CamFromWorld(FrameIndex frame, const Eigen::Vector2d& xy) const;
 
-  // Where the frame, of that camera, shows a point of the world: the xy whose row projects it to xy,
-  // by fixed-point iteration. None behind the camera or where there is no such row.
+  // Projects a point of the world with that camera: finds the xy whose row projects the point to
+  // xy, by fixed-point iteration. Returns nullopt behind the camera or if there is no such row.
   std::optional<Eigen::Vector2d> Project(const Camera& camera,
                                          FrameIndex frame,
                                          const Eigen::Vector3d& in_world) const;

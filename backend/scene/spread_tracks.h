@@ -7,9 +7,9 @@
 
 namespace cohort {
 
-// The fewest long tracks that say of the cameras nearly what all do: the longest ones first, each
-// that comes to a cell of the picture (8 x 6) in one of `frames` in which there are less than
-// `per_cell`. Ascending.
+// A small set of long tracks that constrain the cameras nearly as well as all. Takes the longest
+// first, each that visits a cell of the picture (8 x 6) with fewer than `per_cell` tracks in one of
+// `frames`. Ascending.
 std::vector<int> SpreadTracks(const WhitenedTracks& whitened,
                               const Camera& camera,
                               const std::vector<int>& frames,

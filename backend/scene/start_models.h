@@ -24,9 +24,9 @@ struct StartModel {
 };
 
 // Models of the frames from pair.frame_a to pair.frame_b, the best first: relative poses of the
-// essential matrix and, where a homography explains the pair too, of its decomposition; both mirror
-// models of the affine factorisation. All are grown over the window, adjusted there and compared by
-// cost; those that leave half of the window unexplained are left out.
+// essential matrix and, if a homography explains the pair too, of its decomposition, and both
+// mirror models of the affine factorisation. All are grown over the window, adjusted there and
+// compared by cost; models that leave half of the window unexplained are dropped.
 std::vector<StartModel> BuildStartModels(const WhitenedTracks& whitened,
                                          const Camera& camera,
                                          const FramePairMotion& pair);

@@ -13,7 +13,8 @@
 
 namespace cohort {
 
-// The features two frames share and where they are in each [px]; same length, ascending features.
+// The features that two frames share and their positions in each [px]; same length, ascending
+// features.
 struct FramePairMatches {
   std::vector<FeatureId> features;
   std::vector<Eigen::Vector2d> xy1;
@@ -27,7 +28,7 @@ FramePairMatches MatchFrames(const TrackSet& tracks,
                              bool include_predicted = false);
 
 enum class TwoViewKind {
-  kCalibrated,    // an essential matrix, and depth enough to tell it from a homography
+  kCalibrated,    // an essential matrix, and enough depth to exclude a homography
   kUncalibrated,  // the same with a fundamental matrix: the camera is a guess
   kPlanar,        // a homography explains the pair as well: a plane, or nearly one
   kPanoramic,     // a rotation alone explains the pair: no parallax, no translation
@@ -54,18 +55,18 @@ struct TwoViewOptions {
   }
 };
 
-// What two views of a rigid scene say about each other. E acts on normalised image points, F and H
-// on pixels of the undistorted pinhole camera (same fx fy cx cy): x2' E x1 = 0, x2 ~ H x1.
+// The geometry of two views of a rigid scene. E acts on normalised image points, F and H on pixels
+// of the undistorted pinhole camera (same fx fy cx cy): x2' E x1 = 0, x2 ~ H x1.
 struct TwoViewGeometry {
   TwoViewKind kind = TwoViewKind::kDegenerate;
-  // Of each match: agrees with the geometry and, where there is a relative pose of a known camera,
-  // is not behind a camera.
+  // For each match: it agrees with the geometry and, if there is a relative pose of a known camera,
+  // lies in front of both cameras.
   std::vector<bool> inlier;
   std::size_t inlier_count = 0;
-  std::optional<Rigid3> cam2_from_cam1;        // |translation| = 1; none: panoramic, degenerate
-  std::optional<Eigen::Matrix3d> essential;    // [t]x R, where there is a relative pose
-  std::optional<Eigen::Matrix3d> fundamental;  // where there is a pose or the kind is uncalibrated
-  std::optional<Eigen::Matrix3d> homography;   // where one fits at least min_inliers
+  std::optional<Rigid3> cam2_from_cam1;        // |translation| = 1; unset: panoramic, degenerate
+  std::optional<Eigen::Matrix3d> essential;    // [t]x R, if there is a relative pose
+  std::optional<Eigen::Matrix3d> fundamental;  // if there is a pose or the kind is uncalibrated
+  std::optional<Eigen::Matrix3d> homography;   // if one fits at least min_inliers
   // Medians over the inliers.
   double angle_deg = 0.0;         // between the two rays of a point (triangulation angle)
   double motion_px = 0.0;         // |x2 - x1|
@@ -74,8 +75,8 @@ struct TwoViewGeometry {
   double homography_ratio = 0.0;  // share of the inliers that the homography explains too
 };
 
-// Robust (OpenCV's USAC: MAGSAC++ with a fixed random state, then a refinement of the relative pose
-// by its Sampson distances), the same for the same input. Throws Error on lists of unequal length.
+// Robust estimation (OpenCV's USAC: MAGSAC++ with a fixed random state, then a refinement of the
+// relative pose by its Sampson distances); deterministic. Throws Error on lists of unequal length.
 TwoViewGeometry EstimateTwoViewGeometry(std::span<const Eigen::Vector2d> xy1,
                                         std::span<const Eigen::Vector2d> xy2,
                                         const Camera& camera,

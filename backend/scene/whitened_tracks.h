@@ -10,7 +10,7 @@
 
 namespace cohort {
 
-// Tracks as the mapper works on them: frames, tracks and observations numbered from 0.
+// Tracks in the mapper's form: frames, tracks and observations numbered from 0.
 struct WhitenedObservation {
   int frame = 0;
   int track = 0;
@@ -32,10 +32,10 @@ class WhitenedTracks {
   // Observed positions (and predicted ones, if asked) of tracks with at least min_track_length.
   WhitenedTracks(const TrackFile& file, const WhiteningOptions& options);
 
-  // The same observations elsewhere, in the order of observations().
+  // The same observations at other positions, in the order of observations().
   WhitenedTracks WithPositions(const std::vector<Eigen::Vector2d>& xy) const;
 
-  // These tracks alone, in their order.
+  // Only these tracks, in their order.
   WhitenedTracks Select(const std::vector<int>& tracks) const;
 
   int frame_count() const { return static_cast<int>(frames_.size()); }
@@ -48,7 +48,7 @@ class WhitenedTracks {
   std::pair<int, int> TrackRange(int track) const {
     return {first_of_track_[track], first_of_track_[track + 1]};
   }
-  // Those in frames from `first` to `last`.
+  // The range of those in frames from `first` to `last`.
   std::pair<int, int> RangeWithin(int track, int first, int last) const;
   // ascending tracks
   const std::vector<int>& ObservationsIn(int frame) const { return in_frame_[frame]; }
@@ -57,8 +57,8 @@ class WhitenedTracks {
   // The observations that two frames share, as pairs of indices; ascending tracks.
   std::vector<std::pair<int, int>> CommonObservations(int frame_a, int frame_b) const;
 
-  // Are there neighbouring frames that share less than half as many tracks as is usual? All that is
-  // known across such a seam may be needed to hold the model's scale.
+  // Whether neighbouring frames share less than half of the usual number of tracks. Across such a
+  // seam all tracks may be needed to hold the model's scale.
   bool HasSeam() const;
 
  private:

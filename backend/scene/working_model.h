@@ -11,35 +11,36 @@
 
 namespace cohort {
 
-// Never beyond this is an observation an inlier [px]; COLMAP's bound.
+// The largest error of an inlier [px]; COLMAP's bound.
 inline constexpr double kMaxReprojectionPx = 4.0;
 inline constexpr double kInfinity = std::numeric_limits<double>::infinity();
-// Least of the largest angle between two rays of a point [deg]; COLMAP's 1.5 is for photographs.
-// A model in which only near points count loses its scale where the camera goes ahead and the tracks
-// are short: of far points those stay that noise made near. One in which far points count loses it
-// where the camera hardly leaves its place. So a model is grown by both and the cost decides.
+// The smallest accepted value of a point's largest ray angle [deg]; COLMAP's 1.5 is for
+// photographs. A model of near points alone loses its scale if the camera moves ahead and the
+// tracks are short, because the far points that remain are those that noise made near. A model that
+// includes far points loses it if the camera hardly leaves its place. Models are therefore grown
+// both ways, and the cost decides.
 inline constexpr double kNearRayAngleDeg = 0.5;
 inline constexpr double kFarRayAngleDeg = 0.1;
-// Noise of a whitened coordinate: less is no information, but a clip without noise.
+// The smallest noise of a whitened coordinate; a smaller one means a clip without noise.
 inline constexpr double kMinWhitenedNoise = 0.02;
 
 struct ModelAdjustment {
   BundleResult bundle;      // its cameras: the free frames, then the fixed ones
-  std::vector<int> tracks;  // whose points they are, in the order of the bundle's
+  std::vector<int> tracks;  // the tracks of the bundle's points, in their order
 };
 
-// A reconstruction in the making: which frames have a pose, which tracks a point, and which
-// observations of them are inliers.
+// A reconstruction in progress: which frames have a pose, which tracks have a point, and which of
+// their observations are inliers.
 class WorkingModel {
  public:
   WorkingModel(const WhitenedTracks& whitened, const Camera& camera);
-  // Camera and poses of a model of other tracks in the same frames; no points.
+  // Takes camera and poses from a model of other tracks in the same frames; no points.
   WorkingModel(const WhitenedTracks& whitened, const WorkingModel& other);
   // The model of these tracks alone; `some` is its whitened().Select(tracks).
   WorkingModel(const WhitenedTracks& some, const WorkingModel& all, const std::vector<int>& tracks);
 
   const WhitenedTracks& whitened() const { return *whitened_; }
-  // Goes on with the same observations elsewhere (WhitenedTracks::WithPositions).
+  // Replaces the observations by the same ones at other positions (WhitenedTracks::WithPositions).
   void SetTracks(const WhitenedTracks& whitened);
   const Camera& camera() const { return camera_; }
   void SetCamera(const Camera& camera);
@@ -50,9 +51,9 @@ class WorkingModel {
   bool HasPose(int frame) const { return cam_from_world_[frame].has_value(); }
   const Rigid3& Pose(int frame) const { return *cam_from_world_[frame]; }
   void SetPose(int frame, const Rigid3& cam_from_world);
-  // The frame has a pose no longer, and its observations are no inliers.
+  // Removes the frame's pose; its observations are no longer inliers.
   void RemovePose(int frame);
-  // Removes the poses that fewer inliers hold than RegisterFrame asks for. Returns how many.
+  // Removes poses with fewer inliers than RegisterFrame requires. Returns how many.
   int RemoveUnsupportedPoses();
   std::vector<int> RegisteredFrames() const;  // ascending
   int registered() const { return registered_; }
@@ -67,24 +68,24 @@ class WorkingModel {
   std::size_t CountPoints() const;
   bool IsInlier(int observation) const { return is_inlier_[observation] != 0; }
 
-  // Standard deviation of a whitened coordinate, robust; 1 until there is a model to say.
+  // Robust standard deviation of a whitened coordinate; 1 before there is a model.
   double noise() const { return noise_; }
-  // Where Cauchy's loss has to turn to be the likelihood of the whitened residuals as they are
-  // distributed: near the noise where their tails are heavy, far from it where they are Gaussian.
+  // The scale at which Cauchy's loss is the likelihood of the whitened residuals: near the noise if
+  // their tails are heavy, far from it if they are Gaussian.
   double loss_turn() const { return loss_turn_; }
 
-  // Where nothing else ties the parts of a clip: points of two views count, and poses that a
-  // smaller share of the points agrees with, at wider bounds.
+  // Relaxes the bounds for a clip whose parts are not connected otherwise: points of two views
+  // count, and poses need a smaller share of agreeing points, at wider bounds.
   void Relax(bool relaxed) { relaxed_ = relaxed; }
 
-  // Points that no two rays see at this angle [deg] are none.
+  // Points whose largest ray angle [deg] is smaller are dropped.
   void SetMinRayAngle(double degrees) { min_ray_angle_deg_ = degrees; }
 
   // Observations of tracks with a point in this frame.
   int CountVisiblePoints(int frame) const;
-  // Finds the pose of a frame from the points it sees. False where too few of them agree.
+  // Finds the pose of a frame from the points it sees. Returns false if too few of them agree.
   bool RegisterFrame(int frame, const std::optional<Rigid3>& start);
-  // Points for tracks without one that registered frames see at a sufficient angle.
+  // Triangulates tracks without a point that registered frames see at a sufficient angle.
   int TriangulateTracks(std::span<const int> tracks);
   int TriangulateAllTracks();
 
@@ -96,39 +97,39 @@ class WorkingModel {
                          const BundleOptions& options,
                          const std::vector<Eigen::Vector2d>& d_shift = {});
 
-  // Takes for inliers what agrees with the model and no longer what does not: observations
-  // further than max_error (whitened) or kMaxReprojectionPx off are none; points behind a
-  // camera, seen at too small an angle or by fewer than three frames (two in a model of two) are
-  // dropped. Returns how many observations changed sides. Also measures the noise.
-  // A start that is known to be rough may widen the bound in pixels by a factor.
+  // Updates the inliers, and measures the noise. An observation further than max_error (whitened)
+  // or kMaxReprojectionPx off is an outlier; points behind a camera, seen at too small an angle or
+  // by fewer than three frames (two in a model of two) are dropped. Returns how many observations
+  // changed sides. `widen` scales the bound in pixels, for a start that is known to be rough.
   int UpdateInliers(std::span<const int> tracks, double max_error, double widen = 1.0);
   int UpdateAllInliers(double max_error);
-  // Of the tracks in the frame, the observations in frames near it: in a bounded time.
+  // Updates the frame's tracks, but only their observations in frames near it, which bounds the
+  // time.
   void UpdateInliersNear(int frame, double max_error);
-  // Bound on whitened errors that fits the present noise.
+  // The bound on whitened errors that fits the current noise.
   double ErrorBound() const;
 
-  // Sum over all observations in `frames` of min(|whitened error|^2, bound^2); bound^2 for each one
-  // that the model has no point or pose for: so models of the same frames are comparable.
+  // Sum over all observations in `frames` of min(|whitened error|^2, bound^2). An observation
+  // without a point or pose counts as bound^2, which makes models of the same frames comparable.
   double TruncatedCost(std::span<const int> frames, double bound) const;
 
-  // Projection less observation [px]; none behind the camera, or without a pose or a point.
+  // Projection minus observation [px]; nullopt behind the camera or without a pose or a point.
   std::optional<Eigen::Vector2d> PixelError(int observation) const;
 
   // Median of the inliers' whitened errors in a frame; 0 without any.
   double MedianError(int frame) const;
 
-  // Share of the inliers whose points no two rays see at kNearRayAngleDeg.
+  // Share of the inliers whose points have a largest ray angle below kNearRayAngleDeg.
   double ShareOfFarPoints() const;
 
-  // How differently two models see the same points: median absolute deviation of the logarithm of
-  // their depths' ratio in a frame. About 0 for models that differ by a similarity.
+  // How differently two models see the same points: the median absolute deviation of the logarithm
+  // of their depth ratios in a frame. About 0 for models that differ by a similarity.
   static double DepthDisagreement(const WorkingModel& a, const WorkingModel& b, int frame);
   // Median over near points of the standard deviation of depth, relative to the distance.
   double MedianDepthUncertainty() const;
 
-  // Moves the world so that the first registered frame is its origin and the median distance of the
-  // points from it 1.
+  // Normalises the world: the first registered frame is its origin, and the median distance of the
+  // points from it is 1.
   void Normalise();
 
  private:
@@ -155,7 +156,7 @@ class WorkingModel {
   double loss_turn_ = 2.0;
 };
 
-// TruncatedCost of two models over the same frames, by the lower of their ErrorBounds.
+// TruncatedCost of two models over the same frames, with the lower of their ErrorBounds.
 struct ComparedCosts {
   double a = 0.0;
   double b = 0.0;

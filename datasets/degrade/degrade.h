@@ -75,7 +75,7 @@ struct DegradeOptions {
 // Level by name: clean 0, medium 1, hard 2, or a number. Throws UsageError.
 double ParseLevel(const std::string& text);
 
-// What a level stands for: piecewise linear through the table's three levels and on beyond hard,
+// The parameters of a level: piecewise linear through the table's three levels and beyond hard,
 // gains and shot in their logarithm, blur up to 2 px, shutter up to 1.
 //   paper    clean                medium                           hard
 //            gain 1, noise .004   gain .3, .04, blur 2 px, .02     gain .2, .06, blur 2 px, .03
@@ -87,46 +87,47 @@ struct PaperLevel {
 };
 struct SensorLevel {
   double gain, shot, read;
-  double digital_gain;  // back to a fifth of the full range, as an automatic exposure does
+  double digital_gain;  // back to a fifth of the full range, as automatic exposure does
   double shutter;       // open for this share of the time between frames
 };
 PaperLevel PaperLevelAt(double level);
 SensorLevel SensorLevelAt(double level, double light = 1.0);  // gain times light
 
-// One frame; `gray` is CV_8UC1 or CV_16UC1, the result CV_8UC1. With v in 0..1 and n normal noise:
+// Degrades one frame; `gray` is CV_8UC1 or CV_16UC1, the result CV_8UC1. With v in 0..1 and n
+// normal noise:
 //   paper   g v + s1 n, Gaussian blur, + s2 n
 //   sensor  linear = gain v^2.2, blurred by motion, + noise of variance shot linear + read, digital
 //           gain, cut to 0..1, ^(1/2.2)
 // `motion` [px a frame, CV_32FC2] smears half forwards, half backwards, so that nothing is
-// displaced; empty: up to 5 px of the whole picture. Random numbers: RandomStream(seed,
-// "degrade/noise"). Not for phone, whose frames depend on those before: DegradeSequence.
+// displaced; if empty, up to 5 px of the whole picture. Random numbers: RandomStream(seed,
+// "degrade/noise"). For phone, whose frames depend on earlier ones, use DegradeSequence.
 cv::Mat DegradeFrame(const cv::Mat& gray,
                      const DegradeOptions& options,
                      std::uint32_t frame,
                      const cv::Mat& motion = {});
 
-// Sensor and phone: what the sensor measures, before digital gain and gamma, CV_32FC1.
+// Sensor and phone: the sensor's measurement, before digital gain and gamma, CV_32FC1.
 cv::Mat MeasuredLight(const cv::Mat& gray,
                       const DegradeOptions& options,
                       std::uint32_t frame,
                       const cv::Mat& motion = {});
 
-// The same frame as it would be without noise, digital gain, gamma and 8 bits, CV_32FC1: what the
-// noise is added to. Sensor and phone: in linear light.
+// The same frame without noise, digital gain, gamma and 8 bits, CV_32FC1: the signal that the noise
+// is added to. Sensor and phone: in linear light.
 cv::Mat NoiseFreeSignal(const cv::Mat& gray,
                         const DegradeOptions& options,
                         std::uint32_t frame,
                         const cv::Mat& motion = {});
 
-// How the true camera moves the picture, a frame's worth about `frame`: `motion` above. Empty
+// The motion of the picture by the true camera over one frame about `frame`: `motion` above. Empty
 // without true poses, camera or depth.
 cv::Mat TrueMotion(const Sequence& sequence,
                    const std::optional<Camera>& camera,
                    FrameIndex frame,
                    const cv::Mat& depth_m);
 
-// An opaque, textured bar, 80 px wide, that crosses the picture from the left again and again; it
-// stays away for as long as it takes to cross.
+// Draws an opaque, textured bar, 80 px wide, that crosses the picture from the left repeatedly;
+// between crossings it is absent for as long as one takes.
 struct OccludedFrame {
   cv::Mat gray;
   cv::Mat mask;  // CV_8UC1, 255: covered
@@ -134,14 +135,13 @@ struct OccludedFrame {
 OccludedFrame DrawOccluder(const cv::Mat& gray, const DegradeOptions& options, std::uint32_t frame);
 
 // Degrades a clip into a folder in TUM layout, with calibration, true poses, depth and scene.json
-// where the source has them; `source` is what `sequence` was opened from, `camera` that of its
-// pictures, if it is known. The occluder is drawn
-// first, as a real foreground would be. Motion blur follows the true cameras where there are poses
-// and depth (bodies that move on their own are blurred as if they stood still). Whole or not at
-// all; the bytes do not depend on `threads` (0: one a core).
-//   phone    MeasuredLight, PhoneCamera (phone_camera.h), VideoEncoder at the clip's frame rate (the
-//            median of its first 32 time stamps' distances), decoded as any video. `sequence` is
-//            read from its beginning.
+// if the source has them. `source` is the path that `sequence` was opened from, `camera` that of
+// its pictures, if known. The occluder is drawn first, like a real foreground. Motion blur follows
+// the true cameras if there are poses and depth (independently moving bodies are blurred as if
+// static). Whole or not at all; the bytes do not depend on `threads` (0: one per core).
+//   phone    MeasuredLight, PhoneCamera (phone_camera.h), VideoEncoder at the clip's frame rate
+//            (the median of its first 32 time stamps' distances), decoded as any video. `sequence`
+//            is read from its beginning.
 void DegradeSequence(Sequence& sequence,
                      const std::filesystem::path& source,
                      const std::optional<Camera>& camera,

@@ -9,16 +9,16 @@
 
 namespace cohort {
 
-// A phone's automatic exposure: looks at the light now and then and corrects in thirds of a stop,
-// late, and never quite settled.
+// A phone's automatic exposure: measures the light from time to time and corrects it in thirds of a
+// stop, with a delay, and never quite settles.
 //   stops = round(3 log2(light of the first frame / light 0.2 s ago)) / 3 + hunting,
-// anew every 0.6 to 1.4 s, at most 1.5 either way; hunting is -1/3, 0 or 1/3, another one every
-// time. Random numbers: RandomStream(seed, "degrade/exposure").
+// updated every 0.6 to 1.4 s, at most 1.5 either way; hunting is -1/3, 0 or 1/3 and differs from
+// the last update's. Random numbers: RandomStream(seed, "degrade/exposure").
 class AutoExposure {
  public:
   AutoExposure(double frames_per_second, unsigned seed);
 
-  // Of the next frame; `light` is the mean of its linear light.
+  // The stops of the next frame; `light` is the mean of its linear light.
   double NextStops(double light);
 
  private:
@@ -27,7 +27,7 @@ class AutoExposure {
   RandomStream random_;
   double frames_per_second_;
   std::size_t lag_;            // frames
-  std::deque<double> lights_;  // of the frames since the one it looks at
+  std::deque<double> lights_;  // of the frames since the one that it measures
   double first_light_ = 0.0;
   long until_change_;  // frames
   int hunting_ = 0;    // thirds
@@ -37,26 +37,26 @@ class AutoExposure {
 // Denoising in space, then in time, from the past alone (as the filter hqdn3d does it): with s the
 // picture after a bilateral filter of 5 x 5 px,
 //   out = s + a (out of the frame before - s),   a = 0.75 exp(-(d / (0.3 sigma))^2 / 2),
-// d the difference in the bracket, blurred. So what moves with contrast stays, and weak texture is
-// dragged along. `sigma` is the noise that it reckons with.
+// where d is the difference in parentheses, blurred. Moving contrast thus stays, and weak texture
+// is dragged along. `sigma` is the assumed noise.
 class PhoneDenoiser {
  public:
   explicit PhoneDenoiser(double sigma) : sigma_(sigma) {}
 
-  cv::Mat Next(const cv::Mat& value);  // CV_32FC1, 0..1 behind gamma
+  cv::Mat Next(const cv::Mat& value);  // CV_32FC1, 0..1, after gamma
 
  private:
   double sigma_;
   cv::Mat before_;
 };
 
-// What a phone makes of its sensor's measurements before they are encoded: digital gain and gamma,
-// denoising, automatic exposure (whose steps the denoising of a phone takes into account), 8 bits.
+// A phone's processing of sensor measurements before encoding: digital gain and gamma, denoising,
+// automatic exposure (whose steps the denoising takes into account), 8 bits.
 class PhoneCamera {
  public:
   PhoneCamera(const DegradeOptions& options, double frames_per_second);
 
-  // Of the next frame: MeasuredLight in, CV_8UC1 out.
+  // The next frame: takes MeasuredLight, returns CV_8UC1.
   cv::Mat Next(const cv::Mat& light);
 
  private:

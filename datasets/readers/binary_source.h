@@ -8,14 +8,14 @@ namespace cohort {
 
 enum class ByteOrder : std::uint8_t { kLittleEndian, kBigEndian };
 
-// A file that others wrote, read at the places that it names itself: nothing outside of it is read,
-// whatever it says. The stream must outlive this.
+// A binary file from others, read at the offsets that it states; nothing outside the file is read,
+// whatever it states. The stream must outlive this.
 class BinarySource {
  public:
   explicit BinarySource(std::istream& in);
 
   std::uint64_t size() const { return size_; }
-  // Throws Error where the source has not `count` bytes from `offset` on.
+  // Throws Error if the source does not have `count` bytes from `offset` on.
   std::string Bytes(std::uint64_t offset, std::uint64_t count);
   // An unsigned integer of up to 8 bytes. Throws like Bytes.
   std::uint64_t Integer(std::uint64_t offset, int bytes, ByteOrder order = ByteOrder::kBigEndian);

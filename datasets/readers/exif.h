@@ -5,17 +5,18 @@
 
 namespace cohort {
 
-// What EXIF says of the focal length (CIPA DC-008, 4.6.5); all above 0.
+// The focal length entries of EXIF (CIPA DC-008, 4.6.5); all above 0.
 struct ExifFocal {
   std::optional<double> in_35mm_film_mm;  // FocalLengthIn35mmFilm
   std::optional<double> mm;               // FocalLength
-  // FocalPlaneXResolution: pixels of the picture that the camera wrote, per mm of the sensor.
+  // FocalPlaneXResolution: pixels of the original picture per mm of the sensor.
   std::optional<double> pixels_per_mm;
-  // The longer side of that picture (PixelXDimension, PixelYDimension): this one may be smaller.
+  // The longer side of the original picture (PixelXDimension, PixelYDimension); this one may be
+  // smaller.
   std::optional<double> long_side_px;
 };
 
-// Of a JPEG, a PNG or a TIFF. What is missing or damaged is left out: no file is refused for it.
+// Reads a JPEG, a PNG or a TIFF. Missing or damaged entries are left out and never an error.
 ExifFocal ReadExifFocal(const std::filesystem::path& picture);
 
 }  // namespace cohort

@@ -11,7 +11,7 @@ namespace cohort {
 // Throws Error naming `what` on any other kind.
 cv::Mat ToGray(const cv::Mat& picture, std::string_view what);
 
-// Moves the pixels of a decoded picture into a frame: as grey, and in colours if it has any.
+// Moves a decoded picture into a frame: as grey, and in colour if it has any.
 void SetPicture(cv::Mat picture, std::string_view what, Frame& frame);
 
 // Throws Error naming `what` and both sizes unless they are equal.

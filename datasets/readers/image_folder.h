@@ -9,7 +9,7 @@
 
 namespace cohort {
 
-// By the file name's ending: png, jpg, tif, pgm and the like.
+// By the file's extension: png, jpg, tif, pgm and the like.
 bool IsImageFile(const std::filesystem::path& file);
 
 // frame2 before frame10: runs of digits compare as numbers, everything else by its bytes.
@@ -18,8 +18,8 @@ bool NaturalLess(std::string_view a, std::string_view b);
 // The names of a folder's images in natural order; sub-folders and hidden files are left out.
 std::vector<std::string> ImageNames(const std::filesystem::path& folder);
 
-// A folder of images, one image, or a glob such as dir/*.png, in natural order. Images have no
-// clock: 30 frames a second are assumed. Throws Error if there is no image.
+// A folder of images, one image, or a glob such as dir/*.png, in natural order. Images have no time
+// stamps: 30 frames a second are assumed. Throws Error if there is no image.
 ImageList ListImageFolder(const std::filesystem::path& input);
 
 // Whether the text has one of * ? [ {.

@@ -15,8 +15,8 @@
 
 namespace cohort {
 
-// A sequence as a list of image files, and what its layout knows of them. Every layout but video is
-// read into one of these; decoding frame by frame is then the same for all.
+// A sequence as a list of image files with the data of its layout. Every layout but video is read
+// into one of these, so that all share the decoding frame by frame.
 struct ImageList {
   struct Image {
     std::string name;  // relative to the root
@@ -26,7 +26,7 @@ struct ImageList {
   std::string name;
   std::filesystem::path root;
   std::vector<Image> images;     // image i is frame i
-  std::filesystem::path times;   // the file that tells their times; empty: none does
+  std::filesystem::path times;   // the file with their times; empty if there is none
   std::optional<Camera> camera;  // a size of 0 is filled in from the first image
   std::map<FrameIndex, Rigid3> cam_from_world;
   std::map<FrameIndex, std::filesystem::path> depth_files;  // 16 bits, 1/5000 m; 0: unknown
@@ -35,7 +35,7 @@ struct ImageList {
 
 inline constexpr std::uint64_t kMaxTimeDifferenceNs = 20'000'000;
 
-// For every image the value whose time stamp [ns] is nearest; none where that is over 20 ms away.
+// The value with the nearest time stamp [ns] for every image, unless it is over 20 ms away.
 template <typename T>
 std::map<FrameIndex, T> ByNearestTime(const std::vector<ImageList::Image>& images,
                                       const std::map<std::int64_t, T>& by_time) {
@@ -58,8 +58,8 @@ std::map<FrameIndex, T> ByNearestTime(const std::vector<ImageList::Image>& image
 // The last component of a folder's path, also of "." and "clip/".
 std::string FolderName(const std::filesystem::path& folder);
 
-// Throws Error if the first image of the range cannot be decoded or the range starts behind the
-// last image.
+// Throws Error if the first image of the range cannot be decoded or the range starts after the last
+// image.
 std::unique_ptr<Sequence> OpenImageList(ImageList list, const FrameRange& range);
 
 }  // namespace cohort

@@ -15,7 +15,7 @@
 
 namespace cohort {
 
-// Frames first, first + stride, ... up to but without end; end is none for the whole clip.
+// Frames first, first + stride, ... up to but without end; an unset end means the whole clip.
 struct FrameRange {
   std::uint32_t first = 0;
   std::optional<std::uint32_t> end;
@@ -37,35 +37,35 @@ class Sequence {
  public:
   virtual ~Sequence() = default;
 
-  // The next frame of the range; none at the end. Throws Error naming the file on a frame of
-  // another size, and SystemError where the system does not give a file that is there. A file that
-  // cannot be decoded ends the sequence: Warning() then says which and why.
+  // The next frame of the range; nullopt at the end. Throws Error naming the file if a frame has
+  // another size, and SystemError if the system does not give access to an existing file. A file
+  // that cannot be decoded ends the sequence: Warning() then names it and the reason.
   virtual std::optional<Frame> Next() = 0;
   virtual void Rewind() = 0;
-  // May another thread call Next, while nobody else does? Not where it runs somebody else's code.
+  // Whether another thread may call Next, one at a time. False if Next runs foreign code.
   virtual bool AnyThreadMayRead() const { return true; }
 
   virtual std::string Name() const = 0;  // for tables: the folder's or file's name
-  // The files that the frames and their times are read from, those outside of the range too; empty where
-  // they come from elsewhere.
+  // The files that the frames and their times are read from, including those outside the range;
+  // empty if the frames come from elsewhere.
   virtual std::vector<std::filesystem::path> Files() const { return {}; }
   // Frame names are relative to it; empty for a video.
   virtual std::filesystem::path ImageRoot() const = 0;
-  // Frames of the range. A video's is what its header promises until its end is reached.
+  // Frames of the range. A video's count is its header's until its end is reached.
   virtual std::optional<std::size_t> FrameCount() const = 0;
   virtual std::optional<Camera> KnownCamera() const = 0;  // calibration in the layout
-  // What the files say of a camera without calibration (EXIF, metadata of a video); none: nothing.
+  // The files' guess for a camera without calibration (EXIF, metadata of a video), if any.
   virtual std::optional<FocalGuess> FocalGuessOfFile() const { return std::nullopt; }
-  // Where the pictures have the sensor's later rows.
+  // The direction of the sensor's later rows in the pictures.
   virtual RowOrder SensorRows() const { return RowOrder::kDown; }
-  // True poses by frame of the source where the layout has them (nearest time stamp within 20 ms);
+  // True poses by frame of the source, if the layout has them (nearest time stamp within 20 ms);
   // may be empty.
   virtual const std::map<FrameIndex, Rigid3>& TrueCamFromWorld() const = 0;
-  // Depth along the optical axis [m], CV_32FC1, 0 where unknown; none where the layout has none.
+  // Depth along the optical axis [m], CV_32FC1, 0 where unknown; nullopt if the layout has none.
   virtual std::optional<cv::Mat> TrueDepth(FrameIndex frame) const = 0;
-  // CV_8UC1, 255 where a foreground occluder of `degrade` covers the scene; none without one.
+  // CV_8UC1, 255 where a foreground occluder of `degrade` covers the scene; nullopt without one.
   virtual std::optional<cv::Mat> OccluderMask(FrameIndex frame) const = 0;
-  virtual const std::string& Warning() const = 0;  // empty: all is well
+  virtual const std::string& Warning() const = 0;  // empty if there is none
 };
 
 }  // namespace cohort

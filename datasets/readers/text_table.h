@@ -8,9 +8,9 @@
 
 namespace cohort {
 
-// A text file of rows of fields, as the layouts' lists, poses and csv files are: fields are
-// separated by blanks, tabs or commas, `#` begins a comment, lines may end as on Windows.
-// Everything throws Error naming the file, and the line where there is one.
+// A text file of rows of fields, such as the layouts' lists, poses and csv files. Fields are
+// separated by blanks, tabs or commas, `#` begins a comment, and lines may have Windows endings.
+// Every function throws Error naming the file and, if there is one, the line.
 class TextTable {
  public:
   explicit TextTable(const std::filesystem::path& file);

@@ -23,13 +23,13 @@ class TumWriter {
     std::int64_t timestamp_ns = 0;
     cv::Mat picture;  // 8 or 16 bits
     std::optional<Rigid3> cam_from_world;
-    std::optional<cv::Mat> depth_m;   // CV_32FC1; 0 and what 16 bits cannot hold: unknown
+    std::optional<cv::Mat> depth_m;   // CV_32FC1; 0 or beyond 16 bits: unknown
     std::optional<cv::Mat> occluder;  // CV_8UC1, 255: covered
   };
 
   explicit TumWriter(const std::filesystem::path& folder);
 
-  // Where it grows until Finish, for files that only help to write it.
+  // The folder under construction until Finish, also for temporary files.
   const std::filesystem::path& partial() const { return folder_.partial(); }
   void WriteCamera(const Camera& camera);
   void WriteFile(const std::string& name, std::string_view text);

@@ -20,61 +20,58 @@ struct SwsContext;
 
 namespace cohort {
 
-// What FFmpeg's libraries make of the first video stream of a file; cover art is none. The file is
-// all that is read: no protocol, and no other file that it names.
+// Decodes the first video stream of a file by FFmpeg's libraries; cover art does not count. Only
+// this file is read: no protocol, and no other file that it names.
 //
 //   VideoDecoder video(file);
 //   while (video.Next()) Use(video.Picture(), video.Seconds());
 //
-// Decodes on one thread, so that a damaged file, too, gives the same pictures every time.
+// Decodes on one thread, so that even a damaged file gives the same pictures every time.
 class VideoDecoder {
  public:
   // The most pixels of a frame.
   static constexpr std::int64_t kMaxPixels = std::int64_t{1} << 26;
 
-  // Throws Error naming the file if there is no video in it that can be decoded, its header has
-  // more than kMaxPixels, or it is a list of other files; SystemError, also of Next, where the
-  // system does not give the file's bytes.
+  // Throws Error naming the file if it contains no decodable video, its header states more than
+  // kMaxPixels, or it is a list of other files. This and Next throw SystemError if the system does
+  // not give access to the file's bytes.
   explicit VideoDecoder(const std::filesystem::path& file);
   VideoDecoder(const VideoDecoder&) = delete;
   VideoDecoder& operator=(const VideoDecoder&) = delete;
   ~VideoDecoder();
 
-  // Decodes a frame, in the order of display; frames that cannot be decoded are left out. False at
-  // the end.
+  // Decodes the next frame in display order; skips undecodable frames. Returns false at the end.
   bool Next();
 
-  // The frame that Next has decoded, CV_8UC3 (BGR), turned and mirrored as the file's display
-  // matrix says: a phone's portrait video stands upright. Pixels that are not square are made so by
-  // the width, as players do. Limited range is spread to 0..255; the matrix is always BT.601's, so
-  // that grey of the picture is the file's own luma. Throws Error if the frame is of a kind that
-  // cannot be converted.
+  // The frame that Next has decoded, CV_8UC3 (BGR), rotated and mirrored by the file's display
+  // matrix: a phone's portrait video is upright. Pixels that are not square are made square by the
+  // width, as in players. Limited range is expanded to 0..255; the matrix is always BT.601's, so
+  // that the picture's grey is the file's own luma. Throws Error if the frame's format cannot be
+  // converted.
   cv::Mat Picture();
 
-  // Width / height of the pixels that the file stores, as it or its codec says; 1 of nearly square
-  // ones, and where it says nothing or what is no pixel of a camera.
+  // Width / height of the stored pixels, from the file or its codec. 1 if nearly square, not
+  // stated, or implausible for a camera.
   double PixelAspect() const { return pixel_aspect_; }
 
-  // When it is shown [s]; the first frame at 0. By the file's times, which need not be even; 1 /
-  // fps after the frame before it where the file gives none or one that is not later.
+  // The presentation time [s]; 0 for the first frame. It follows the file's times, which may be
+  // uneven. If the file states none or one that is not later, it is 1 / fps after the frame before.
   double Seconds() const { return seconds_; }
   double FramesPerSecond() const { return frames_per_second_; }
 
-  // Where Picture() has the later rows of the pictures that the file stores, which are the
-  // sensor's.
+  // The direction in Picture() of the later rows of the stored pictures, which are the sensor's.
   RowOrder SensorRows() const;
 
-  // The text of the key, of the stream or else of the file, that names the focal length [mm] of a
-  // camera of 35 mm film with the same view, as Apple's
-  // com.apple.quicktime.camera.focal_length.35mm_equivalent; empty: there is none.
+  // The text of the key, of the stream or else of the file, for the focal length [mm] of a 35 mm
+  // film camera with the same view, such as Apple's
+  // com.apple.quicktime.camera.focal_length.35mm_equivalent; empty if there is none.
   std::string FocalLengthIn35mmFilm() const;
 
-  // What the header says, or its duration times its frames a second; none if that is no number of
-  // frames.
+  // The header's count, or its duration times its frame rate; nullopt if that is no valid count.
   std::optional<std::size_t> PromisedFrames() const;
-  // Is that a count? A duration is that of the longest stream, be it the sound.
+  // Whether it is a count. A duration is that of the longest stream, even of the sound.
   bool CountsFrames() const;
-  // How long the file is, by its header, after the frame that Next has decoded [s]; 0 without a
+  // The remaining time by the header after the frame that Next has decoded [s]; 0 without a
   // duration.
   double SecondsLeft() const;
   bool HasOtherStreams() const;  // such as sound
@@ -91,17 +88,17 @@ class VideoDecoder {
   template <typename T>
   using Owned = std::unique_ptr<T, Delete>;
 
-  // How the pictures are stored: transposed first, then mirrored.
+  // The orientation of the stored pictures: transposed first, then mirrored.
   struct Orientation {
     bool transposed = false;
     bool mirrored_x = false;
     bool mirrored_y = false;
   };
 
-  // What FFmpeg reads of.
+  // FFmpeg's input.
   struct Source {
     Descriptor file;
-    int error = 0;  // errno of a read that failed: to FFmpeg that is the end of the video, or a gap
+    int error = 0;  // errno of a failed read, which FFmpeg treats as the end of the video or a gap
   };
 
   static int Read(void* source, std::uint8_t* bytes, int count);
@@ -110,13 +107,13 @@ class VideoDecoder {
   void CheckSource() const;
   void OpenFile();
   void OpenStream();
-  void Send();  // the next packet of the stream, or that there is none
+  void Send();  // the next packet of the stream, or its end
   void Stamp();
   void MakeConverter();
 
   std::string name_;
   Source source_;
-  // Each uses what stands before it.
+  // Each uses those before it.
   Owned<AVIOContext> io_;
   Owned<AVFormatContext> format_;
   Owned<AVCodecContext> codec_;
@@ -125,7 +122,7 @@ class VideoDecoder {
   Owned<AVFrame> bgr_;
   Owned<SwsContext> converter_;
   int stream_ = -1;
-  int width_px_ = 0;  // what the converter is for
+  int width_px_ = 0;  // the converter's input
   int height_px_ = 0;
   int pixel_format_ = -1;
   bool full_range_ = false;

@@ -13,9 +13,9 @@ namespace cohort {
 
 using Polygon = std::vector<cv::Point2d>;  // [texels]
 
-// A texture in the making, as the logarithm of its reflectance: what lies on a surface (dirt,
-// shades, worn paint) multiplies what is below. Lengths in m are the surface's; bare ones are
-// texels. Where a call takes several random arguments, draw them into variables first.
+// A texture in progress, as the logarithm of its reflectance, because layers on a surface (dirt,
+// shades, worn paint) multiply those below. Lengths in m are on the surface; lengths without unit
+// are texels. If a call takes several random arguments, draw them into variables first.
 class Canvas {
  public:
   Canvas(const TextureSpec& spec, RandomStream random);
@@ -33,12 +33,12 @@ class Canvas {
   void Fill(double reflectance) { image_.setTo(std::log(reflectance)); }
 
   // Smooth noise of unit variance: octaves from `coarsest_m` down to `finest_m`, each `falloff`
-  // times as strong as the one before (1: as photographs are, 1/f). `stretch` makes it longer in x.
+  // times as strong as the one before (1: as in photographs, 1/f). `stretch` lengthens it in x.
   cv::Mat Noise(double coarsest_m, double falloff, double finest_m = 0.0, double stretch = 1.0);
   void Add(const cv::Mat& noise, double amount);
 
-  // Paints a polygon, its edges smooth. `slope` is the change of the value from the polygon's
-  // middle per texel, `cover` its opacity.
+  // Paints a polygon with smooth edges. `slope` is the change of the value per texel from the
+  // polygon's middle, `cover` its opacity.
   void Paint(const Polygon& corners,
              double reflectance,
              cv::Point2d slope = {0.0, 0.0},
@@ -48,10 +48,10 @@ class Canvas {
   // A thin strip from a to b.
   static Polygon Strip(cv::Point2d a, cv::Point2d b, double width);
   static Polygon Ellipse(cv::Point2d centre, double rx, double ry, double angle);
-  // Rectangles, ellipses and odd polygons.
+  // Rectangles, ellipses and irregular polygons.
   Polygon RandomShape(cv::Point2d centre, double radius);
 
-  // Shapes over shapes with as many small ones as photographs have (radius density r^-3), `layers`
+  // Overlapping shapes with as many small ones as in photographs (radius density r^-3), `layers`
   // deep on average.
   void DeadLeaves(double least_m,
                   double most_m,
@@ -59,11 +59,11 @@ class Canvas {
                   double darkest,
                   double brightest,
                   const cv::Rect2d& part);
-  // Lines of what looks like letters.
+  // Lines of letter-like shapes.
   void Letters(const cv::Rect2d& part, double letter_height, double reflectance);
   // A wandering thin line.
   void Crack(double length_m, double width_m, double reflectance, double cover);
-  // Stains with soft borders: where slow noise is high.
+  // Stains with soft borders, where slow noise is high.
   void Stains(double size_m, double share, double amount);
 
   // Blocks in rows with joints between them.
@@ -73,7 +73,8 @@ class Canvas {
     double unevenness_m;
     double joint_reflectance;
   };
-  // A block's value: `tone` is the block's own number (-1..1), v the place in it, 0 its upper edge.
+  // A block's value: `tone` is the block's own number (-1..1), v the position in it, 0 its upper
+  // edge.
   using BlockValue = std::function<double(double tone, double v)>;
   void Blocks(const BlockPattern& pattern, const BlockValue& value);
 

@@ -10,13 +10,13 @@
 
 namespace cohort {
 
-// Light that falls on a scene's surfaces as they stand in frame 0: a soft lamp with shadows, and
-// light from all sides where nothing near stands in its way. What moves casts no shadow.
+// The light on a scene's surfaces in their positions of frame 0: a soft lamp with shadows, and
+// ambient light where nothing near blocks it. Moving things cast no shadow.
 class Lighting {
  public:
   explicit Lighting(const SyntheticScene& scene);  // must outlive it
 
-  // CV_32FC1, one value every decimetre or so of a patch.
+  // CV_32FC1, with about one value per decimetre of a patch.
   cv::Mat LightMap(const Patch& patch, RandomStream random) const;
 
  private:

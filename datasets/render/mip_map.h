@@ -8,7 +8,7 @@
 
 namespace cohort {
 
-// A texture with its halved, quartered ... copies, for sampling without aliasing.
+// A texture with copies of half, a quarter ... of its size, for sampling without aliasing.
 class MipMap {
  public:
   explicit MipMap(const cv::Mat& texture);

@@ -9,17 +9,17 @@
 namespace cohort {
 
 // CV_32FC1: depth along the optical axis at the pixels' centres [m]; 0 where there is nothing. With
-// a rolling shutter each row is as its own camera sees it.
+// a rolling shutter each row has its own camera.
 cv::Mat RenderDepth(const SyntheticScene& scene, double frame);
 
-// Renders a scene with a z-buffer, in linear light: every pixel is the mean of nine samples, placed
-// point-symmetrically about its centre, of textures filtered to the sample's footprint. So a detail
-// of a texture appears where its surface point projects, without bias. Light and shadow are fixed
+// Renders a scene with a z-buffer, in linear light. Every pixel is the mean of nine samples, placed
+// point-symmetrically about its centre, of textures filtered to the sample's footprint, so that a
+// texture detail appears without bias where its surface point projects. Light and shadow are fixed
 // to the surfaces, and the exposure is fixed for the clip. With a rolling shutter every row is
 // rendered with camera and scene at its own time (SyntheticScene::TimeOfRow).
 class Renderer {
  public:
-  // Draws the textures and the light: takes a second or so. `scene` must outlive it.
+  // Computes the textures and the light, which takes about a second. `scene` must outlive it.
   explicit Renderer(const SyntheticScene& scene, unsigned threads = 0);
 
   // CV_8UC1, 255 v with v = light^(1/2.2).

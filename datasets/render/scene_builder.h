@@ -14,13 +14,13 @@ namespace cohort {
 // world_from_rest of a body in a frame.
 using BodyMotion = std::function<Rigid3(double frame)>;
 
-// Puts a scene together from surfaces, boxes and furniture. World: x right, y down, z ahead [m];
-// the camera starts near the origin. Things draw their sizes and shades from one stream of random
-// numbers, in the order in which they are added: where a call takes several random arguments, draw
-// them into variables first, as C++ leaves the order of arguments open.
+// Assembles a scene from surfaces, boxes and furniture. World: x right, y down, z ahead [m]; the
+// camera starts near the origin. Things draw their sizes and shades from one stream of random
+// numbers, in the order in which they are added. If a call takes several random arguments, draw
+// them into variables first, because C++ does not specify the order of arguments.
 class SceneBuilder {
  public:
-  // Textures get a texel or so a pixel of a camera of this focal length.
+  // Textures have about one texel per pixel of a camera of this focal length.
   SceneBuilder(unsigned seed, double focal_px)
       : random_(seed, "scene/layout"), focal_px_(focal_px) {}
 
@@ -34,7 +34,7 @@ class SceneBuilder {
                     const Eigen::Vector3d& target,
                     double metres_per_frame);
   void SetLamp(const Eigen::Vector3d& lamp, double ambient);
-  // What is added while it is set moves so.
+  // Things added while it is set have this motion.
   void SetMotion(BodyMotion motion) { motion_ = std::move(motion); }
 
   // Any surface; `deforms`: its shape depends on the frame.
@@ -62,7 +62,7 @@ class SceneBuilder {
     Box(base, size, angle, material, material);
   }
 
-  // Upright, on the middle of its underside, closed on top.
+  // Upright, with `base` the middle of its underside, closed on top.
   void Cylinder(const Eigen::Vector3d& base,
                 double radius,
                 double height,
@@ -92,16 +92,16 @@ class SceneBuilder {
                const Eigen::Vector3d& outward,
                Material material);
 
-  // Fixes how fine the textures are: as many texels as pixels see the surface from near the path,
-  // within what memory allows.
+  // Sets the resolution of the textures: as many texels as pixels see the surface from near the
+  // path, within memory limits.
   SceneDesign Finish();
 
  private:
-  // Things of one kind are of many shades: while it lives, what is added shares one.
+  // Varies the shade of things: while an instance lives, all that is added shares one shade.
   class Shade;
 
   // Books, a box or a can on a board at `left_back`, at most `room` wide, where boards are `step`
-  // apart [m]. Returns the width that it takes up.
+  // apart [m]. Returns the width that it uses.
   double ThingOnBoard(const Eigen::Vector3d& left_back,
                       double room,
                       double step,
@@ -110,7 +110,7 @@ class SceneBuilder {
   RandomStream random_;
   double focal_px_;
   BodyMotion motion_;
-  double shade_ = 1.0;  // of the thing that is being added
+  double shade_ = 1.0;  // of the thing being added
   SceneDesign design_;
 };
 

@@ -4,8 +4,8 @@
 
 namespace cohort {
 
-// The surfaces of a scene by its name. The seed moves, sizes and paints things differently; what
-// makes the scene stays. Textures get a texel or so a pixel of a camera of this focal length.
+// The surfaces of a scene by its name. The seed varies position, size and paint of things, not the
+// scene's character. Textures have about one texel per pixel of a camera of this focal length.
 SceneDesign DesignScene(SceneName scene, unsigned seed, double focal_px);
 
 }  // namespace cohort

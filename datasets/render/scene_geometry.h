@@ -15,8 +15,8 @@
 
 namespace cohort {
 
-// A piece of surface, laid out by two coordinates s, t in 0..1: a wall, a side of a box, a pipe, a
-// cloth. It is a grid of columns x rows cells, each of two flat triangles.
+// A piece of surface, parametrised by two coordinates s, t in 0..1: a wall, a side of a box, a
+// pipe, a cloth. It is a grid of columns x rows cells, each of two flat triangles.
 struct Patch {
   using Shape = std::function<Eigen::Vector3d(double s, double t, double frame)>;
   Shape x_in_world;
@@ -26,23 +26,23 @@ struct Patch {
   TextureSpec texture;
 };
 
-// The surfaces of a scene and where it is looked at from.
+// The surfaces of a scene and its viewpoint.
 struct SceneDesign {
   std::vector<Patch> patches;
   Viewpoint viewpoint;
   Eigen::Vector3d lamp{0.0, -1.0, 0.0};
-  double ambient = 0.5;  // share of the light that comes from all sides
+  double ambient = 0.5;  // the ambient share of the light
 };
 
-// A point of the scene's surface: it moves with what it lies on.
+// A point on the scene's surface, which moves with it.
 struct SurfacePoint {
   std::size_t triangle = 0;
   Eigen::Vector3d weights = Eigen::Vector3d::Zero();  // of the triangle's corners, sum 1
 };
 
-// A scene of textured surfaces, mostly 2-9 m away, and the hand-held camera that looks at it. All
-// of it follows from the options: pictures (render.h), depth, and the true path of every point of
-// a surface, also of moving and deforming ones.
+// A scene of textured surfaces, mostly 2-9 m away, and the hand-held camera that looks at it. The
+// options determine everything: pictures (render.h), depth, and the true path of every surface
+// point, also of moving and deforming ones.
 class SyntheticScene {
  public:
   struct Triangle {
@@ -51,18 +51,18 @@ class SyntheticScene {
   };
 
   explicit SyntheticScene(const SyntheticSceneOptions& options);
-  // Of one's own design, for tests and experiments.
+  // With a custom design, for tests and experiments.
   SyntheticScene(const SyntheticSceneOptions& options, SceneDesign design);
 
   const SyntheticSceneOptions& options() const { return options_; }
   const Camera& camera() const { return camera_; }  // pinhole, centred
-  // At a fraction of a frame too.
+  // Also at a fraction of a frame.
   Rigid3 CamFromWorld(double frame) const { return path_.CamFromWorld(frame); }
   bool HasRollingShutter() const { return options_.readout > 0.0; }
-  // When the row y of a frame is exposed, whose pixels' centres have that y; between rows too:
+  // The exposure time of row y of a frame, with y as of pixel centres; between rows too:
   //   frame + readout ((y + 1/2) / height - 1/2)
-  // so that a frame's own time, and its true pose, are its middle row's. Beyond the picture: as its
-  // edge.
+  // so that a frame's own time, and its true pose, are its middle row's. Clamped at the picture's
+  // edges.
   double TimeOfRow(double frame, double y) const;
 
   const SceneDesign& design() const { return design_; }
@@ -85,28 +85,28 @@ class SyntheticScene {
   CameraPath path_;
 };
 
-// A triangle as a camera sees it. With the homogeneous pixel h = (x, y, 1), weights_by_depth * h
+// A triangle in a camera's view. With the homogeneous pixel h = (x, y, 1), weights_by_depth * h
 // holds the barycentric weights divided by the depth: all are >= 0 inside, and their sum is the
 // inverse depth. That needs no clipping (Olano and Greer, Triangle scan conversion using 2D
 // homogeneous coordinates, 1997).
 struct ProjectedTriangle {
   Eigen::Matrix3d weights_by_depth;
   Eigen::Vector3d inverse_depth;  // the sum of the rows
-  // Around it [px]; the whole plane where it reaches behind the camera.
+  // Its bounds [px]; the whole plane if it reaches behind the camera.
   double left, right, top, bottom;
 
   bool Covers(const Eigen::Vector3d& weights) const { return weights.minCoeff() >= -tolerance; }
   double tolerance;  // a millionth of a pixel: neighbours leave no gap
 };
-// None if it is behind the camera or seen edge-on.
+// Returns nullopt if the triangle is behind the camera or seen edge-on.
 std::optional<ProjectedTriangle> ProjectTriangle(const Camera& camera,
                                                  const std::array<Eigen::Vector3d, 3>& x_in_cam);
 
-// The scene as one frame shows it, for questions about single points: with a rolling shutter every
-// row at its own time.
+// The scene in one frame, for queries about single points; with a rolling shutter every row has its
+// own time.
 class SceneMoment {
  public:
-  // A surface point in the frame.
+  // The view of a surface point in the frame.
   struct Sight {
     Eigen::Vector2d xy;  // [px], in the picture or not
     double depth;        // [m], along the optical axis of the camera that sees it
@@ -114,13 +114,14 @@ class SceneMoment {
 
   SceneMoment(const SyntheticScene& scene, double frame);
 
-  // The nearest surface point on a pixel's ray; none where there is nothing. Pixels may lie up to
-  // 64 px outside the picture.
+  // The nearest surface point on a pixel's ray; nullopt if there is none. Pixels may lie up to 64
+  // px outside the picture.
   std::optional<SurfacePoint> Pick(const Eigen::Vector2d& xy) const;
-  // Where it is, hidden or not: none behind the camera. With a rolling shutter the y of which
+  // The projection of a point, hidden or not; nullopt behind the camera. With a rolling shutter it
+  // solves
   //   y = projection of the point at TimeOfRow(y),
-  // found by fixed-point iteration, which converges as long as the picture moves by less than its
-  // height in a readout; none where it does not.
+  // by fixed-point iteration, which converges if the picture moves by less than its height in a
+  // readout; nullopt if it does not converge.
   std::optional<Sight> Locate(const SurfacePoint& point) const;
   // At the frame's own time, which is the middle row's.
   Eigen::Vector3d PointInWorld(const SurfacePoint& point) const;
@@ -142,7 +143,7 @@ class SceneMoment {
   };
   void AddCandidate(std::size_t triangle);
   Hit Cast(const Eigen::Vector2d& xy) const;
-  // As the camera sees it at another time of the frame.
+  // The triangle's projection at another time of the frame.
   std::optional<ProjectedTriangle> Project(std::size_t triangle,
                                            double time,
                                            const Rigid3& cam_from_world) const;
@@ -155,7 +156,7 @@ class SceneMoment {
   std::vector<Candidate> candidates_;
   int tile_columns_;
   int tile_rows_;
-  std::vector<std::vector<std::uint32_t>> tiles_;  // candidates that touch it
+  std::vector<std::vector<std::uint32_t>> tiles_;  // candidates that overlap it
 };
 
 }  // namespace cohort

@@ -4,9 +4,9 @@
 
 namespace cohort {
 
-// What stands in each scene, where it is looked at from and how it is lit. The seed moves, sizes
-// and paints things differently; what makes the scene stays. A new scene is a function here, a name
-// in synthetic_scene.h and a line in scene_design.cc.
+// The contents, viewpoint and light of each scene. The seed varies position, size and paint of
+// things, not the scene's character. A new scene is a function here, a name in synthetic_scene.h
+// and a line in scene_design.cc.
 void BuildRoom(SceneBuilder& b);
 void BuildCorridor(SceneBuilder& b);
 void BuildTabletop(SceneBuilder& b);

@@ -72,20 +72,20 @@ struct SyntheticSceneOptions {
   }
 };
 
-// Called after each finished frame with how many are done, of how many (0: not known).
+// Called after each finished frame with the number done and the total (0: unknown).
 using Progress = std::function<void(std::size_t done, std::size_t total)>;
 
-// Renders a clip into a folder in TUM layout with exact truth: rgb/, depth/ (to 13.1 m),
+// Renders a clip into a folder in TUM layout with exact ground truth: rgb/, depth/ (to 13.1 m),
 // calibration.txt, groundtruth.txt, and scene.json, from which track_truth.h rebuilds the scene.
-// With a rolling shutter (`readout`) poses and time stamps are the middle row's, and a row of a
-// depth picture is as deep as that row's camera sees it.
-// Whole or not at all; the bytes do not depend on `threads` (0: one a core).
+// With a rolling shutter (`readout`) poses and time stamps are the middle row's, and each row of a
+// depth picture has its own camera. Whole or not at all; the bytes do not depend on `threads` (0:
+// one per core).
 void RenderSequence(const SyntheticSceneOptions& options,
                     const std::filesystem::path& out,
                     const Progress& progress = {},
                     unsigned threads = 0);
 
-// scene.json: what a clip shows, and which of the scene's frames.
+// scene.json: the scene of a clip, and which of its frames the clip has.
 struct SceneFile {
   SyntheticSceneOptions options;
   int first_frame = 0;  // frame i of the clip is frame first_frame + i * frame_step of the scene
@@ -93,12 +93,12 @@ struct SceneFile {
 
   static constexpr int kMostFrame = 10'000'000;  // of the scene: four days of it
 
-  // The scene's frame that frame i of the clip is. Throws Error beyond kMostFrame.
+  // The scene's frame for frame i of the clip. Throws Error beyond kMostFrame.
   int FrameOf(FrameIndex i) const;
   std::string Text() const;
 };
-// Of a folder; none if there is no scene.json. Throws Error if it cannot be understood or was
-// written by another version of the renderer.
+// Reads a folder's file; nullopt if there is no scene.json. Throws Error if it is invalid or from
+// another version of the renderer.
 std::optional<SceneFile> ReadSceneFile(const std::filesystem::path& folder);
 
 }  // namespace cohort

@@ -9,8 +9,9 @@ namespace cohort {
 
 inline constexpr double kTurn = 2.0 * std::numbers::pi;  // [rad]
 
-// What a surface is made of. All are drawn from random numbers and built like photographs: a
-// 1/f-like spectrum, edges and corners of all sizes, strong and weak parts. None is a picture.
+// The material of a surface. All are generated from random numbers with the statistics of
+// photographs: a 1/f-like spectrum, edges and corners of all sizes, strong and weak parts. None
+// uses a picture.
 enum class Material {
   kPlaster,    // weak: slow shades, few stains and cracks
   kConcrete,   // pores, stains, formwork joints

@@ -8,18 +8,18 @@
 
 namespace cohort {
 
-// How well a patch of a degraded frame can be located at all: the Cramer-Rao bound of its
-// translation [px] against a template without noise,
+// The limit of locating a patch of a degraded frame: the Cramer-Rao bound of its translation [px]
+// against a template without noise,
 //   covariance = F^-1,   F = J^T C^-1 J,
 // with J (pixels x 2) the gradient of NoiseFreeSignal in the window and C the covariance of its
-// pixels' noise, rounding to 8 bits included (position_bound.cc). Clipping at black and white is
-// left out: it can only lose, so the bound stays one. Not for recipe phone, whose frames tell of
-// those before them.
+// pixels' noise, including rounding to 8 bits (position_bound.cc). Clipping at black and white is
+// ignored: it only loses information, so the bound remains valid. Not for recipe phone, whose
+// frames depend on earlier ones.
 class PositionBound {
  public:
   PositionBound(const DegradeOptions& options, int window_px);
 
-  // What the bound reads of a frame.
+  // The part of a frame that the bound uses.
   struct Signal {
     cv::Mat value;  // CV_32FC1
     cv::Mat dx;
@@ -27,8 +27,8 @@ class PositionBound {
   };
   static Signal Prepare(const cv::Mat& signal);
 
-  // [px^2], of the window about the pixel nearest to `xy`; none where it has no texture. Outside
-  // the picture nothing is seen.
+  // [px^2], for the window about the pixel nearest to `xy`; nullopt without texture. Pixels outside
+  // the picture carry no information.
   std::optional<Eigen::Matrix2d> Covariance(const Signal& signal, const Eigen::Vector2d& xy) const;
 
  private:

@@ -10,18 +10,18 @@
 
 namespace cohort {
 
-// Where a point of the scene truly is in a frame.
+// The true position of a scene point in a frame.
 struct TruePosition {
   Eigen::Vector2d xy = Eigen::Vector2d::Zero();  // [px]
   bool in_image = false;
-  bool visible = false;  // in the image and hidden by nothing
+  bool visible = false;  // in the image and not hidden
 };
 
 // The true paths of points: the error of a track is its distance from the path of the surface point
-// that its first position shows. What is asked of a frame is kept; not for several threads.
+// at its first position. Queried frames are cached; not thread-safe.
 class TrackTruth {
  public:
-  // A point of the scene, as this truth names it.
+  // A scene point in this truth's representation.
   struct Anchor {
     FrameIndex frame{};
     Eigen::Vector3d x_in_world = Eigen::Vector3d::Zero();  // in that frame; rigid scenes: in all
@@ -29,24 +29,23 @@ class TrackTruth {
   };
 
   virtual ~TrackTruth() = default;
-  // The point that a pixel shows; none where its depth is unknown or a foreground occluder hides
-  // the scene.
+  // The point at a pixel; nullopt if its depth is unknown or a foreground occluder hides the scene.
   virtual std::optional<Anchor> Pick(FrameIndex frame, const Eigen::Vector2d& xy) = 0;
-  // None in a frame without a true pose, and behind the camera.
+  // Returns nullopt in a frame without a true pose, and behind the camera.
   virtual std::optional<TruePosition> Locate(const Anchor& anchor, FrameIndex frame) = 0;
-  // Does the depth jump within `radius_px` of a pixel? Corners there are often no points of the
-  // scene: a near edge crosses a far one. Steep surfaces and creases are no jumps. Where the depth
-  // is not known, it is said to jump.
+  // Whether the depth jumps within `radius_px` of a pixel. Corners there are often not scene
+  // points: a near edge crosses a far one. Steep surfaces and creases are no jumps. Unknown depth
+  // counts as a jump.
   virtual bool IsOnDepthEdge(FrameIndex frame, const Eigen::Vector2d& xy, double radius_px) = 0;
 };
 
-// The best truth that `input` has; `sequence` is `input`, and must outlive the result:
-// - exact where it holds a scene.json, also of what moves and deforms and under a rolling shutter;
-//   visible is the nearest surface on its ray, to 1 mm in 1 m; a jump is 2 % of the depth from pixel
-//   to pixel;
+// The best truth for `input`; `sequence` is `input`, and must outlive the result:
+// - exact if it holds a scene.json, also for moving and deforming surfaces and a rolling shutter;
+//   visible is the nearest surface on its ray, to 1 mm in 1 m; a jump is 2 % of the depth from
+//   pixel to pixel;
 // - else from depth pictures and true poses, for rigid scenes: depth between four neighbours that
 //   agree to 2 %; visible where the depth picture agrees to 3 % + 2 cm; a jump is 5 %;
-// - none without these. Masks of a foreground occluder count in both.
+// - null without these. Masks of a foreground occluder count in both.
 std::unique_ptr<TrackTruth> OpenTrackTruth(const Sequence& sequence,
                                            const std::filesystem::path& input);
 

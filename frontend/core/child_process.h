@@ -12,7 +12,7 @@ namespace cohort {
 
 struct ProgramEnd {
   int exit_code = 0;
-  int signal = 0;                 // that ended it; 0: none
+  int signal = 0;                 // that ended it; 0 if none
   bool out_of_time = false;       // we killed it, by a signal
   bool printed_too_much = false;  // the same
 
@@ -20,21 +20,21 @@ struct ProgramEnd {
   std::string Brief() const;  // "exit code 1", "killed by signal 9", "killed at its time limit"
 };
 
-// A path, or a name that is looked up in PATH; none if there is no such program.
+// A path, or a name that is looked up in PATH. Returns nullopt if there is no such program.
 std::optional<std::filesystem::path> FindProgram(const std::string& program);
 
-// Runs a program to its end: without a shell, without standard input, without a display; it dies
-// with us (what it started itself does not: a script should exec the program that it wraps). All
-// that it prints goes to the descriptor `output`. After `time_limit` it is killed (zero: never), and
-// where it has printed over 1 GiB into a file; looked at 20 times a second, so that it may be more.
-// Throws Error if it cannot be started.
+// Runs a program to its end, without a shell, standard input or a display. The program dies with
+// this process, but its own children do not: a script should exec the program that it wraps. All
+// its output goes to the descriptor `output`. The program is killed after `time_limit` (zero:
+// never), or once it has printed over 1 GiB into a file; the size is checked 20 times a second and
+// may exceed the limit. Throws Error if it cannot be started.
 ProgramEnd RunProgram(const std::filesystem::path& program,
                       std::vector<std::string> arguments,
                       int output,
                       std::chrono::duration<double> time_limit = {});
 
-// The same with what it printed as text, of which no more than the first 16 MiB: it is killed where
-// it has printed more.
+// The same with its output as text. A program that prints more than 16 MiB is killed, and only the
+// first 16 MiB are kept.
 struct ProgramOutput {
   ProgramEnd end;
   std::string text;

@@ -9,9 +9,9 @@
 
 namespace cohort {
 
-// The text with spaces for every control character, those of UTF-8 (C1, line and paragraph
-// separators) included: names and values out of files may hold line breaks, and codes that a terminal
-// would obey.
+// The text with spaces for every control character, including those of UTF-8 (C1, line and
+// paragraph separators). Names and values from files may contain line breaks and terminal control
+// codes.
 inline std::string OneLine(std::string_view text) {
   std::string line(text);
   const auto byte = [&line](std::size_t i) {
@@ -28,28 +28,28 @@ inline std::string OneLine(std::string_view text) {
   return line;
 }
 
-// Bad input or a resource that fails: what() is one line naming what, where and what to do.
+// Invalid input or a failing resource: what() is one line that states what, where and what to do.
 // The commands print it as `cohort: error: ...` and exit 1.
 class Error : public std::runtime_error {
  public:
   explicit Error(std::string_view what) : std::runtime_error(Shown(what)) {}
 
  private:
-  // What a message quotes of a file may have any length.
+  // A message may quote text of any length from a file.
   static std::string Shown(std::string_view what) {
     constexpr std::size_t kMostBytes = 8192;
     return OneLine(what.substr(0, kMostBytes)) + (what.size() > kMostBytes ? " ..." : "");
   }
 };
 
-// A file that is there, but that the system does not give: no right, a bad disk, no more descriptors.
-// It says nothing of what is in it.
+// The system does not give access to an existing file: no permission, a bad disk, no free
+// descriptors. Its contents are not in question.
 class SystemError : public Error {
  public:
   using Error::Error;
 };
 
-// A wrong flag, option name or value: exit 2.
+// An invalid flag, option name or value: exit 2.
 class UsageError : public Error {
  public:
   using Error::Error;
@@ -65,7 +65,7 @@ template <typename... Args>
   throw UsageError(fmt::format(text, std::forward<Args>(args)...));
 }
 
-// An invariant of our own code: checked in release builds too.
+// Checks an invariant of our own code, in release builds too.
 inline void Check(bool holds, const char* what) {
   if (!holds) throw std::logic_error(std::string("broken invariant: ") + what);
 }

@@ -6,13 +6,13 @@
 
 namespace cohort {
 
-// What a path is an entry of, whole, and its name there: where that is a link, not what it leads to.
-// Two of the same replace each other.
+// The resolved parent folder of a path with its name there; a link is not followed. Two paths with
+// the same entry replace each other.
 std::string EntryOf(const std::filesystem::path& path);
 
-// Which files a run has read, so that none of its outputs takes the place of one: a slip of the hand
-// (`track v.mp4 --out v.mp4`) loses nothing. On while one lives, as in the program; whoever uses the
-// libraries may well read a file and write it anew.
+// Records which files a run has read, so that no output replaces one by mistake, as in `track v.mp4
+// --out v.mp4`. Active while an instance lives, as in the program. Users of the libraries may read
+// a file and rewrite it.
 class InputRecord {
  public:
   InputRecord();
@@ -21,16 +21,16 @@ class InputRecord {
   ~InputRecord();
 
   static void Add(const std::filesystem::path& file);
-  // The user says that this file may be replaced.
+  // The user permits replacing this file.
   static void Forget(const std::filesystem::path& file);
-  // Whether what is renamed to the path would take the place of a file that was read.
+  // Whether renaming a file to this path would replace a file that was read.
   static bool Holds(const std::filesystem::path& path);
-  // A file that was read in this folder, or below; the folder, where it is itself added.
+  // A file that was read in this folder or below, or the folder itself if it was added.
   static std::optional<std::filesystem::path> FindBelow(const std::filesystem::path& folder);
 };
 
-// While one lives, to read this file does not make it an input: it is the run's own, which it may
-// replace. What was an input before stays one.
+// While an instance lives, reading this file does not record it as an input: it is the run's own
+// file, which may be replaced. A file recorded before stays recorded.
 class OwnFile {
  public:
   explicit OwnFile(const std::filesystem::path& file);

@@ -5,8 +5,9 @@
 
 namespace cohort {
 
-// Lets whoever runs a long job end it. While one lives, CheckInterruption() in its thread calls
-// `check`, which ends the job by throwing: Python's Ctrl-C. The latest one counts.
+// Lets a caller interrupt a long job. While an instance lives, CheckInterruption() in its thread
+// calls `check`, which ends the job by throwing, as Python's Ctrl-C does. The latest instance
+// counts.
 class InterruptionCheck {
  public:
   explicit InterruptionCheck(std::function<void()> check)
@@ -23,8 +24,8 @@ class InterruptionCheck {
   InterruptionCheck* outer_;
 };
 
-// Called often, at least once in the time of a frame where that can be, by work that has no
-// StageProgress. Nothing where nobody asked for it.
+// Work without a StageProgress calls this often, at least once per frame if possible. Does nothing
+// without an InterruptionCheck.
 inline void CheckInterruption() {
   if (InterruptionCheck::innermost != nullptr) InterruptionCheck::innermost->check_();
 }

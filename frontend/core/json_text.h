@@ -9,10 +9,10 @@
 
 namespace cohort {
 
-// What is looked at before a text is parsed, as nlohmann's SAX interface tells it: Error where an
-// object has a key twice (the last value would count, and nobody would know of the first), where
-// what is in it lies so deep that who walks through it may run out of stack, and where objects have
-// so many keys that to find them takes minutes (nlohmann's ordered objects search one by one).
+// Checks a text before it is parsed, by nlohmann's SAX interface. Throws Error if an object has a
+// key twice (the last value would silently replace the first), if the nesting is so deep that a
+// recursive reader may overflow the stack, or if objects have so many keys that finding them takes
+// minutes (nlohmann's ordered objects search linearly).
 template <typename Json>
 class JsonScan {
  public:
@@ -38,7 +38,7 @@ class JsonScan {
     }
     return true;
   }
-  // Json::parse says it better.
+  // Json::parse gives a better message.
   bool parse_error(std::size_t, const std::string&, const typename Json::exception&) {
     return false;
   }
@@ -55,12 +55,12 @@ class JsonScan {
     return true;
   }
 
-  std::vector<std::set<std::string>> keys_;  // of the objects that are open; of lists none
+  std::vector<std::set<std::string>> keys_;  // of the open objects; empty sets for lists
   std::size_t steps_ = 0;
 };
 
-// The text as `Json`, one of nlohmann's types (not included here: who has none need not have its
-// headers). Throws its errors, and those of JsonScan.
+// Parses the text as `Json`, one of nlohmann's types (not included here, so that this header does
+// not require it). Throws its errors, and those of JsonScan.
 template <typename Json>
 Json ParseWithoutTwins(const std::string& text) {
   JsonScan<Json> scan;

@@ -12,14 +12,14 @@
 
 namespace cohort {
 
-// Lines of a text file, one at a time; the longest allowed line, 65,535 characters, bounds the
+// Reads the lines of a text file one at a time. The limit of 65,535 characters per line bounds the
 // memory. Throws Error naming path and line.
 class LineReader {
  public:
   explicit LineReader(const std::filesystem::path& path);
 
   bool Next();
-  std::string_view line() const { return line_; }  // without its end, as on Windows too
+  std::string_view line() const { return line_; }  // without its line ending, also of Windows
 
   template <typename... Args>
   [[noreturn]] void Throw(fmt::format_string<Args...> text, Args&&... args) const {

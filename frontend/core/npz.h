@@ -17,7 +17,7 @@ namespace cohort {
 
 enum class NpzKind { kBool, kInteger, kReal };
 
-inline constexpr std::size_t kMaxNpzValues = std::size_t{1} << 30;  // of an array: 8 GB in memory
+inline constexpr std::size_t kMaxNpzValues = std::size_t{1} << 30;  // per array: 8 GB in memory
 
 struct NpzArray {
   NpzKind kind = NpzKind::kReal;
@@ -25,11 +25,11 @@ struct NpzArray {
   std::vector<double> values;  // C order, the last index runs fastest; bool 0 or 1
 };
 
-// "30 x 1000 x 2", of a single number "1".
+// "30 x 1000 x 2"; "1" for a single number.
 std::string ShapeText(std::span<const std::size_t> shape);
 
 // Reads arrays of bool, integers and floats of 2 to 8 bytes, little-endian, in C or Fortran order.
-// Never trusts what a file says of its size, and never unpickles. Throws Error naming path and
+// Never trusts the sizes that a file states, and never unpickles. Throws Error naming path and
 // array.
 class NpzReader {
  public:
@@ -37,16 +37,17 @@ class NpzReader {
   NpzReader(NpzReader&&) noexcept;
   ~NpzReader();
 
-  // Of all arrays, in the file's order. What is in the archive and no .npy is not listed.
+  // The names of all arrays, in the file's order. Entries of the archive that are no .npy are not
+  // listed.
   const std::vector<std::string>& names() const;
   bool Has(std::string_view name) const;
-  // Of its header alone; no kind where the type is one that is not read.
+  // Read from its header alone; the kind is unset if the type is not supported.
   struct Description {
     std::optional<NpzKind> kind;
     std::vector<std::size_t> shape;
   };
   Description Describe(const std::string& name) const;
-  // More than `max_values` numbers are an error, before memory is taken for them.
+  // Throws Error if there are more than `max_values` numbers, before allocating memory for them.
   NpzArray Read(const std::string& name, std::size_t max_values = kMaxNpzValues);
 
  private:
@@ -54,7 +55,7 @@ class NpzReader {
   std::unique_ptr<Impl> impl_;
 };
 
-// Writes compressed arrays, whole or not at all; the same arrays give the same bytes.
+// Writes compressed arrays, whole or not at all; equal arrays give equal bytes.
 //
 //   NpzWriter npz("a.npz");
 //   npz.Add("xy", {n, 2}, std::span<const double>(values));
@@ -70,8 +71,8 @@ class NpzWriter {
   void Add(const std::string& name,
            std::span<const std::size_t> shape,
            std::span<const std::int64_t>);
-  // An array that is never held whole: Commit asks for each index of the first axis, in order, what
-  // lies behind it. `fill` throws nothing.
+  // An array that is never held whole: Commit calls `fill` for each index of the first axis, in
+  // order. `fill` must not throw.
   template <typename T>  // double, float, std::uint8_t (as NumPy's bool)
   using FillRow = std::function<void(std::size_t row, std::span<T> values)>;
   void AddRows(const std::string& name, std::span<const std::size_t> shape, FillRow<double> fill);

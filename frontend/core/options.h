@@ -1,8 +1,8 @@
 #pragma once
 
-// Options are declared once. An options struct has in-class defaults and one static Visit naming
-// every field, its range and its help; visitors make validation, command-line flags, --help and
-// JSON of it:
+// Options are declared once. An options struct has in-class defaults and one static Visit that
+// names every field, its range and its help. Visitors derive validation, command-line flags, --help
+// and JSON from it:
 //
 //   struct KltOptions {
 //     int window_px = 21;
@@ -29,9 +29,9 @@
 
 namespace cohort {
 
-// Who needs an option. --help shows the common ones, whose help is a full sentence that says what a
-// change does; --help-all shows the expert ones too. A Group is common unless said otherwise: its
-// fields' own tiers count; of an expert group all fields are expert.
+// The audience of an option. --help shows the common ones, whose help is a full sentence that
+// states the effect of a change; --help-all also shows the expert ones. A Group is common by
+// default, and its fields' own tiers count; all fields of an expert group are expert.
 enum class Tier { kCommon, kExpert };
 
 template <typename Enum, std::size_t N>
@@ -46,7 +46,7 @@ constexpr std::string_view NameOf(const ChoiceNames<Enum, N>& names, Enum value)
   return "?";
 }
 
-// And back; none of another text.
+// The reverse; nullopt for any other text.
 template <typename Enum, std::size_t N>
 constexpr std::optional<Enum> ValueOf(const ChoiceNames<Enum, N>& names, std::string_view text) {
   for (const auto& [candidate, value] : names) {

@@ -14,27 +14,28 @@
 
 namespace cohort {
 
-// PATH.partial, as which an output is written.
+// PATH.partial, the name under which an output is written.
 std::filesystem::path PartialOf(const std::filesystem::path& path);
 
-// Outputs are written whole or not at all: into a new file or folder, PATH.partial, beside the final
-// path, renamed at the end. Until Commit the old one stays; without Commit (an exception) the partial one
-// is removed. No other run can write the same one at the same time. Throws Error naming the path.
+// Outputs are written whole or not at all: into a new file or folder, PATH.partial, beside the
+// final path, which is renamed at the end. The old output stays until Commit; without Commit (an
+// exception) the partial one is removed. Two runs cannot write the same output at the same time.
+// Throws Error naming the path.
 //
 //   OutputFile out("a.csv");
 //   ... write out.partial() ...
 //   out.Commit();
 class OutputFile {
  public:
-  // Throws at once where the folder is missing or not writable, the path is a folder, a pipe, a socket
-  // or a device, or the run reads this very file (InputRecord; Commit looks again).
+  // Throws at once if the folder is missing or not writable, if the path is a folder, a pipe, a
+  // socket or a device, or if the run reads this very file (InputRecord; Commit checks again).
   explicit OutputFile(std::filesystem::path path);
   OutputFile(const OutputFile&) = delete;
   OutputFile& operator=(const OutputFile&) = delete;
   ~OutputFile();
 
   const std::filesystem::path& partial() const { return partial_; }  // PATH.partial
-  // Where another program, or a library, has put a new file in the place of partial().
+  // Call this after another program or a library has replaced partial() by a new file.
   void LockAnew();
   void Commit();
 
@@ -45,10 +46,10 @@ class OutputFile {
   bool committed_ = false;
 };
 
-// The same for a folder. An existing folder is replaced whole; so that a slip of the hand deletes
-// nothing, one that holds an entry whose name is not ours, or a file that the run reads, is refused: at
-// once, and in Commit where one was put there meanwhile. So is PATH.partial. Where others give the same
-// names, `was_ours` tells from what is in a folder whether we have written it.
+// The same for a folder. An existing folder is replaced whole. To protect against mistakes, a
+// folder that holds an entry whose name is not ours, or a file that the run reads, is rejected: at
+// once, and in Commit if an entry was added meanwhile. The same holds for PATH.partial. If other
+// programs use the same names, `was_ours` decides from the contents whether we wrote the folder.
 class OutputFolder {
  public:
   using WasOurs = std::function<bool(const std::filesystem::path& folder)>;
@@ -77,19 +78,19 @@ class OutputFolder {
   bool committed_ = false;
 };
 
-// What OutputFile checks at once, for those who write a file in another way.
+// OutputFile's initial checks, for code that writes a file in another way.
 void CheckOutputPath(const std::filesystem::path& path);
-// The same of those that are given, of the optional ones: before hours of work.
+// The same for those paths that are given (not empty), before hours of work.
 void CheckOutputsGiven(std::initializer_list<std::filesystem::path> paths);
 
-// The same for those who replace a folder in another way.
+// The same for code that replaces a folder in another way.
 void CheckFolderHoldsNoInput(const std::filesystem::path& folder);
 
-// Throws UsageError where two options name the same file; empty ones are not given.
+// Throws UsageError if two options name the same file; empty paths are ignored.
 void CheckDistinctOutputs(
     std::initializer_list<std::pair<std::string_view, std::filesystem::path>> outputs);
 
-// Writes bytes to a file in place; for whole or not at all write OutputFile's partial().
+// Writes bytes to a file in place; write to OutputFile's partial() for whole or not at all.
 void WriteBytes(const std::filesystem::path& path, std::string_view bytes);
 
 }  // namespace cohort

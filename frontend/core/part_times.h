@@ -5,11 +5,12 @@
 
 namespace cohort {
 
-// Processor time of this thread [ms]: what else runs on the machine does not count.
+// Processor time of this thread [ms]; other load on the machine does not count.
 double ThreadCpuMs();
 
-// Where the time goes, for benchmarks: while one is alive, scopes of its thread that hold a TimedPart
-// add their processor time to it. A scope within another's takes its time from the outer one.
+// Profiles parts of the program for benchmarks: while an instance lives, scopes of its thread that
+// hold a TimedPart add their processor time to it. The time of a nested scope is subtracted from
+// the outer one's.
 //
 //   PartTimes times;   { const TimedPart part("guide"); ... }   times.ms()["guide"]
 class PartTimes {
@@ -27,7 +28,7 @@ class PartTimes {
   PartTimes* outer_;
 };
 
-// Nothing but the test of a pointer where no PartTimes is alive.
+// Costs only the test of a pointer if no PartTimes lives.
 class TimedPart {
  public:
   explicit TimedPart(std::string_view name);  // a literal: it is not copied

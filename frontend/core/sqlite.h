@@ -13,9 +13,9 @@ struct sqlite3_stmt;
 
 namespace cohort {
 
-// What a statement may do from its first Step to its last, in instructions of SQLite's machine, in
-// rows, and in bytes of their texts and blobs: in proportion to the file. Pages of a damaged one may be
-// each other's children many times, and 50 KB then have 10^16 rows.
+// The limits of a statement from its first Step to its last, in instructions of SQLite's virtual
+// machine, in rows, and in bytes of their texts and blobs, in proportion to the file. In a damaged
+// file pages may be each other's children many times, and 50 KB then have 10^16 rows.
 struct SqliteWork {
   std::uint64_t instructions = 0;
   std::uint64_t rows = 0;
@@ -29,7 +29,7 @@ struct SqliteWork {
 //   auto select = db.Prepare("SELECT id, name FROM t ORDER BY id");
 //   while (select.Step()) Use(select.Int(0), select.Text(1));
 //
-// Throws Error naming the database's path and what SQLite says. Must not outlive its database.
+// Throws Error naming the database's path and SQLite's message. Must not outlive its database.
 class SqliteStatement {
  public:
   SqliteStatement& Bind(int parameter, std::int64_t value);
@@ -58,20 +58,20 @@ class SqliteStatement {
     void operator()(sqlite3_stmt* statement) const;
   };
   sqlite3* db_;
-  SqliteWork* step_;        // what the Step that runs may still do, of the database
+  SqliteWork* step_;        // what the current Step may still do, of the database
   const SqliteWork* most_;  // of a statement
   SqliteWork done_;         // since the first Step
   std::unique_ptr<sqlite3_stmt, Finalize> statement_;
 };
 
-// An open SQLite file, closed at the end of the scope. It may be anybody's: no code that it brings is
-// run; what its pages claim costs no more work, and no more rows, than a file of its size can hold;
-// and a journal beside it touches no other file.
+// An open SQLite file, closed at the end of the scope. The file may be untrusted: no code in it
+// runs, its pages cannot cause more work or rows than a file of its size can hold, and a journal
+// beside it affects no other file.
 class SqliteDatabase {
  public:
-  // kRead: nothing is written, nor beside it; a write-ahead log is read where it lies. kWrite: must
-  // exist; what a program that died has left half written in it is undone. kCreate: kWrite, and made
-  // if missing. Throws Error naming the path.
+  // kRead: writes nothing, neither in the file nor beside it, and reads a write-ahead log in place.
+  // kWrite: the file must exist; a transaction that a crashed program left half written is rolled
+  // back. kCreate: kWrite, and creates a missing file. Throws Error naming the path.
   enum class Mode { kRead, kWrite, kCreate };
   static SqliteDatabase Open(const std::filesystem::path& path, Mode mode);
 
@@ -89,14 +89,14 @@ class SqliteDatabase {
   void CheckTables();
   struct Work {
     SqliteWork most;  // of a statement
-    SqliteWork step;  // what the call that runs may still do
+    SqliteWork step;  // what the current call may still do
   };
   std::unique_ptr<Work> work_;  // before db_, which points to it
   std::unique_ptr<sqlite3, Close> db_;
 };
 
-// A journal or a log that a program which died has left beside PATH SQLite would play into the next
-// file of that name: to be called before one is put there. What a journal tells is undone first, so that
+// Call this before placing a file at PATH: SQLite would play a journal or log that a crashed
+// program left beside PATH into the next file of that name. First rolls the journal back, so that
 // PATH itself is whole until it is replaced. Throws Error naming what cannot be removed.
 void RemoveJournals(const std::filesystem::path& path);
 

@@ -4,9 +4,10 @@
 
 namespace cohort {
 
-// Before SQLite undoes in a database what its rollback journal tells (www.sqlite.org/fileformat2.html,
-// 3): throws Error if the journal would delete another file, or is not of this database. SQLite asks
-// neither: that of a killed run is played into any file that comes to its name, a whole and finished one.
+// Call this before SQLite rolls a database back by its journal (www.sqlite.org/fileformat2.html,
+// 3). Throws Error if the journal would delete another file or belongs to another database. SQLite
+// checks neither: it plays the journal of a killed run into any file of that name, even a complete
+// one.
 void CheckJournal(const std::filesystem::path& database, const std::filesystem::path& journal);
 
 }  // namespace cohort

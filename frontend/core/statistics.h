@@ -6,10 +6,10 @@
 #include <utility>
 #include <vector>
 
-// Order statistics. Lists come by value, as their order is lost; of an empty one all are 0.
+// Order statistics. Lists are passed by value, because they are reordered; an empty one gives 0.
 namespace cohort {
 
-// A value of the list, that at place round(share * (n - 1)) when sorted: for choosing scales and
+// The value of the list at position round(share * (n - 1)) in sorted order: for choosing scales and
 // bounds. At 0.5 of an even number it is the upper of the two in the middle.
 inline double Quantile(std::vector<double> values, double share) {
   if (values.empty()) return 0.0;
@@ -22,7 +22,7 @@ inline double Quantile(std::vector<double> values, double share) {
 
 inline double Median(std::vector<double> values) { return Quantile(std::move(values), 0.5); }
 
-// Between neighbours linear in share, as numpy's percentile: for figures that are reported.
+// Interpolates linearly between neighbours, as numpy's percentile: for figures that are reported.
 inline double InterpolatedQuantile(std::vector<double> values, double share) {
   if (values.empty()) return 0.0;
   const double place = share * static_cast<double>(values.size() - 1);

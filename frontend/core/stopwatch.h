@@ -4,7 +4,7 @@
 
 namespace cohort {
 
-// Time since it was made.
+// Time since construction.
 class Stopwatch {
  public:
   double Seconds() const {

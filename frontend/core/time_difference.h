@@ -5,7 +5,7 @@
 
 namespace cohort {
 
-// Of times that a file says [ns], which may lie further apart than a signed number holds.
+// The difference of times from a file [ns], which may exceed the range of a signed number.
 inline std::uint64_t TimeBetween(std::int64_t a, std::int64_t b) {
   return static_cast<std::uint64_t>(std::max(a, b)) - static_cast<std::uint64_t>(std::min(a, b));
 }

@@ -10,17 +10,17 @@
 
 namespace cohort {
 
-// One thread beside the caller's, for all that it is given, in that order. Not a thread for each, as
-// std::async would have: OpenCV keeps some memory of every thread that it was ever called by.
+// One thread beside the caller's that runs all its tasks in order. It is not a thread per task, as
+// with std::async, because OpenCV keeps memory for every thread that ever called it.
 class Worker {
  public:
   Worker() = default;
   Worker(const Worker&) = delete;
   Worker& operator=(const Worker&) = delete;
-  // Waits for what has begun; what has not is dropped.
+  // Waits for the running task; drops those not begun.
   ~Worker();
 
-  // The result, or the exception, of `work()`.
+  // Gives the result, or the exception, of `work()`.
   template <typename Work>
   std::future<std::invoke_result_t<Work>> Begin(Work work) {
     std::packaged_task<std::invoke_result_t<Work>()> task(std::move(work));
@@ -37,7 +37,7 @@ class Worker {
   std::condition_variable changed_;
   std::deque<std::packaged_task<void()>> waiting_;
   bool ending_ = false;
-  std::thread thread_;  // from the first task on
+  std::thread thread_;  // runs from the first task on
 };
 
 }  // namespace cohort

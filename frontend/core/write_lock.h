@@ -5,29 +5,29 @@
 
 namespace cohort {
 
-// Keeps other runs of the program away from a file or folder that this one writes, until it is
-// destroyed or the process ends, however it ends. Where another run holds it, it is waited for some
-// seconds (a run that was killed may still be ending); then Error says that there is one. File systems
-// that know no locks have none, nor those whose locks would meet SQLite's (NFS).
+// Keeps other runs of the program away from a file or folder that this one writes, until the lock
+// is destroyed or the process ends in any way. If another run holds the lock, this one waits for
+// some seconds (a killed run may still be ending), then throws Error. File systems without locks,
+// or whose locks would conflict with SQLite's (NFS), are not locked.
 class WriteLock {
  public:
-  // An empty file in the place of what was there (no folder): made by us, never reached by a link that
-  // somebody else has put there, as one may in /tmp. Throws Error naming the path.
+  // Replaces what was there (no folder) by an empty file that we create. It never follows a link
+  // that another user has put there, as in /tmp. Throws Error naming the path.
   static WriteLock OfNewFile(const std::filesystem::path& path);
-  // The same for a folder, in the place of a folder with all that it holds.
+  // The same for a folder, which replaces a folder with all that it holds.
   static WriteLock OfNewFolder(const std::filesystem::path& path);
-  // What is there; none where nothing is. `shared`: by several at a time, if all say so.
+  // Locks what is there; holds nothing if nothing is. `shared` locks may coexist.
   static WriteLock Of(const std::filesystem::path& path, bool shared = false);
-  // The same without waiting: none if another run holds it.
+  // The same without waiting: returns nullopt if another run holds it.
   static std::optional<WriteLock> TryOf(const std::filesystem::path& path);
 
-  // An empty file that is there for this alone, made where it is missing and left behind; it is locked
-  // on NFS, too.
+  // Locks an empty file that serves only this purpose. It is created if missing and left behind; it
+  // is locked on NFS, too.
   static WriteLock OfLockFile(const std::filesystem::path& path);
-  // The same, waited for as long as another run holds it. Throws Error where there are no locks.
+  // The same, but waits as long as another run holds it. Throws Error if there are no locks.
   static WriteLock Await(const std::filesystem::path& path);
 
-  // Is what it holds still what lies at the path?
+  // Whether the path still names the locked file.
   bool IsAt(const std::filesystem::path& path) const;
 
   WriteLock(WriteLock&& other) noexcept : descriptor_(other.descriptor_) { other.descriptor_ = -1; }

@@ -9,7 +9,7 @@
 
 namespace cohort {
 
-// Shi-Tomasi corners on a denoised image, spread over a grid; the same for every tracker.
+// Shi-Tomasi corners on a denoised image, spread over a grid; the same for all trackers.
 struct DetectorOptions {
   int max_features = 1000;
   double min_over_noise = 5.0;
@@ -41,14 +41,13 @@ struct DetectorOptions {
 };
 
 // Shi-Tomasi corners (the smaller eigenvalue of the gradient's structure tensor) of a denoised
-// picture, spread over a grid: every cell may hold an equal share of `max_features`, strongest
-// corner first, and what cells without texture leave is given to the strongest corners elsewhere.
-// A corner must be min_over_noise times as strong as the picture's noise alone looks (the median
-// over the picture): in the dark most of the strongest "corners" of a bare wall are noise.
-// `gray` is CV_32FC1 (0..1); `occupied` are positions [px] that new corners keep min_distance_px
-// away from; `mask` (empty or CV_8UC1) is 0 where no corner may be; `border_px` is kept free.
-// Returns at most max_new positions, refined to sub-pixel by a parabola, in
-// a fixed order.
+// picture, spread over a grid. Every cell gets an equal share of `max_features`, strongest corner
+// first; the unused share of cells without texture goes to the strongest corners elsewhere. A
+// corner must be min_over_noise times as strong as the picture's noise (the median over the
+// picture): in the dark most of the strongest "corners" of a bare wall are noise.
+// `gray` is CV_32FC1 (0..1); new corners keep min_distance_px away from the positions `occupied`
+// [px]; `mask` (empty or CV_8UC1) is 0 where no corner may be; `border_px` is kept free. Returns at
+// most max_new positions, refined to sub-pixel by a parabola, in a fixed order.
 std::vector<Eigen::Vector2d> DetectCorners(const cv::Mat& gray,
                                            std::span<const Eigen::Vector2d> occupied,
                                            const cv::Mat& mask,

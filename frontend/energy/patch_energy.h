@@ -23,9 +23,9 @@ PatchGradient PatchEnergyGradient(const cv::Mat& picture,
                                   std::span<const float> patch,
                                   int n);
 
-// The quadratic that touches c at x from above, |r| <= r^2 / (2 |r0|) + |r0| / 2, with residuals
-// linearised (iteratively re-weighted least squares): c(x + d) ~ energy + gradient d + d' hessian d
-// / 2. |r0| is kept above `floor`, so that weights stay finite.
+// The quadratic that touches c at x from above, |r| <= r^2 / (2 |r0|) + |r0| / 2, with linearised
+// residuals (iteratively re-weighted least squares): c(x + d) ~ energy + gradient d + d' hessian d
+// / 2. |r0| is bounded below by `floor`, which keeps the weights finite.
 struct PatchQuadratic {
   double energy = 0.0;
   Eigen::Vector2d gradient = Eigen::Vector2d::Zero();

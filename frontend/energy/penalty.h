@@ -6,9 +6,9 @@
 
 namespace cohort {
 
-// P(x), eq. (4) of Poling, Lerman, Szlam (CVPR 2014), section 3.2: a measure of the dimension of the
-// trajectory matrix M (the features' positions in the last L frames; LevelEnergy), through its
-// singular values sigma_1 >= sigma_2 >= ...
+// P(x), eq. (4) of Poling, Lerman, Szlam (CVPR 2014), section 3.2: measures the dimension of the
+// trajectory matrix M (the features' positions in the last L frames; LevelEnergy) by its singular
+// values sigma_1 >= sigma_2 >= ...
 enum class PenaltyKind {
   kEmpiricalDimension,     // eq. (6): |sigma|_eps / |sigma|_(eps / (1 - eps)), any eps in (0, 1]
   kNuclearNorm,            // eq. (5): sum sigma_i
@@ -26,7 +26,7 @@ struct Penalty {
   double smoothing =
       0.0;  // added to every eigenvalue [px^2]: rounds the cusp at sigma = 0; likewise
 
-  // Of the eigenvalues of the Gram matrix G = M M', ascending: lambda_i = sigma_i^2.
+  // Takes the eigenvalues of the Gram matrix G = M M', ascending: lambda_i = sigma_i^2.
   double Value(const Eigen::VectorXd& eigenvalues) const;
   // h_i = phi'_i(sigma) / sigma_i, so that dP/dM = H M with H = U diag(h) U', G = U diag(lambda)
   // U'. Only the small Gram matrix is decomposed.

@@ -11,13 +11,13 @@ namespace cohort {
 
 // Total energy on one pyramid level, paper equation (3) and, with P = 0, (2):
 //   C(x) = sum_f a_f c_f(x_f) + P(M(x)),   x: 2 x F [px of the level]
-// c_f is the mean absolute difference of patch_energy.h. The weights a_f carry equation (7): n^2
-// alpha = 1 / m (weak) or 1 / (m F) (strong), over the picture's contrast; 0 for a feature whose
-// patch is not believed at the moment.
+// c_f is the mean absolute difference of patch_energy.h. The weights a_f include equation (7), n^2
+// alpha = 1 / m (weak) or 1 / (m F) (strong), divided by the picture's contrast. a_f is 0 for a
+// feature whose patch is not trusted at the moment.
 class TotalEnergy {
  public:
-  // `patches`: F pointers to n x n templates. `trajectories` and `penalty` null: no penalty. What
-  // is pointed to must outlive this.
+  // `patches`: F pointers to n x n templates. `trajectories` and `penalty` null: no penalty. All
+  // pointers and references must outlive this.
   TotalEnergy(const cv::Mat& picture,
               std::span<const float* const> patches,
               int n,
@@ -29,7 +29,7 @@ class TotalEnergy {
   double DataValue(const Eigen::Matrix2Xd& x) const;
   Eigen::Matrix2Xd Gradient(const Eigen::Matrix2Xd& x) const;  // dC/dx, 2 x F
 
-  // C(x + d c) as a function of d; the penalty's share costs nothing that grows with F.
+  // C(x + d c) as a function of d; the cost of the penalty does not grow with F.
   class Line {
    public:
     double operator()(double d) const;

@@ -11,7 +11,7 @@ enum class CameraModel { kPinhole, kFisheye };
 inline constexpr ChoiceNames<CameraModel, 2> kCameraModelNames{
     {{"pinhole", CameraModel::kPinhole}, {"fisheye", CameraModel::kFisheye}}};
 
-// Where in a picture the sensor's later rows are: upright video of a phone is turned by a quarter.
+// The direction of the sensor's later rows in a picture: phones rotate upright video by a quarter.
 enum class RowOrder { kDown, kLeft, kUp, kRight };
 inline constexpr ChoiceNames<RowOrder, 4> kRowOrderNames{{{"down", RowOrder::kDown},
                                                           {"left", RowOrder::kLeft},
@@ -42,7 +42,7 @@ struct Camera {
   double k6 = 0.0;
   CameraModel model = CameraModel::kPinhole;
   bool known = true;  // calibrated, kept fixed; false: a guess, to be refined
-  // Of a guess: standard deviation of the logarithm of its focal length; 1: nothing is known.
+  // For a guess: standard deviation of log focal length; 1 means that nothing is known.
   double guess_log_sigma = 1.0;
   RowOrder row_order = RowOrder::kDown;  // for a rolling shutter
 
@@ -54,21 +54,22 @@ struct Camera {
     return k1 != 0.0 || k2 != 0.0 || p1 != 0.0 || p2 != 0.0 || !HasAtMostFourCoefficients();
   }
 
-  // The pixel of a point in the camera's frame; none at or behind the camera.
+  // The pixel of a point in the camera's frame; nullopt at or behind the camera.
   std::optional<Eigen::Vector2d> Project(const Eigen::Vector3d& x_in_cam) const;
   // The normalised image point n of a pixel, to 1e-12 in n_d; always finite for a fisheye and with
-  // k3 to k6. Where no ray within 89 degrees of the axis reaches the pixel: one that comes near.
+  // k3 to k6. If no ray within 89 degrees of the axis reaches the pixel, the result is one that
+  // comes near.
   Eigen::Vector2d Unproject(const Eigen::Vector2d& xy) const;
   bool Contains(const Eigen::Vector2d& xy, double border_px = 0.0) const;
 
-  // The usual guess without calibration: f = 1.2 max(width, height), centre of the picture, as
-  // COLMAP's.
+  // The usual guess without calibration: f = 1.2 max(width, height) and the centre of the picture,
+  // as in COLMAP.
   static Camera Guess(int width_px, int height_px);
-  // The same with a focal length that somebody told, and how sure they were.
+  // The same with a given focal length and its uncertainty.
   static Camera Guess(int width_px, int height_px, double focal_px, double log_sigma);
 };
 
-// n_d of n, of any camera, and its derivatives.
+// n_d of n, for any camera, and its derivatives.
 struct DistortedPoint {
   Eigen::Vector2d n_d;
   Eigen::Matrix2d d_n;

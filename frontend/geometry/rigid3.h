@@ -28,7 +28,7 @@ struct Rigid3 {
   }
 };
 
-// The motion of a 3x4 matrix [R t]; none unless R is a rotation to 1e-3.
+// The motion of a 3x4 matrix [R t]; nullopt unless R is a rotation to 1e-3.
 inline std::optional<Rigid3> RigidFromMatrix(const Eigen::Matrix<double, 3, 4>& matrix) {
   const Eigen::Matrix3d rotation = matrix.leftCols<3>();
   if (!rotation.isUnitary(1e-3) || rotation.determinant() < 0.0) return std::nullopt;

@@ -22,8 +22,8 @@ struct Sim3 {
   }
 };
 
-// The pose of a camera after its world has been changed: cam_from_target of a cam_from_source, in
-// the target's units.
+// The pose of a camera after a change of world: cam_from_target of a cam_from_source, in the
+// target's units.
 inline Rigid3 TransformPose(const Sim3& target_from_source, const Rigid3& cam_from_source) {
   const Eigen::Quaterniond rotation =
       (cam_from_source.rotation * target_from_source.rotation.conjugate()).normalized();

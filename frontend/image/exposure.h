@@ -14,15 +14,15 @@ struct LightChange {
   double offset = 0.0;  // intensities 0..1
 };
 
-// Brings all frames of a clip to the light of the first one that shows anything: automatic exposure
-// and lamps change gain and offset of whole frames, and neither templates nor their noise know of
-// it. Estimated against the newest picture that set the light, so that slow changes add up to
-// something and small errors do not; where too little of that one is in view any more, against the
-// last picture. A small change is none, so that a clip in steady light keeps its bytes.
+// Brings all frames of a clip to the light of the first one that shows anything. Automatic exposure
+// and lamps change gain and offset of whole frames, which neither templates nor their noise model
+// account for. The change is estimated against a reference picture, so that slow changes accumulate
+// and small errors do not. If too little of the reference is still in view, the last picture
+// becomes the reference. Small changes are ignored, so that a clip in steady light keeps its bytes.
 class Exposure {
  public:
-  // The light of the clip's next picture, against the first one's. A picture that shows nothing,
-  // or nothing of the last ones, is taken to be in the same light as before.
+  // The light of the clip's next picture, relative to the first one's. A picture that shows
+  // nothing, or nothing of the last ones, is taken to have the same light as before.
   const LightChange& Follow(const cv::Mat& gray);
 
  private:
@@ -37,16 +37,16 @@ class Exposure {
   std::optional<Seen> last_;
 };
 
-// The picture as the light would show it that `light` is measured against: CV_32FC1, or `gray`
-// itself where there is no difference.
+// The picture in the light that `light` is measured against: CV_32FC1, or `gray` itself if there is
+// no difference.
 cv::Mat WithoutLight(const cv::Mat& gray, const LightChange& light);
-// The frame with that picture, and the step of what it was in that light.
+// The frame with that picture, and its intensity step in that light.
 Frame WithoutLight(Frame frame, const LightChange& light);
 
-// Of `current` against `previous`, where their coarsest levels overlap after registration, by the
-// reduced major axis (both are noisy: the gain is the ratio of the standard deviations; Ricker,
-// 1973), without the pixels that fit least or are black or saturated. None where the rest is too
-// little or too unlike (correlation under 0.95).
+// The light of `current` relative to `previous`, where their coarsest levels overlap after
+// registration, by the reduced major axis (both are noisy: the gain is the ratio of the standard
+// deviations; Ricker, 1973), without the worst-fitting, black or saturated pixels. Returns nullopt
+// if too few pixels remain or they differ too much (correlation under 0.95).
 std::optional<LightChange> EstimateLightChange(const Pyramid& previous, const Pyramid& current);
 
 }  // namespace cohort

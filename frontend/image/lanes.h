@@ -3,11 +3,11 @@
 #include <cstdint>
 #include <cstring>
 
-// Eight floats that are worked on together. GCC and Clang make of them what the machine has (one
-// AVX register, two of SSE or NEON), and the same sums in the same order on every machine.
+// Vectors of eight floats. GCC and Clang map them to what the machine has (one AVX register, two of
+// SSE or NEON), and sums have the same order on every machine.
 
-// A function so marked is compiled twice, and the wider one chosen at run time. Without fused
-// multiply-add, so that both give the same bytes.
+// A function with this mark is compiled twice, and the wider version is chosen at run time. It uses
+// no fused multiply-add, so that both give the same bytes.
 #if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && \
     !defined(__SANITIZE_ADDRESS__)
 #define COHORT_SIMD_CLONES __attribute__((target_clones("avx2", "default")))
@@ -24,7 +24,7 @@ constexpr int kLanes = 8;
 using FloatLanes = float __attribute__((vector_size(4 * kLanes)));
 using IntLanes = std::int32_t __attribute__((vector_size(4 * kLanes)));
 
-// Floats that rows of n need in whole lanes.
+// The number of floats that a row of n takes in whole lanes.
 constexpr int RoundUpToLanes(int n) { return (n + kLanes - 1) / kLanes * kLanes; }
 
 COHORT_LANES_INLINE FloatLanes LoadLanes(const float* from) {
@@ -48,7 +48,7 @@ COHORT_LANES_INLINE IntLanes FirstLanes(int count) {
   return numbers < count;
 }
 
-// The lanes of the mask, 0 in the others, whatever they hold.
+// The lanes of the mask, 0 in the others, whatever their contents.
 COHORT_LANES_INLINE FloatLanes Masked(const FloatLanes& lanes, const IntLanes& mask) {
   IntLanes bits;
   std::memcpy(&bits, &lanes, sizeof(bits));

@@ -6,8 +6,8 @@
 
 namespace cohort {
 
-// A mask is empty or CV_8UC1, 0 where no feature may be. Throws Error where it is not of the frames'
-// size.
+// A mask is empty or CV_8UC1, 0 where no feature may be. Throws Error if it does not have the
+// frames' size.
 inline void CheckMask(const cv::Mat& mask, const cv::Size& frames) {
   if (mask.empty()) return;
   Check(mask.type() == CV_8UC1, "masks have one channel of 8 bits");

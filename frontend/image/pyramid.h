@@ -17,18 +17,18 @@ struct Pyramid {
   int height() const { return levels.empty() ? 0 : levels.front().rows; }
 };
 
-// What one level of gray is of the intensities 0..1: 1/255, of CV_16U 1/65535. Of CV_32F, which
-// does not tell, as if it came of 8 bits.
+// One grey level in intensities 0..1: 1/255, or 1/65535 for CV_16U. CV_32F does not state its step,
+// so 8 bits are assumed.
 double IntensityStep(const cv::Mat& gray);
 
 // `gray` is CV_8UC1, CV_16UC1 or CV_32FC1 (0..1). A level whose shorter side would be below 16 px
 // is left out.
 Pyramid BuildPyramid(const cv::Mat& gray, int num_levels = 4);
-// Of a frame, whose picture may be CV_32FC1 for the change of its light: it knows the step.
+// The same for a frame, which knows the step of a CV_32FC1 picture whose light was changed.
 Pyramid BuildPyramid(const Frame& frame, int num_levels = 4);
 
-// The two finest levels of a picture that is first blurred by a Gaussian (0: as it is): what
-// alignment by least squares gains in the dark, as the product of two pictures' noise misleads it.
+// The two finest levels of the picture after a Gaussian blur (0: no blur). The blur improves
+// least-squares alignment in the dark, where the product of two pictures' noise misleads it.
 Pyramid SmoothPyramid(const Pyramid& pyramid, double sigma_px);
 
 }  // namespace cohort

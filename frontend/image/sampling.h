@@ -13,8 +13,8 @@ inline constexpr int kMaxPatchArea = kMaxPatchSide * kMaxPatchSide;
 // that a row is two vector multiply-adds. Outside the picture its border pixels repeat.
 void SamplePatch(const cv::Mat& picture, double x, double y, int n, float* values);
 
-// The same in whole lanes: row r is at values + r * stride, and up to RoundUpToLanes(n) of it are
-// written, those behind n with anything.
+// The same in whole lanes: row r is at values + r * stride. Up to RoundUpToLanes(n) values of it
+// are written; those beyond n are undefined.
 void SamplePatchInLanes(
     const cv::Mat& picture, double x, double y, int n, float* values, int stride);
 
@@ -28,8 +28,8 @@ void SamplePatchWithGradientInLanes(const cv::Mat& picture,
                                     float* dy,
                                     int stride);
 
-// Bilinear samples at center + warp u, for u of an n x n window, in whole lanes as above. Outside
-// the picture its border repeats.
+// Bilinear samples at center + warp u, for u of an n x n window, in whole lanes as above. Border
+// pixels repeat outside the picture.
 void SampleWarpedInLanes(const cv::Mat& picture,
                          const Eigen::Vector2d& center,
                          const Eigen::Matrix2d& warp,

@@ -8,13 +8,14 @@
 
 namespace cohort {
 
-// A picture as its ending says (.png, .jpg), with OpenCV's parameters of it. Throws Error naming the path
-// where any of it cannot be written: cv::imwrite is not told of the last bytes.
+// Writes a picture in the format of its extension (.png, .jpg), with OpenCV's parameters. Throws
+// Error naming the path if any of it cannot be written; cv::imwrite misses errors in the last
+// bytes.
 void WriteImage(const std::filesystem::path& file,
                 const cv::Mat& picture,
                 const std::vector<int>& parameters = {});
 
-// Its bytes; none where OpenCV cannot, as of a form whose sides are shorter.
+// The encoded bytes; nullopt if OpenCV cannot encode it, as in a format with a smaller size limit.
 std::optional<std::vector<unsigned char>> EncodedImage(const std::string& ending,
                                                        const cv::Mat& picture,
                                                        const std::vector<int>& parameters = {});

@@ -13,25 +13,25 @@
 
 namespace cohort {
 
-// What the tests say of a measurement: the first one that it fails, or that the image confirms it.
+// The result of the tests of one measurement: the first test that it fails, or kObserved.
 enum class Verdict {
   kObserved,
   kNotMeasured,       // not tried, or the alignment did not converge
-  kTooFarFromStart,   // ended further from where it began than max_distance_px
+  kTooFarFromStart,   // ended more than max_distance_px from its start
   kUnlikeTheAnchor,   // correlates too little, or differs by more than noise explains
   kCenterDiffers,     // the innermost pixels show something else, which hides the feature
-  kTooUncertain,      // the patch has too little texture to say where it is
-  kNotWhereExpected,  // lies elsewhere than the other features say, beyond what both leave open
-  kDidNotReturn,      // the others cannot say where it is, and Lucas-Kanade does not find it there
-  kPushed,            // an occluder pushed the patch: where it should be, something else is seen
+  kTooUncertain,      // the patch has too little texture to locate it
+  kNotWhereExpected,  // disagrees with the other features beyond both uncertainties
+  kDidNotReturn,      // the prediction is uncertain, and Lucas-Kanade does not confirm the position
+  kPushed,            // an occluder pushed the patch: the expected position shows something else
 };
 
-// The tests of one frame's measurements. `strong` tests are those against the other features.
+// The tests of one frame's measurements. `strong` enables the tests against the other features.
 class Confirmation {
  public:
-  // `picture` is denoised for measuring. How much noise there is, is the cohort's own: the median
-  // over `measured`, of all features; those that did not converge do not count. All arguments must
-  // outlive this.
+  // `picture` is denoised for measuring. The noise level is estimated from the features themselves:
+  // the median over `measured`, without those that did not converge. All arguments must outlive
+  // this.
   Confirmation(const Pyramid& picture,
                const PatchOptions& patch,
                const ThereAndBack& there_and_back,
@@ -39,33 +39,33 @@ class Confirmation {
                std::span<const Feature> features,
                std::span<const Measurement> measured);
 
-  // Of a picture minus an anchor, intensities 0..1.
+  // Variance of picture minus anchor, intensities 0..1.
   double noise_variance() const { return noise_variance_; }
 
-  // A patch whose alignment began at `start`: near it, and the anchor?
+  // Tests whether a patch whose alignment began at `start` is near it and looks like the anchor.
   Verdict TestPatch(const Feature& feature,
                     const Measurement& m,
                     const Eigen::Vector2d& start) const;
-  // Is it where the other features say?
+  // Tests whether it is where the other features predict it.
   Verdict TestPosition(const Feature& feature,
                        const Measurement& m,
                        const TrajectoryModel::Estimate& predicted) const;
-  // The same two of a patch that began at the prediction: with `strong` the position's test takes
-  // the place of the distance from the start.
+  // Both tests for a patch whose alignment began at the prediction. With `strong` the position test
+  // replaces the test of the distance from the start.
   Verdict TestPatchAtPrediction(const Feature& feature,
                                 const Measurement& m,
                                 const TrajectoryModel::Estimate& predicted,
                                 bool strong) const;
-  // A small patch there, which is mostly the innermost pixels.
+  // The same for a small patch, which consists mostly of the innermost pixels.
   Verdict TestSmallPatchAtPrediction(const Feature& feature,
                                      const Measurement& m,
                                      const TrajectoryModel::Estimate& predicted,
                                      bool strong) const;
 
-  // Do the innermost pixels at the prediction, within what it leaves open, show something else?
+  // Whether the innermost pixels at the prediction, within its uncertainty, show something else.
   bool IsHidden(const Feature& feature, const TrajectoryModel::Estimate& predicted) const;
 
-  // What a confirmed measurement teaches of the feature's appearance.
+  // Updates the feature's appearance from a confirmed measurement.
   void Learn(const Measurement& m, Feature& feature) const;
 
  private:
@@ -73,8 +73,8 @@ class Confirmation {
   Verdict TestAgreement(const Feature& feature,
                         const Measurement& m,
                         const TrajectoryModel::Estimate& predicted) const;
-  // The mean square difference of the innermost pixels, as a multiple of what is expected with the
-  // feature at a position that is known to sigma_px.
+  // The mean square difference of the innermost pixels, as a multiple of what is expected when the
+  // position has a standard deviation of sigma_px.
   double CenterRatio(const Feature& feature, const Eigen::Vector2d& xy, double sigma_px) const;
   double CenterRatio(const Feature& feature, const CenterDifference& center, double sigma_px) const;
 

@@ -21,10 +21,10 @@ struct DenseFlowOptions {
   }
 };
 
-// Baselines, stand-ins for the paper's LDOF: tracks chained from dense flow, which is sampled
-// bilinearly at the features' sub-pixel positions and checked by the flow back (Sundaram, Brox,
-// Keutzer 2010). `dis`: cv::DISOpticalFlow, preset medium; `deepflow`: cv::optflow's DeepFlow, a
-// second or so a flow at 640 x 480.
+// Baselines that stand in for the paper's LDOF. They chain tracks from dense flow, sample it
+// bilinearly at the features' sub-pixel positions and check it by the backward flow (Sundaram,
+// Brox, Keutzer 2010). `dis` is cv::DISOpticalFlow, preset medium; `deepflow` is cv::optflow's
+// DeepFlow, which takes about a second for one flow at 640 x 480.
 enum class DenseFlowMethod { kDis, kDeepFlow };
 std::unique_ptr<FeatureMover> MakeDenseFlowMover(DenseFlowMethod method,
                                                  const DenseFlowOptions& options);

@@ -11,23 +11,23 @@
 
 namespace cohort {
 
-// What a feature looked like when it was born, n x n row by row on each level of a pyramid: T of
-// the single-feature energy, paper equation (1).
+// The appearance of a feature at its birth, n x n row by row on each level of a pyramid: T of the
+// single-feature energy, paper equation (1).
 using Templates = std::vector<std::vector<float>>;
 Templates TakeTemplates(const Pyramid& pyramid, const Eigen::Vector2d& xy, int n);
 
-// All that the subspace tracker knows of one feature, but for its positions (JointGuide) and its
+// All that the subspace tracker stores of one feature, except its positions (JointGuide) and its
 // trajectory's model (TrajectoryModel).
 struct Feature {
-  Templates templates;    // for the energy
-  AnchorPatch anchor;     // for the measurement
-  int window_px = 0;      // side of the patch that is measured; narrower once it is measured well
-  double light = 0.0;     // change of its brightness since its birth; running mean
-  double change = 1.0;    // of its innermost pixels, over what noise explains; running mean
-  bool open = true;       // the other features could not say where it is
-  bool confirmed = true;  // by the image, in the last frame
-  int unexplained_frames = 0;  // in a row: not confirmed, and hidden by nothing
-  // Where Lucas-Kanade finds it in this frame, if it finds back from there.
+  Templates templates;         // for the energy
+  AnchorPatch anchor;          // for the measurement
+  int window_px = 0;           // side of the measured patch; narrower once it is measured well
+  double light = 0.0;          // change of its brightness since its birth; running mean
+  double change = 1.0;         // of its innermost pixels, relative to the noise; running mean
+  bool open = true;            // the other features could not predict its position
+  bool confirmed = true;       // the image confirmed it in the last frame
+  int unexplained_frames = 0;  // in a row: neither confirmed nor hidden
+  // Where Lucas-Kanade finds it in this frame; set only if the way back returns to the start.
   std::optional<Eigen::Vector2d> returned_xy;
 };
 

@@ -12,7 +12,7 @@
 
 namespace cohort {
 
-// Where a feature went, as a mover says.
+// Where a mover places a feature.
 struct Move {
   Eigen::Vector2d xy = Eigen::Vector2d::Zero();
   ObservationState state = ObservationState::kObserved;
@@ -29,9 +29,9 @@ class FeatureMover {
   virtual ~FeatureMover() = default;
   // Called once a frame, with the current picture. Returns one Move for every feature.
   virtual std::vector<Move> MoveFeatures(const Pyramid& current) = 0;
-  // After the loop has decided who lives: keep[f] == 0 ends feature f.
+  // Called after the loop has decided which features survive: keep[f] == 0 ends feature f.
   virtual void Keep(std::span<const std::uint8_t> keep) = 0;
-  // New features at these positions of the current picture, behind the old ones.
+  // Appends new features at these positions of the current picture.
   virtual void Add(std::span<const Eigen::Vector2d> born, const Pyramid& current) = 0;
 };
 

@@ -13,14 +13,14 @@
 
 namespace cohort {
 
-// The measurements of all features in one frame, and what the tests say of them (steps 2
-// and 3 of docs/how_it_works.md, "One frame").
+// Measures all features in one frame and tests the measurements (steps 2 and 3 of
+// docs/how_it_works.md, "One frame").
 class FrameMeasurement {
  public:
-  // Aligns the large patch of every feature that the last frame confirmed, from its start
-  // (2 x F: the joint guide's, or Lucas-Kanade's where that is better), and tests what is seen
-  // there. What was not confirmed has a better start later: its prediction. `smooth` is the picture
-  // denoised for measuring. All arguments but the starts must outlive this.
+  // Aligns the large patch of every feature that the last frame confirmed, from its start (2 x F:
+  // the joint guide's, or Lucas-Kanade's where that is better), and tests the result. The other
+  // features are measured later, from their predictions. `smooth` is the picture denoised for
+  // measuring. All arguments but the starts must outlive this.
   FrameMeasurement(const Pyramid& smooth,
                    std::span<const Feature> features,
                    const PatchOptions& patch,
@@ -28,7 +28,7 @@ class FrameMeasurement {
                    const CovarianceCalibration& calibration,
                    const Eigen::Matrix2Xd& starts);
 
-  // Of what is not observed: the large patch once more from better starts, where these are others.
+  // Measures the large patch of the features `which` again from `starts`, where these differ.
   void MeasureFromBetter(std::span<const std::size_t> which, const Eigen::Matrix2Xd& starts);
 
   bool IsObserved(std::size_t f) const { return verdicts_[f] == Verdict::kObserved; }
@@ -36,18 +36,18 @@ class FrameMeasurement {
   const Measurement& measurement(std::size_t f) const { return measured_[f]; }
   const Confirmation& confirmation() const { return confirmation_; }
 
-  // What is observed, as the trajectory model takes it, by the calibration of the time when it was
-  // measured.
+  // The observed features as the trajectory model takes them, with the calibration at the time of
+  // measurement.
   const std::vector<TrajectoryModel::Observation>& observed() const { return observed_; }
   std::vector<CovarianceCalibration::Sample> Residuals(
       std::span<const TrajectoryModel::Estimate> predicted) const;
 
-  // Tests whether what is observed lies where the other features say (strong constraint).
+  // Tests whether observed features lie where the others predict them (strong constraint).
   void TestPositions(std::span<const TrajectoryModel::Estimate> predicted);
 
-  // Of what is not observed: the large patch once more from the prediction; then a small one, with
-  // the prediction as prior: the rim of the large one may lie on another surface or behind an
-  // occluder.
+  // Measures again what is not observed: the large patch from the prediction, then a small one with
+  // the prediction as prior, because the rim of the large one may lie on another surface or behind
+  // an occluder.
   void MeasureAtPredictions(std::span<const TrajectoryModel::Estimate> predicted, bool strong);
   void MeasureAtPrediction(std::size_t f, const TrajectoryModel::Estimate& predicted, bool strong);
 

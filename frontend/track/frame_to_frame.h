@@ -8,17 +8,19 @@
 
 namespace cohort {
 
-// When a feature has returned: tracked from p by w to the current picture and from there by v back,
+// The forward-backward check. A feature moves from p by w to the current picture, and tracking back
+// from there moves it by v. It passes if
 //   |w + v|^2 <= px^2 + share (|w|^2 + |v|^2);   px = 0: no check.
-// share 0 for trackers of points; for dense flow 0.01 and px^2 = 0.5 (Sundaram, Brox, Keutzer:
+// share is 0 for point trackers. Dense flow uses 0.01 and px^2 = 0.5 (Sundaram, Brox, Keutzer:
 // Dense point trajectories by GPU-accelerated large displacement optical flow, ECCV 2010, eq. 5).
 struct ReturnCheck {
   double px = 0.0;
   double share = 0.0;
 };
 
-// The baselines: every feature for itself, from the last picture to this one, without memory. A
-// feature ends that leaves the picture, that the method gives up, or that does not return.
+// The baselines track every feature independently from the last picture to this one, without
+// memory. A feature ends if it leaves the picture, if the method gives it up, or if it fails the
+// forward-backward check.
 class FrameToFrameMover : public FeatureMover {
  public:
   explicit FrameToFrameMover(const ReturnCheck& check) : check_(check) {}
@@ -32,9 +34,9 @@ class FrameToFrameMover : public FeatureMover {
     cv::Point2f end;
     bool found = true;
   };
-  // A picture in the form that Flow wants; by default level 0 in 8 bits.
+  // A picture in the form that Flow takes; by default level 0 in 8 bits.
   virtual std::vector<cv::Mat> Prepare(const Pyramid& current) const;
-  // One step for every start, of which there is at least one.
+  // Returns one step for every start; there is at least one.
   virtual std::vector<Step> Flow(const std::vector<cv::Mat>& from,
                                  const std::vector<cv::Mat>& to,
                                  const std::vector<cv::Point2f>& starts) const = 0;
@@ -49,7 +51,7 @@ class FrameToFrameMover : public FeatureMover {
 // Level 0 of a pyramid as CV_8UC1.
 cv::Mat EightBit(const Pyramid& pyramid);
 
-// Mean absolute difference of what two pictures (CV_32FC1) show at two places, 7 x 7.
+// Mean absolute difference of two pictures (CV_32FC1) at two positions, 7 x 7.
 double PatchDifference(const cv::Mat& a,
                        const cv::Point2f& at_a,
                        const cv::Mat& b,

@@ -8,9 +8,9 @@
 
 namespace cohort {
 
-// The joint guide alone, without measuring: every feature is observed where the total energy has
-// its minimum, as in the paper. With penalty_weight 0, every feature for itself (its "1st-order
-// descent"). `patch` fills the history of new features.
+// The joint guide alone, without measuring, as in the paper: every feature is observed at the
+// minimum of the total energy. With penalty_weight 0 each feature moves independently (the paper's
+// "1st-order descent"). `patch` fills the history of new features.
 std::unique_ptr<FeatureMover> MakeGuideMover(const SubspaceOptions& options,
                                              const PatchOptions& patch);
 

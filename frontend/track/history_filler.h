@@ -15,19 +15,19 @@ namespace cohort {
 // The past of a new feature in the frames of the window, newest first.
 struct FilledHistory {
   std::vector<Eigen::Vector2d> xy;                     // in every frame; the first is its birth
-  std::vector<TrajectoryModel::Observation> measured;  // nothing where the image did not confirm it
+  std::vector<TrajectoryModel::Observation> measured;  // unobserved where unconfirmed
 };
 
-// A new feature has no history: its column of the trajectory matrix is filled backwards, frame by
-// frame, by the motion of the features around it, corrected by aligning its anchor with the frames
-// of the window (kept for this). So every column is always complete.
+// Fills the history of a new feature, so that every column of the trajectory matrix is always
+// complete. It goes backwards, frame by frame, by the motion of the features around it, and
+// corrects this by aligning the feature's anchor with the stored frames of the window.
 class HistoryFiller {
  public:
   explicit HistoryFiller(const PatchOptions& patch) : patch_(patch) {}
 
   // The window starts with this picture, denoised for measuring.
   void Begin(Pyramid picture);
-  // A newer one; at most so many are kept.
+  // Adds a newer picture; keeps at most `history_length`.
   void Remember(Pyramid picture, std::size_t history_length);
   const Pyramid& newest() const { return pictures_.front(); }
 

@@ -16,16 +16,16 @@
 
 namespace cohort {
 
-// How hard the penalty pulls, paper equation (7).
+// How strongly the penalty constrains the features, paper equation (7).
 enum class Constraint {
-  kStrong,  // alpha = 1 / (m F n^2): the scene is rigid; no few features can overpower it
-  kWeak,    // alpha = 1 / (m n^2): as much say as a single feature
+  kStrong,  // alpha = 1 / (m F n^2): the scene is rigid; a few features cannot overrule it
+  kWeak,    // alpha = 1 / (m n^2): the weight of a single feature
 };
 inline constexpr ChoiceNames<Constraint, 2> kConstraintNames{
     {{"strong", Constraint::kStrong}, {"weak", Constraint::kWeak}}};
 
-// m of eq. (7) relative to the picture's contrast: that with which the guide's worst level of
-// darkness is nearest to that level's own best (docs/results/paper.md).
+// m of eq. (7) relative to the picture's contrast: the value that brings the guide's worst darkness
+// level nearest to the best result of that level (docs/results/paper.md).
 inline double CalibratedWeight(PenaltyKind penalty, Constraint constraint) {
   const bool strong = constraint == Constraint::kStrong;
   switch (penalty) {
@@ -101,8 +101,9 @@ struct SubspaceOptions {
   }
 };
 
-// The tracker of the paper's section 4, to be run with the measurement off. What it does not print
-// is ours: m (its supplement has it), the template's side of its timing, the limits of iterations.
+// The tracker of the paper's section 4, to be run with the measurement off. The paper does not
+// state m (its supplement does), the template side of its timing and the iteration limits; these
+// values are ours.
 inline SubspaceOptions PaperSubspaceOptions() {
   SubspaceOptions options;
   options.constraint = Constraint::kWeak;
@@ -111,28 +112,29 @@ inline SubspaceOptions PaperSubspaceOptions() {
   return options;
 }
 
-// How steeply the energy rises around confirmed features, so that one penalty weight m fits bright
-// and dark pictures: the data term's slope grows with the contrast, the penalty's does not. Median
-// over features of the mean rise at 1.5 px [1/px]; 0 without features. `n`: side of the templates.
+// The median over confirmed features of the energy's mean rise at 1.5 px [1/px]; 0 without
+// features. It makes one penalty weight m fit bright and dark pictures: the slope of the data term
+// grows with the contrast, that of the penalty does not. `n`: side of the templates.
 double Contrast(const cv::Mat& picture,
                 const Eigen::Matrix2Xd& x,
                 std::span<const Feature> features,
                 int n);
 
 // The weight of every feature's data term, paper equation (7): 1 / (m F contrast), or 1 / (m
-// contrast) with a weak constraint. None without a penalty: m or the contrast is 0.
+// contrast) with a weak constraint. Returns nullopt if m or the contrast is 0, that is, without a
+// penalty.
 std::optional<double> DataWeight(const SubspaceOptions& options,
                                  double contrast,
                                  Eigen::Index features);
 
 // What the levels of one frame's pyramid share.
 struct GuidePast {
-  std::optional<Eigen::MatrixXd> history;  // 2 L x F [px], newest first; none: no penalty
+  std::optional<Eigen::MatrixXd> history;  // 2 L x F [px], newest first; unset: no penalty
   Eigen::VectorXd data_weights;            // a_f, F
 };
 
-// The total energy on one level of the pyramid, with all that it refers to, and how it is
-// minimised. Positions are those of the level.
+// The total energy on one level of the pyramid, with all that it refers to and its optimizer.
+// Positions are those of the level.
 class LevelEnergy {
  public:
   // `current` and `features` must outlive this.
@@ -156,28 +158,28 @@ class LevelEnergy {
   TotalEnergy energy_;
 };
 
-// Where all features were in the newest frames, newest first: 2 x F each [px].
+// The positions of all features in the newest frames, newest first: 2 x F each [px].
 using History = std::deque<Eigen::Matrix2Xd>;
 
-// The paper's tracker (3.1 to 3.3): all features go together to the minimum of the total energy,
+// The paper's tracker (3.1 to 3.3): all features move together to the minimum of the total energy,
 //   C(x) = sum_f a_f c_f(x_f) + P(M(x)),                        equation (3): TotalEnergy
-// over a pyramid, where the penalty P (equations 4 to 6: Penalty) asks that the trajectories M of
-// the last L frames (TrajectoryMatrix) stay near a subspace of low dimension.
+// over a pyramid. The penalty P (equations 4 to 6: Penalty) keeps the trajectories M of the last L
+// frames (TrajectoryMatrix) near a subspace of low dimension.
 //
 //   guide.Begin(picture); guide.Add(births, picture, features);
 //   for each frame: x = guide.Minimize(picture, features, guide.Start(picture)).x;
 //                   guide.Remember(picture, x, features);   // with `confirmed` of this frame
 class JointGuide {
  public:
-  // With penalty_weight 0 every feature is for itself (equation 2).
+  // With penalty_weight 0 the features are independent (equation 2).
   explicit JointGuide(const SubspaceOptions& options) : options_(options) {}
 
   const History& history() const { return history_; }
 
-  // Forgets all features; the window starts with this picture.
+  // Removes all features; the window starts with this picture.
   void Begin(const Pyramid& picture);
-  // New features behind the old ones: where each was in the frames of the history, newest first.
-  // `features` are all, `picture` is the newest.
+  // Appends new features: the positions of each in the frames of the history, newest first.
+  // `features` are all features, `picture` is the newest.
   void Add(std::span<const std::vector<Eigen::Vector2d>> births,
            const Pyramid& picture,
            std::span<const Feature> features);
@@ -185,8 +187,8 @@ class JointGuide {
 
   // The newest positions, moved with the whole picture.
   Eigen::Matrix2Xd Start(const Pyramid& current) const;
-  // The nearest minimum, from coarse to fine. What the last frame contradicted has no say of its
-  // own (a_f = 0): the others lead it until the image confirms it again.
+  // The nearest minimum, from coarse to fine. A feature that the last frame did not confirm has no
+  // data term (a_f = 0): the others lead it until the image confirms it again.
   OptimizerResult Minimize(const Pyramid& current,
                            std::span<const Feature> features,
                            const Eigen::Matrix2Xd& start) const;
@@ -194,14 +196,14 @@ class JointGuide {
     return {current, level, features, Past(features), options_};
   }
 
-  // `x` becomes the past.
+  // Adds `x` to the history.
   void Remember(const Pyramid& current, Eigen::Matrix2Xd x, std::span<const Feature> features);
 
  private:
   GuidePast Past(std::span<const Feature> features) const;
 
   SubspaceOptions options_;
-  History history_;  // L at most
+  History history_;  // at most L
   Pyramid previous_;
   double contrast_ = 0.0;  // running mean
 };

@@ -25,8 +25,8 @@ struct KltOptions {
   }
 };
 
-// Baseline: the same from frame to frame as a guide, then once more against the feature's first
-// frame.
+// Baseline: the same from frame to frame as a guide, then a second alignment against the feature's
+// first frame.
 struct AnchoredKltOptions {
   int window_px = 21;
   int guide_max_level = 3;
@@ -66,16 +66,16 @@ struct AnchoredKltOptions {
   }
 };
 
-// The baseline: pyramidal Lucas-Kanade from frame to frame (cv::calcOpticalFlowPyrLK), each feature
-// for itself, checked by tracking back: a feature that does not return to within
-// forward_backward_px of where it came from ends.
+// The KLT baseline: pyramidal Lucas-Kanade from frame to frame (cv::calcOpticalFlowPyrLK), each
+// feature independently. A feature ends if tracking back misses its start by more than
+// forward_backward_px.
 std::unique_ptr<FeatureMover> MakeKltMover(const KltOptions& options);
 
-// The same as a guide, and then Lucas-Kanade once more from the guided position against the
-// feature's own first frame, so that errors do not add up: a translation, on few levels. The result
-// is observed where it is near the guide and tracks back to where the feature began, else the
-// feature stays predicted at the guide; it ends after some such frames in a row. It has what
-// anchoring is worth by itself, without any constraint between features.
+// The same as a guide, followed by Lucas-Kanade from the guided position against the feature's own
+// first frame, so that errors do not accumulate: a translation, on few levels. The feature is
+// observed if the result is near the guide and tracks back to its birth. Otherwise it stays
+// predicted at the guide, and ends after several such frames in a row. This baseline isolates the
+// gain of anchoring, without any constraint between features.
 std::unique_ptr<FeatureMover> MakeAnchoredKltMover(const AnchoredKltOptions& options);
 
 }  // namespace cohort

@@ -6,14 +6,15 @@
 namespace cohort {
 
 struct LineSearchResult {
-  double d = 0.0;      // 0 where no smaller value was found
+  double d = 0.0;      // 0 if no smaller value was found
   double value = 0.0;  // f(d)
   int evaluations = 0;
 };
 
 // The nearest local minimum of f on d > 0, starting downhill from 0 (paper 3.3: "a fast line
-// search"). Steps grow by 2 from `first_step` until f rises; if the first step already rises it is
-// cut by 4, at most `max_cuts` times; then one parabola through the three bracketing points.
+// search"). Steps double from `first_step` until f rises. If f rises at the first step already,
+// that step is divided by 4, at most `max_cuts` times. One parabola through the three bracketing
+// points ends the search.
 template <typename Function>
 LineSearchResult NearestMinimum(
     const Function& f, double f0, double first_step, double max_step, int max_cuts = 6) {

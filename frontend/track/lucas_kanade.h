@@ -9,7 +9,7 @@
 
 namespace cohort {
 
-// OpenCV's pyramidal Lucas-Kanade, of points from one picture to another.
+// OpenCV's pyramidal Lucas-Kanade for points.
 struct LkResult {
   std::vector<cv::Point2f> ends;
   std::vector<std::uint8_t> found;
@@ -18,7 +18,7 @@ struct LkResult {
 // A picture for TrackByLk: 8 bits, `max_level` levels above full resolution.
 std::vector<cv::Mat> LkPyramid(const Pyramid& picture, int window_px, int max_level);
 
-// From `starts` in one picture to the other, beginning at `guesses` or, without, where they were.
+// Tracks `starts` to the other picture; the search begins at `guesses`, or at the starts if empty.
 LkResult TrackByLk(const std::vector<cv::Mat>& from,
                    const std::vector<cv::Mat>& to,
                    const std::vector<cv::Point2f>& starts,
@@ -26,8 +26,8 @@ LkResult TrackByLk(const std::vector<cv::Mat>& from,
                    int max_level,
                    const std::vector<cv::Point2f>& guesses = {});
 
-// The same and from there back; `found` only what comes back to within `return_px` of its start.
-// With `guesses` the way back begins at the starts.
+// The same with a forward-backward check: `found` is set only for points that return to within
+// `return_px` of their start. With `guesses` the way back begins at the starts.
 LkResult TrackThereAndBack(const std::vector<cv::Mat>& from,
                            const std::vector<cv::Mat>& to,
                            const std::vector<cv::Point2f>& starts,

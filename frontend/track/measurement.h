@@ -9,8 +9,8 @@
 
 namespace cohort {
 
-// The patch by which a feature is measured, and what a measurement must be to count. Shared by the
-// tracker and the second pass.
+// The patch that measures a feature, and the criteria for a valid measurement. The tracker and the
+// second pass share them.
 struct PatchOptions {
   int window_px = 21;
   int wide_window_px = 31;
@@ -54,42 +54,43 @@ struct PatchOptions {
   }
 };
 
-// What a feature looked like where it was anchored, and how that picture has deformed since. Every
-// later frame is measured against the anchor, so that errors do not add up from frame to frame.
+// The appearance of a feature where it was anchored, and how it has deformed since. Every later
+// frame is measured against the anchor, so that errors do not accumulate from frame to frame.
 struct AnchorPatch {
   cv::Mat
       full;  // window and a margin around it, of the full resolution and of the half (may be empty)
   cv::Mat half;
   double signal_variance = 0.0;       // of the window
-  double mean_square_gradient = 0.0;  // [1/px^2], of the window, a coordinate
+  double mean_square_gradient = 0.0;  // [1/px^2], of the window, per coordinate
   // Anchor to picture: the pixel at offset v from the feature then is at offset warp v now.
   Eigen::Matrix2d warp = Eigen::Matrix2d::Identity();
-  // Of the error of warp's entries (11, 12, 21, 22), relative: (I + d) warp.
+  // Covariance of the relative error d of warp, (I + d) warp, in the order 11, 12, 21, 22.
   Eigen::Matrix4d warp_covariance = Eigen::Matrix4d::Zero();
-  // Moments of the true gradients, a pixel [1/px^2], as the mean over so many measurements.
+  // Moments of the true gradients per pixel [1/px^2], the mean over gradients_count measurements.
   Eigen::Matrix2d gradients = Eigen::Matrix2d::Zero();
   double gradients_count = 0.0;
 };
-// `window_px`: of its statistics; `largest_px`: of the largest window that will be measured.
+// `window_px`: the window of the statistics; `largest_px`: the largest window to be measured.
 AnchorPatch TakeAnchor(const Pyramid& pyramid,
                        const Eigen::Vector2d& xy,
                        int window_px,
                        int largest_px);
-// The pictures alone. With a warp, the anchor is what would look like the picture after it.
+// The pictures alone, without statistics. With a warp, the anchor is resampled so that the warp
+// maps it to the picture.
 AnchorPatch CopyAnchor(const Pyramid& pyramid,
                        const Eigen::Vector2d& xy,
                        int largest_px,
                        const Eigen::Matrix2d& warp);
 
-// Cuts its pictures to what windows of `largest_px` need, so that a thousand stay in the cache.
+// Crops its pictures to what windows of `largest_px` need, so that a thousand stay in the cache.
 void NarrowAnchor(int largest_px, AnchorPatch& anchor);
 
-// Small errors of warp and interpolation leave so much of the anchor's signal variance in a
+// The share of the anchor's signal variance that small errors of warp and interpolation leave in a
 // residual.
 inline constexpr double kPatternShare = 0.04;
 
-// Picture - anchor over the innermost pixels of the window: tells whether something stands before
-// the feature itself, when the rim of its window may show other surfaces.
+// Picture - anchor over the innermost pixels of the window. It shows whether something occludes the
+// feature itself, when the rim of its window may show other surfaces.
 struct CenterDifference {
   double mean = 0.0;  // brightness
   double variance = 0.0;
@@ -109,13 +110,12 @@ struct Measurement {
   Eigen::Matrix2d gradients = Eigen::Matrix2d::Zero();  // after this frame
 };
 
-// One unconstrained alignment. First the translation x that minimises
+// One unconstrained alignment. Gauss-Newton first finds the translation x that minimises
 //   sum_u (T(warp^-1 u) - I(x + u) - mean)^2
-// over the window by Gauss-Newton, on the half resolution and then on the full, from `start`.
-// Then one step of translation and warp together, in which the anchor's warp counts with
-// its covariance as prior: a bright patch measures its deformation, a dark one keeps what it was
-// told. `noise_factor` is how much less the window's pixels say than as many independent ones
-// would.
+// over the window, on the half resolution and then on the full, from `start`. One more step
+// estimates translation and warp together, with the anchor's warp and covariance as prior: a bright
+// patch measures its deformation, a dark one keeps the prior. `noise_factor` is the factor by which
+// correlated noise reduces the information of the window's pixels.
 // With a prior (its information, [1/px^2]) the start itself counts as a measurement (a maximum a
 // posteriori position); then only the full resolution is used.
 Measurement MeasurePatch(const Pyramid& current,
@@ -126,14 +126,15 @@ Measurement MeasurePatch(const Pyramid& current,
                          double noise_variance = 0.0,
                          const Eigen::Matrix2d& prior = Eigen::Matrix2d::Zero());
 
-// Lucas-Kanade: where the window around `xy` in one picture is in the other, coarse to fine from the
-// same place on; the mean difference has no say. None where a level has no texture, or what is found is unlike it.
+// Lucas-Kanade: finds the window around `xy` of one picture in the other, coarse to fine, starting
+// at the same position. The mean difference is ignored. Returns nullopt if a level has no texture
+// or the result does not correlate with the window.
 std::optional<Eigen::Vector2d> TrackWindow(const Pyramid& from,
                                            const Pyramid& to,
                                            const Eigen::Vector2d& xy,
                                            int window_px);
 
-// With the feature at `xy`.
+// Compares with the feature at `xy`.
 CenterDifference CompareCenter(const Pyramid& current,
                                const AnchorPatch& anchor,
                                const Eigen::Vector2d& xy);

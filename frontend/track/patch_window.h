@@ -8,16 +8,17 @@
 
 namespace cohort {
 
-// An n x n window of a picture with its gradient [1/px]: the hot path of both passes, in lanes.
+// An n x n window of a picture with its gradient [1/px]: the hot path of both passes, vectorised.
 //
-// The gradient is Scharr's, not that of the bilinear interpolant: the latter also sees how
-// interpolation blurs differently at every sub-pixel phase, which pulls a minimum by tenths of a
-// pixel. Its mean over the window is removed: a constant difference of brightness then has no say.
+// The gradient is Scharr's, not that of the bilinear interpolant. The latter also responds to the
+// interpolation blur, which varies with the sub-pixel phase and biases a minimum by tenths of a
+// pixel. The mean over the window is removed, so that a constant brightness difference has no
+// effect.
 struct PatchWindow {
   static constexpr int kMostStride = RoundUpToLanes(kMaxPatchSide);
 
   int n = 0;
-  int stride = 0;     // of rows; what lies behind their n values is 0
+  int stride = 0;     // of rows; the padding after their n values is 0
   double mean = 0.0;  // of values
   alignas(32) float values[kMaxPatchSide * kMostStride];
   alignas(32) float dx[kMaxPatchSide * kMostStride];
@@ -26,7 +27,7 @@ struct PatchWindow {
 
 // The window around x.
 void FillWindow(const cv::Mat& picture, const Eigen::Vector2d& x, int n, PatchWindow& window);
-// At offset u from its centre, what is at `center` + warp u.
+// The value at offset u from the window's centre is the picture's at `center` + warp u.
 void FillWarpedWindow(const cv::Mat& picture,
                       const Eigen::Vector2d& center,
                       const Eigen::Matrix2d& warp,
@@ -48,8 +49,8 @@ using Vector7d = Eigen::Matrix<double, 7, 1>;
 using Matrix7d = Eigen::Matrix<double, 7, 7>;
 
 // Least squares for a step of translation s, relative warp D = (d11 d12; d21 d22) and mean
-// together: r(u) + g.s + g.(D u) - mean = 0. The gradient g is the mean of both windows': with that
-// of one alone its noise, multiplied with the same noise in r, would read as a change of scale.
+// together: r(u) + g.s + g.(D u) - mean = 0. The gradient g is the mean of both windows'. The noise
+// of a single window's gradient correlates with the same noise in r and would bias the scale.
 struct WarpEquations {
   Matrix7d normal;
   Vector7d rhs;
@@ -57,7 +58,7 @@ struct WarpEquations {
 };
 WarpEquations LinearizeWarp(const PatchWindow& seen, const PatchWindow& window);
 
-// Sums over two windows, the means removed but in `absolute`.
+// Sums over two windows, with the means removed except in `absolute`.
 struct WindowComparison {
   double squares = 0.0;  // of seen
   double window_squares = 0.0;

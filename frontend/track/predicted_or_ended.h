@@ -9,12 +9,12 @@
 
 namespace cohort {
 
-// A feature that the image does not confirm (docs/how_it_works.md, "Observed,
-// predicted, ended", the second table). What
-// is hidden is held where the others say that it is; what is neither seen nor hidden for more than
-// `max_unexplained_frames` in a row, or is known worse than to `max_sigma_px`, or has changed
-// slowly, is not what it was taken for and ends. 0 frames: nothing ends here. `predicted`: null
-// where the others cannot say; then it stays at the guide.
+// Holds or ends a feature that the image does not confirm (docs/how_it_works.md, "Observed,
+// predicted, ended", the second table). A hidden feature is held at its prediction. A feature ends
+// if it is neither seen nor hidden for more than `max_unexplained_frames` in a row, if its position
+// is uncertain by more than `max_sigma_px`, or if its appearance has changed slowly. With 0 frames
+// no feature ends here. `predicted` is null if there is no prediction; then the feature stays at
+// the guide.
 Move HoldOrEnd(const Eigen::Vector2d& guide,
                const TrajectoryModel::Estimate* predicted,
                const Confirmation& confirmation,

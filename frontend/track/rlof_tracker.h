@@ -25,9 +25,9 @@ struct RlofOptions {
   }
 };
 
-// A baseline: robust local optical flow (cv::optflow::calcOpticalFlowSparseRLOF; Senst, Eiselein,
-// Sikora 2012-2016): Lucas-Kanade with a redescending norm and the whole
-// picture's motion as its start. Checked by tracking back, as klt.
+// Baseline: robust local optical flow (cv::optflow::calcOpticalFlowSparseRLOF; Senst, Eiselein,
+// Sikora 2012-2016), that is, Lucas-Kanade with a redescending norm, started from the whole
+// picture's motion. It has the same forward-backward check as klt.
 std::unique_ptr<FeatureMover> MakeRlofMover(const RlofOptions& options);
 
 }  // namespace cohort

@@ -7,25 +7,25 @@
 namespace cohort {
 
 enum class SceneChange {
-  kNone,   // the scene goes on, or there is no telling
-  kBlank,  // the picture shows nothing beside the last one: a frame lost, a flash, a hand before it
-  kCut,    // what is seen has nothing in common with what was seen before
+  kNone,   // the scene goes on, or the pictures do not decide
+  kBlank,  // nothing is seen compared with the last picture: a lost frame, a flash, a hand
+  kCut,    // the picture has nothing in common with the earlier ones
 };
 
-// Tells a cut from all that looks like one. Pictures are compared small (4,800 pixels or so, where
-// the noise of the dark is averaged away) and without their coarsest shades (light, vignettes), in
-// two ways:
-//   match   correlation over the whole picture, shifted as phase correlation says;
+// Distinguishes a cut from everything that resembles one. Pictures are compared at a small size
+// (about 4,800 pixels, which averages the noise of the dark away) and without their coarsest shades
+// (light, vignettes), in two ways:
+//   match   correlation over the whole picture, shifted by phase correlation;
 //   flow    the share of blocks of 10 x 10 whose best match, anywhere in the other picture, lies as
-//           a neighbouring block's does: what a camera too fast for one shift still has, and chance
-//           has not.
-// A cut has neither (match under half of what it was a frame before, flow < 0.22), and comes after
-// two frames that matched (>= 0.5): in the dark, or where a camera turns too fast to be followed,
-// frames of one scene do not match either, and nothing is said. Correlations do not know of
-// exposure, and blur leaves what is coarse.
+//           a neighbouring block's does. A camera too fast for one shift still has flow; chance
+//           matches do not.
+// A cut has neither (match below half of the previous frame's, flow < 0.22) and follows two frames
+// that matched (>= 0.5). In the dark, or where a camera turns too fast, frames of one scene do not
+// match either, and no cut is reported. Correlation is invariant to exposure, and blur keeps coarse
+// structure.
 class SceneWatch {
  public:
-  // The clip's next picture, against the last one that was not blank.
+  // Compares the clip's next picture with the last one that was not blank.
   SceneChange Follow(const Pyramid& picture);
 
  private:

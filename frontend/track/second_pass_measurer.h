@@ -29,7 +29,7 @@ struct SecondPassMeasurementOptions {
   }
 };
 
-// Where a reconstruction says that a feature is in a frame.
+// Where a reconstruction predicts a feature in a frame.
 struct ModelPrediction {
   FeatureId feature{};
   Eigen::Vector2d xy = Eigen::Vector2d::Zero();
@@ -38,24 +38,24 @@ struct ModelPrediction {
   bool observed_in_first_pass = false;
 };
 
-// Measures every feature anew where a reconstruction says that it is: without constraint, against
-// one template for all of its track. The template is the mean of some neighbouring frames, brought
-// to one shape by the predictions' warps, so it has less noise than any. Goes through the clip
-// twice:
+// Measures every feature again where a reconstruction predicts it: without constraint, against one
+// template for all of its track. The template is the mean of several neighbouring frames, brought
+// to one shape by the predictions' warps, so it has less noise than any single frame. This takes
+// two passes over the clip:
 //
 //   SecondPassMeasurer measurer(options);
-//   for each frame: measurer.Learn(frame, predictions of those whose template it is to enter);
-//   for each frame: measurer.Measure(frame, predictions of all that should be in sight);
+//   for each frame: measurer.Learn(frame, predictions of features whose template it enters);
+//   for each frame: measurer.Measure(frame, predictions of all features that should be visible);
 //   std::vector<Observation> observations = measurer.Finish();
 //
-// A feature is measured with a narrow and with a wide patch; of the two, the one whose first dozen
-// positions lie nearer to the predictions is taken for all of its track: a wide patch has less
-// noise, a narrow one shows less of what does not move with the feature.
+// A feature is measured with a narrow and with a wide patch. The patch whose first dozen positions
+// lie nearer to the predictions is used for all of its track: a wide patch has less noise, a narrow
+// one includes less of what does not move with the feature.
 //
-// What is found counts as observed if it lies near the prediction and looks as much like its
-// template as it does where the first pass saw it; so an occluder is not taken for the feature.
-// Covariances are the inverse gradient energy, in all frames with one factor: such that the
-// distances from the predictions are as expected.
+// A measurement counts as observed if it lies near the prediction and correlates with the template
+// nearly as well as where the first pass saw the feature; this rejects occluders. Covariances are
+// the inverse gradient energy, scaled by one factor for all frames, which makes the distances from
+// the predictions as large as expected.
 class SecondPassMeasurer {
  public:
   explicit SecondPassMeasurer(const SecondPassMeasurementOptions& options);
@@ -67,10 +67,10 @@ class SecondPassMeasurer {
   struct Template {
     AnchorPatch sum;
     int frames = 0;
-    AnchorPatch mean;                      // of the two, once learnt
+    AnchorPatch mean;                      // of both, once learnt
     std::vector<double> signal_variances;  // of the mean, for each window
   };
-  // What the predictions miss of a feature's warp (a slanted surface), from frame to frame.
+  // The part of a feature's warp that the predictions miss (a slanted surface), frame to frame.
   struct Deformation {
     Eigen::Matrix2d beyond_prediction = Eigen::Matrix2d::Identity();
     Eigen::Matrix4d covariance = Eigen::Matrix4d::Zero();
@@ -81,7 +81,7 @@ class SecondPassMeasurer {
     double distance_px = 0.0;  // from the prediction
     double mahalanobis2 = 0.0;
     double correlation = 0.0;
-    double residual_variance_ratio = 0.0;  // to what noise explains
+    double residual_variance_ratio = 0.0;  // relative to the noise
     double residual = 0.0;
     Eigen::Vector2d xy = Eigen::Vector2d::Zero();
     Eigen::Matrix2d shape = Eigen::Matrix2d::Identity();
@@ -89,7 +89,7 @@ class SecondPassMeasurer {
   // All measurements with patches of one size.
   struct Window {
     int px = 0;
-    double noise_variance = 0.0;  // of a picture's difference to a template
+    double noise_variance = 0.0;  // of picture minus template
     std::map<FeatureId, Deformation> deformations;
     std::map<FeatureId, std::vector<Sighting>> sightings;
   };
@@ -99,8 +99,8 @@ class SecondPassMeasurer {
                    const Frame& frame,
                    std::span<const ModelPrediction> predictions,
                    const Pyramid& pyramid) const;
-  // A feature's windows against each other: the sums of their squared distances from the
-  // predictions [px^2], in the same frames.
+  // Compares a feature's windows: the sums of their squared distances from the predictions [px^2],
+  // in the same frames.
   struct Contest {
     std::vector<double> squares;
     double count = 0.0;
@@ -108,9 +108,9 @@ class SecondPassMeasurer {
   };
 
   void CompareWindows(FrameIndex frame, std::span<const ModelPrediction> predictions);
-  // Of few frames' sums, drawn to those of all features.
+  // The window with the least mean square; sums of few frames are shrunk towards those of all.
   std::size_t NearestWindow(const Contest& contest, const Contest& all) const;
-  // The winner of every feature's contest; of one that is not decided, as it stands.
+  // The winner of every feature's contest; the current best if the contest is undecided.
   std::map<FeatureId, const Window*> ChosenWindows() const;
 
   SecondPassMeasurementOptions options_;

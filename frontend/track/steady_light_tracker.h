@@ -7,7 +7,7 @@
 
 namespace cohort {
 
-// A tracker that sees every frame in the same light (Exposure).
+// Equalises the light of all frames (Exposure) before it passes them to a tracker.
 class SteadyLightTracker final : public Tracker {
  public:
   explicit SteadyLightTracker(std::unique_ptr<Tracker> tracker) : tracker_(std::move(tracker)) {}

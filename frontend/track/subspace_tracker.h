@@ -9,8 +9,8 @@
 
 namespace cohort {
 
-// Guide, then measure: the guided position starts one unconstrained alignment of a larger patch
-// with the feature's anchor; what the image does not confirm stays predicted.
+// Guide, then measure: one unconstrained alignment of a larger patch with the feature's anchor
+// starts at the guided position. A feature that the image does not confirm stays predicted.
 struct MeasurementOptions {
   bool enabled = true;
   PatchOptions patch;
@@ -56,11 +56,11 @@ struct MeasurementOptions {
 };
 
 // The paper's tracker: all features move together, from frame to frame, to the minimum of the total
-// energy (joint_guide.h), with the trajectories of the last L frames as history. Then guide, then
-// measure (frame_measurement.h): a position that the image confirms is observed; one that it does
-// not confirm is predicted from the feature's own past and the other features, until it is seen
-// again or is found to be lost (predicted_or_ended.h). The history holds the most probable
-// positions. docs/how_it_works.md lists the steps. Without measuring: guide_mover.h.
+// energy (joint_guide.h), with the trajectories of the last L frames as history. Each position is
+// then measured (frame_measurement.h). A position that the image confirms is observed. Otherwise
+// the feature is predicted from its own past and the other features until it is seen again or is
+// lost (predicted_or_ended.h). The history holds the most probable positions. docs/how_it_works.md
+// lists the steps. guide_mover.h is the tracker without measuring.
 std::unique_ptr<FeatureMover> MakeSubspaceMover(const SubspaceOptions& options,
                                                 const MeasurementOptions& measurement);
 

@@ -11,13 +11,13 @@
 
 namespace cohort {
 
-// The mover of `options.tracker`. For those who keep the books themselves; trackers are made by
-// MakeTracker.
+// The mover of `options.tracker`, for callers that do the bookkeeping themselves; MakeTracker makes
+// complete trackers.
 std::unique_ptr<FeatureMover> MakeMover(const TrackerOptions& options);
 
 // The bookkeeping that all trackers share, so that an experiment changes one thing at a time:
-// detection, re-detection when features die, ids, borders, mask, how long a feature may go
-// unconfirmed, and the end of all of them at a cut.
+// detection, re-detection when features die, ids, borders, mask, the limit of unconfirmed frames,
+// and the end of all features at a cut.
 class TrackLoop final : public Tracker {
  public:
   // `mask`: empty, or CV_8UC1 of the frames' size, 0 where features may neither be born nor stay.
@@ -33,7 +33,7 @@ class TrackLoop final : public Tracker {
   };
 
   void CheckSize(const cv::Size& size);
-  // These add to what the tracker says of the frame.
+  // These add to the tracker's result of the frame.
   void EndAtCut(FrameResult& result);
   void HoldFeatures(FrameIndex frame, FrameResult& result);
   void MoveFeatures(const Pyramid& pyramid, FrameIndex frame, FrameResult& result);

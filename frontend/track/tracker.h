@@ -12,16 +12,16 @@
 
 namespace cohort {
 
-// What a tracker says of one frame.
+// The result of a tracker for one frame.
 struct FrameResult {
   std::vector<Observation> observations;  // ascending features; of this frame
   std::vector<TrackEnd> ends;             // tracks that ended before this frame, ascending features
   bool cut = false;        // this frame is the first of another scene: all tracks ended before it
   double detect_ms = 0.0;  // time spent on finding corners; for reports
-  // Corrections of earlier frames' states or positions are never made: a tracker is causal.
+  // A tracker is causal: it never corrects states or positions of earlier frames.
 };
 
-// Tracks features from frame to frame. Synchronous and causal: no thread of its own, no queue.
+// Tracks features from frame to frame. Synchronous and causal, without threads or queues.
 //
 //   auto tracker = MakeTracker(options);
 //   while (auto frame = sequence->Next()) Use(tracker->Track(*frame));
@@ -31,11 +31,11 @@ class Tracker {
   virtual FrameResult Track(const Frame& frame) = 0;
 };
 
-// The groups of TrackerOptions that it reads, beside the detector's.
+// The groups of TrackerOptions that this tracker reads, beside the detector's.
 std::set<std::string> OptionGroupsOf(TrackerKind kind);
 
 // `mask`: empty, or CV_8UC1 of the frames' size, 0 where features may neither be born nor stay.
-// Throws UsageError on options out of range.
+// Throws UsageError if an option is out of range.
 std::unique_ptr<Tracker> MakeTracker(const TrackerOptions& options, const cv::Mat& mask = {});
 
 }  // namespace cohort

@@ -7,7 +7,7 @@
 
 namespace cohort {
 
-// Ids from here on are of a companion: a second tracker of the same clip.
+// Ids from here on belong to a companion: a second tracker of the same clip.
 inline constexpr FeatureId kFirstCompanion{1U << 30U};
 
 // Frames first to last, both included.
@@ -15,32 +15,32 @@ struct Stretch {
   FrameIndex first{};
   FrameIndex last{};
 };
-// Where a tracker loses its features: pairs of consecutive frames that fewer than `share` of the
-// features of the first, or of the number usual between frames (the median; until that is reached,
-// the most so far), tie to each other; and `reach` frames before and behind, in which a companion
-// may take up features. Ascending, apart.
+// Where a tracker loses its features: pairs of consecutive frames linked by fewer than `share` of
+// the first frame's features, or of the usual number of links (the median, or the most so far until
+// that is reached). Each stretch extends by `reach` frames on both sides, in which a companion may
+// take up features. Ascending, disjoint.
 std::vector<Stretch> WeakStretches(const TrackSet& tracks, double share, std::size_t reach);
 
-// Tracks of two trackers of one clip; the features from `first_companion` on are of the second.
+// Tracks of two trackers of one clip; features from `first_companion` on are the second's.
 struct CompanionTracks {
   TrackSet tracks;
   FeatureId first_companion{};
 };
 
-// Without the companion's twins: tracks of which most observations lie within `within_px` of the
+// Removes the companion's twins: tracks of which most observations lie within `within_px` of the
 // same feature of the first tracker.
 TrackSet DropTwins(const CompanionTracks& both, double within_px);
 
-// Without those of the companion's tracks that are not needed: kept are tracks that bridge two
-// consecutive frames of which the first tracker ties less than `share` as many features to each
-// other as the companion does, or than it does itself in the median.
+// Removes the companion's tracks that are not needed. A track is kept if it links two consecutive
+// frames between which the first tracker has less than `share` times the companion's links, or
+// times its own median.
 CompanionTracks KeepWhereNeeded(const CompanionTracks& both, double share);
 
-// Makes one set of two: twins are dropped, and what is left of the companion's is numbered behind
-// the last feature of the first tracker. Its observations have no covariance of their own; they get
-// one for all, the robust variance of the twins' positions about those of the first tracker (each
-// pair's median apart, as two features may be of two pixels of one corner) [px^2]. Without enough
-// twins none is known, and none is given.
+// Merges both sets. Twins are removed, and the companion's remaining features are numbered after
+// the last feature of the first tracker. They share one covariance: the robust variance of the
+// twins' positions about those of the first tracker [px^2]. Each pair's median is subtracted first,
+// because two features may be at two pixels of one corner. Without enough twins they have no
+// covariance.
 CompanionTracks JoinCompanions(const CompanionTracks& both, double within_px);
 
 }  // namespace cohort

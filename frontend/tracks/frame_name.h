@@ -7,10 +7,10 @@
 
 namespace cohort {
 
-// The name of a frame that is no file, as of a video, under which it is written out for programs that
-// want files: frame_000123.png.
+// The name of a frame without a file, as in a video. Programs that need files get it under this
+// name: frame_000123.png.
 std::string NumberedFrameName(FrameIndex frame);
-// Is it one of these?
+// Whether a name has this form.
 bool IsNumberedFrameName(std::string_view name);
 
 }  // namespace cohort

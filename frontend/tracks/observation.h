@@ -10,8 +10,9 @@
 
 namespace cohort {
 
-// Ids are types: a swapped (feature, frame) does not compile. A FrameIndex counts the frames of the
-// source from 0, before any --frames range or stride, so that it finds truth and time stamps.
+// Ids are types, so that a swapped (feature, frame) does not compile. A FrameIndex counts the
+// frames of the source from 0, before any --frames range or stride, and thus identifies ground
+// truth and time stamps.
 enum class FeatureId : std::uint32_t {};
 enum class FrameIndex : std::uint32_t {};
 
@@ -29,7 +30,7 @@ enum class LossReason : std::uint8_t {
   kContradicted,  // the image contradicted it, or did not confirm it, for too long
   kDiverged,      // the tracker failed on it (no texture, forward-backward check)
   kMasked,        // it entered the mask
-  kCut,           // the clip was cut: what followed is another scene
+  kCut,           // the clip was cut: another scene follows
 };
 inline constexpr ChoiceNames<LossReason, 5> kLossReasonNames{
     {{"left_image", LossReason::kLeftImage},
@@ -44,14 +45,14 @@ struct PixelCovariance {
   float xy = 0.0F;
   float yy = 1.0F;
 
-  // Whether they are one, of positive definite floats: what readers of files ask.
+  // Whether the entries form a positive definite matrix in floats; readers of files check it.
   static bool IsOne(double xx, double xy, double yy) {
     using Limits = std::numeric_limits<float>;
     const auto is_variance = [](double v) { return v >= Limits::min() && v <= Limits::max(); };
     return is_variance(xx) && is_variance(yy) && xx * yy > xy * xy;
   }
 
-  // Where rounding would leave a very long ellipse none (xx yy = xy^2), it gets the next one that is.
+  // If rounding makes a very long ellipse singular (xx yy = xy^2), xy is reduced slightly.
   static PixelCovariance From(const Eigen::Matrix2d& matrix) {
     PixelCovariance c{static_cast<float>(matrix(0, 0)),
                       static_cast<float>(matrix(0, 1)),
@@ -77,7 +78,7 @@ struct Observation {
   Eigen::Vector2d xy = Eigen::Vector2d::Zero();
   ObservationState state = ObservationState::kObserved;
   double residual = 0.0;  // mean absolute difference to the template, intensities 0..1
-  // Of xy, where the measurement step gives one.
+  // Of xy, if the measurement step gives one.
   std::optional<PixelCovariance> covariance = std::nullopt;
 };
 

@@ -1,6 +1,6 @@
 #pragma once
 
-// What readers and writers of tracks as text share: one row an observation.
+// Shared by readers and writers of tracks as text: one row per observation.
 
 #include <array>
 #include <charconv>
@@ -23,7 +23,7 @@ namespace cohort {
 
 std::string_view Trim(std::string_view text);
 
-// The whole text as a number, else none.
+// The whole text as a number; nullopt if it is not one.
 template <typename T>
 std::optional<T> Parse(std::string_view text) {
   T value = 0;
@@ -44,15 +44,16 @@ T ParseId(const LineReader& reader, std::string_view name, std::string_view text
 
 double ParseFinite(const LineReader& reader, std::string_view name, std::string_view text);
 
-// Rows as they come, with the ids of their tracks.
+// Rows in the order of the file, with the ids of their tracks.
 class TrackRows {
  public:
-  // A row of the line that the reader is at.
+  // Adds a row for the reader's current line.
   Observation& Add(const LineReader& reader, std::uint64_t track_id);
   bool empty() const { return rows_.empty(); }
 
-  // Ids that need more than 32 bits are counted anew: then FeatureId{n} stands for track_ids[n],
-  // ascending; else track_ids is empty. Throws Error on two rows of the same track and frame.
+  // If an id needs more than 32 bits, ids are renumbered: FeatureId{n} then stands for
+  // track_ids[n], ascending. Otherwise track_ids is empty. Throws Error on two rows of one track
+  // and frame.
   struct Tracks {
     TrackSet tracks;
     std::vector<std::uint64_t> track_ids;
@@ -67,7 +68,7 @@ class TrackRows {
   std::vector<std::uint32_t> lines_;
 };
 
-// Text into an OutputFile, a block at a time.
+// Writes text into an OutputFile, block by block.
 class TextOutput {
  public:
   explicit TextOutput(const std::filesystem::path& path);
@@ -76,7 +77,7 @@ class TextOutput {
     text_ += text;
     return *this;
   }
-  // In the fewest digits that read back the same.
+  // With the fewest digits that read back the same.
   template <typename T>
   TextOutput& Number(T value) {
     std::array<char, 32> digits;

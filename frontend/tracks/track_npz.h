@@ -17,7 +17,7 @@ inline constexpr ChoiceNames<NpzLayout, 3> kNpzLayoutNames{
      {"frames-first", NpzLayout::kFramesFirst},
      {"tracks-first", NpzLayout::kTracksFirst}}};
 
-// Where (0, 0) is.
+// The position of (0, 0).
 enum class NpzOrigin { kPixelCentre, kPixelCorner };
 inline constexpr ChoiceNames<NpzOrigin, 2> kNpzOriginNames{
     {{"pixel-centre", NpzOrigin::kPixelCentre}, {"pixel-corner", NpzOrigin::kPixelCorner}}};
@@ -71,23 +71,24 @@ struct NpzTracksOptions {
   }
 };
 
-// Tracks as point trackers save them by np.savez, T x N or N x T, with a first axis of 1 or without:
+// Tracks as point trackers save them by np.savez, T x N or N x T, with or without a first axis of
+// 1:
 //   tracks, pred_tracks                                   T x N x 2, pixels x, y
 //   visibility, visibles, vis ... or occluded ...         T x N, bool or 0..1; without: all visible
 //   confidence, conf, score ...                           T x N, optional
-// and as WriteTracksNpz does it, also
+// and, as WriteTracksNpz writes them, also
 //   track_ids N, frame_indices T (of the input; without them row t is its t-th frame),
 //   residual T x N, covariance T x N x 3 (xx, xy, yy [px^2])
-// A visible position is observed; one that is finite and not visible is predicted; one that is not
-// finite and not visible is none. Throws Error naming path and array on what cannot be.
+// A visible position is observed; a finite one that is not visible is predicted; one that is
+// neither finite nor visible is skipped. Throws Error naming path and array on invalid input.
 ImportedTracks ReadTracksNpz(const std::filesystem::path& path,
                              std::span<const FrameInfo> frames,
                              int width_px,
                              int height_px,
                              const NpzTracksOptions& options = {});
 
-// Frames first; NaN where a track has no position. All frames of the file, without observations too.
-// Throws Error where the table of frames times tracks has more than 2^27 cells.
+// Frames first; NaN where a track has no position. Includes frames without observations. Throws
+// Error if the table of frames times tracks has more than 2^27 cells.
 void WriteTracksNpz(const std::filesystem::path& path, const TrackFile& file);
 
 }  // namespace cohort

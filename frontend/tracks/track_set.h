@@ -15,8 +15,8 @@ struct TrackEnd {
   LossReason reason = LossReason::kLeftImage;
 };
 
-// All tracks of a clip, immutable and sorted by (feature, frame). The only thing that passes from
-// the frontend to the backend.
+// All tracks of a clip, immutable and sorted by (feature, frame). It is the only data that passes
+// from the frontend to the backend.
 class TrackSet {
  public:
   TrackSet() = default;
@@ -32,13 +32,13 @@ class TrackSet {
   std::span<const Observation> Track(FeatureId feature) const;
   // The observations of one frame, ascending features; empty if it is unknown.
   std::span<const Observation* const> InFrame(FrameIndex frame) const;
-  // Null if the feature has none in this frame.
+  // Null if the feature has no observation in this frame.
   const Observation* Find(FeatureId feature, FrameIndex frame) const;
 
   // Why tracks ended, ascending features; tracks alive at the end of the clip are not listed.
   std::span<const TrackEnd> ends() const { return ends_; }
 
-  // The tracks of which keep(FeatureId) is true, with their ends.
+  // The tracks for which keep(FeatureId) is true, with their ends.
   template <typename Keep>
   TrackSet Select(const Keep& keep) const;
 
@@ -57,7 +57,7 @@ class TrackSet {
   std::vector<TrackEnd> ends_;
 
  public:
-  // by_frame_ points into observations_: moving keeps the block, copying would not.
+  // by_frame_ points into observations_: a move keeps the block, a copy must rebuild the pointers.
   TrackSet(const TrackSet& other);
   TrackSet& operator=(const TrackSet& other);
   TrackSet(TrackSet&&) noexcept = default;

@@ -21,45 +21,45 @@ struct FrameInfo {
   std::int64_t timestamp_ns = 0;
 };
 
-// What a .tracks file holds.
+// The contents of a .tracks file.
 struct TrackFile {
-  std::string source;      // the INPUT it was made of, absolute
+  std::string source;      // the INPUT that it was made from, absolute
   std::string image_root;  // folder that frame names are relative to, absolute; empty for a video
   int width_px = 0;
   int height_px = 0;
-  std::optional<Camera> camera;  // none: nothing is known of it
-  // Where the camera is not known: the one that a model of these tracks has (the second pass), where the
-  // next one begins its search. It says nothing of what is known of the camera.
+  std::optional<Camera> camera;  // nullopt: nothing is known of it
+  // For an unknown camera: the camera of a model of these tracks (the second pass), from which the
+  // next search starts. It does not make the camera known.
   std::optional<Camera> found_camera;
   std::map<std::string, std::string> meta;  // tracker, options as JSON, program version ...
   std::vector<FrameInfo> frames;            // ascending; also frames without observations
   TrackSet tracks;
-  bool complete = true;  // false: tracking still runs, or was ended before the last frame
+  bool complete = true;  // false: tracking is still running, or stopped before the last frame
 
   bool KnowsCamera() const { return camera && camera->known; }
 };
 
-// In meta: Camera::row_order of the clip, where it is not down.
+// Key in meta: Camera::row_order of the clip, if it is not down.
 inline constexpr const char* kRowOrderMeta = "row_order";
 RowOrder RowOrderOf(const TrackFile& file);
 
-// Writes a .tracks file (SQLite; schema in docs/files.md) while tracking. Every AppendFrame is
-// a transaction: whatever ends the program, the frames appended before are kept. `header` gives all
-// but frames and tracks.
+// Writes a .tracks file (SQLite; schema in docs/files.md) while tracking. Every AppendFrame is a
+// transaction: however the program ends, the frames appended before are kept. `header` gives
+// everything but frames and tracks.
 //
 //   auto writer = TrackWriter::Create("clip.tracks", header);
 //   for each frame: writer.AppendFrame(info, observations, ends);
 //   writer.Finish();
 //
-// Where PATH does not exist, it is written in place, marked unfinished until Finish. Where it does,
-// PATH.partial is written and Finish renames it, so that PATH stays the old file until then. Either
-// is found by FindUnfinishedTracks, read by ReadTrackFile and continued by Resume.
+// A new PATH is written in place, marked unfinished until Finish. If PATH exists, PATH.partial is
+// written and Finish renames it, so that PATH stays the old file until then. FindUnfinishedTracks
+// finds either, ReadTrackFile reads it, and Resume continues it.
 class TrackWriter {
  public:
-  // Starts anew: what an earlier unfinished run has left in PATH.partial is lost.
+  // Starts anew; discards what an earlier unfinished run left in PATH.partial.
   static TrackWriter Create(const std::filesystem::path& path, const TrackFile& header);
-  // Goes on behind the last frame of FindUnfinishedTracks(path). None: there is none, or no more where
-  // another run had it when this one asked.
+  // Continues after the last frame of FindUnfinishedTracks(path). Returns nullopt if there is no
+  // such file, or if another run finished it meanwhile.
   static std::optional<TrackWriter> Resume(const std::filesystem::path& path);
   TrackWriter(TrackWriter&&) noexcept;
   TrackWriter& operator=(TrackWriter&&) noexcept;
@@ -79,13 +79,13 @@ class TrackWriter {
   std::unique_ptr<Impl> impl_;
 };
 
-// PATH.partial or PATH itself, whichever holds the work of a run that did not end; else none.
+// PATH.partial or PATH itself, whichever holds unfinished work; nullopt if neither does.
 std::optional<std::filesystem::path> FindUnfinishedTracks(const std::filesystem::path& path);
 
-// Reads unfinished files too (`complete` says so). Throws Error naming the path on a file that is
-// missing, is no .tracks file or is damaged.
+// Also reads unfinished files (see `complete`). Throws Error naming the path if the file is
+// missing, damaged or no .tracks file.
 TrackFile ReadTrackFile(const std::filesystem::path& path);
-// What ReadTrackFile would find, counted without it: of an hour of video the tracks fill the memory.
+// Counts what ReadTrackFile would read, without it: the tracks of an hour of video fill the memory.
 struct TrackCounts {
   std::size_t frames = 0;
   std::size_t tracks = 0;
@@ -94,8 +94,8 @@ struct TrackCounts {
 };
 TrackCounts CountTracks(const std::filesystem::path& path);
 
-// Makes or replaces the file at a path: whole or not at all, and from the beginning on nobody else may.
-// Throws Error where another run is writing it.
+// Creates or replaces the file at a path, whole or not at all, and locks it from the start. Throws
+// Error if another run is writing it.
 class TrackFileOutput {
  public:
   explicit TrackFileOutput(const std::filesystem::path& path);

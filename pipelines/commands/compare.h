@@ -5,8 +5,8 @@
 
 namespace cohort {
 
-// Clips x levels x seeds x trackers x backends: runs all, prints the table, writes OUT/results.csv
-// and OUT/results.json.
+// Runs clips x levels x seeds x trackers x backends, prints the table, writes OUT/results.csv and
+// OUT/results.json.
 void RunCompare(const ExperimentOptions& options);
 
 Command CompareCommand();

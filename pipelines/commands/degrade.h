@@ -4,7 +4,7 @@
 
 namespace cohort {
 
-// INPUT -> the same clip in the dark, with its truth (DegradeJob).
+// Darkens INPUT and keeps its ground truth (DegradeJob).
 Command DegradeCommand();
 
 }  // namespace cohort

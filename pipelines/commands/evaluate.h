@@ -4,7 +4,7 @@
 
 namespace cohort {
 
-// Tracks or a model against the truth (EvaluateJob), printed.
+// Evaluates tracks or a model against the ground truth (EvaluateJob) and prints the result.
 Command EvaluateCommand();
 
 }  // namespace cohort

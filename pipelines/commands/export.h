@@ -63,7 +63,7 @@ struct ExportCommandOptions {
   }
 };
 
-// .tracks -> the files of other programs.
+// Exports .tracks to the files of other programs.
 void RunExport(const ExportCommandOptions& options);
 
 Command ExportCommand();

@@ -39,7 +39,7 @@ struct ImportCommandOptions {
   }
 };
 
-// Tracks of any other tracker -> .tracks.
+// Imports tracks of any other tracker into .tracks.
 void RunImport(const ImportCommandOptions& options);
 
 Command ImportCommand();

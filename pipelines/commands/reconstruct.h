@@ -4,9 +4,9 @@
 
 namespace cohort {
 
-// .tracks -> model folder (ReconstructJob), and its summary printed. Throws Error after writing all
-// there is where fewer than 80 % of the frames registered: a part of a clip is no reconstruction of
-// it.
+// Makes a model folder from .tracks (ReconstructJob) and prints its summary. If fewer than 80 % of
+// the frames registered, it writes all results and then throws Error, because a part is no
+// reconstruction of the clip.
 Command ReconstructCommand();
 
 }  // namespace cohort

@@ -7,7 +7,7 @@
 
 namespace cohort {
 
-// Of two forms: tracks and the model that was made of them, or a model alone with its pictures.
+// Two forms: tracks and the model made from them, or a model alone with its pictures.
 struct RefineCommandOptions {
   std::string tracks;
   std::string model;
@@ -15,7 +15,7 @@ struct RefineCommandOptions {
   std::string out;
   std::string mask;
   std::string json;
-  RefineModelOptions of_model;  // its second pass: of both forms
+  RefineModelOptions of_model;  // its second pass serves both forms
 
   template <typename Self, typename Visitor>
   static void Visit(Self& o, Visitor& v) {
@@ -50,8 +50,8 @@ struct RefineCommandOptions {
   }
 };
 
-// Tracks and a model that was made of them -> tracks measured anew (MeasureAgain); or a COLMAP model
-// -> the same, measured anew (RefineModel).
+// Refines tracks by the model made from them (MeasureAgain), or a COLMAP model by measuring it
+// again (RefineModel).
 void RunRefine(const RefineCommandOptions& options);
 
 Command RefineCommand();

@@ -4,8 +4,8 @@
 
 namespace cohort {
 
-// INPUT -> scene folder (SfmJob), and how good it is in words. Throws Error after writing all there
-// is where fewer than 80 % of the frames registered.
+// Makes a scene folder from INPUT (SfmJob) and prints its quality in words. If fewer than 80 % of
+// the frames registered, it writes all results and then throws Error.
 Command SfmCommand();
 
 }  // namespace cohort

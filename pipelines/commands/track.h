@@ -4,7 +4,7 @@
 
 namespace cohort {
 
-// INPUT -> .tracks (TrackJob), and its figures printed.
+// Makes .tracks from INPUT (TrackJob) and prints the figures.
 Command TrackCommand();
 
 }  // namespace cohort

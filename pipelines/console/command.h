@@ -10,7 +10,7 @@
 
 namespace cohort {
 
-// One of the program's commands; run() parses its arguments, does it and returns the exit code.
+// A command of the program; run() parses its arguments, executes it and returns the exit code.
 struct Command {
   std::string name;
   std::string usage;
@@ -37,8 +37,8 @@ Command MakeCommand(CommandLine line, void (*run)(const Options&)) {
           }};
 }
 
-// The whole program: finds the command, turns every exception into one line `cohort: error: ...` on
-// stderr and an exit code: 0 done, 1 failed, 2 usage.
+// The whole program: finds the command, and turns every exception into one line `cohort: error:
+// ...` on stderr and an exit code: 0 success, 1 failure, 2 usage.
 int RunProgram(const std::vector<Command>& commands, std::span<const std::string> arguments);
 
 }  // namespace cohort

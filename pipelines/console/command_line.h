@@ -10,16 +10,16 @@
 namespace cohort {
 
 // A short name of options on the command line, beside their full ones: {"features",
-// {"detector.max_features"}} makes --features. With several paths it sets all of them, and has a
-// help of its own. What has a short name is common, whatever its tier.
+// {"detector.max_features"}} gives --features. With several paths it sets all of them, and has its
+// own help. An option with a short name is common, whatever its tier.
 struct ShortFlag {
   std::string name;
   std::vector<std::string> paths;
   std::string help = {};
 };
 
-// What a command's line looks like. `positionals` are paths that are given without a flag, in this
-// order; a list takes all that are left.
+// The syntax of a command. `positionals` are paths given without a flag, in this order; a list
+// takes all the rest.
 struct CommandLine {
   std::string name;
   std::string usage;    // what follows the name, "INPUT --out F.tracks [options]"
@@ -44,10 +44,10 @@ struct OptionHelp {
   bool IsPositional() const { return !names.front().starts_with('-'); }
 };
 
-// What an entry is called on the command line, behind its dashes.
+// The name of an entry on the command line, without dashes.
 std::string FlagName(std::string path);
 
-// All options of a command in their order, with those that every command has.
+// All options of a command in their order, including the general ones.
 std::vector<OptionHelp> HelpOfOptions(const CommandLine& line,
                                       const std::vector<OptionEntry>& entries);
 
@@ -57,10 +57,9 @@ enum class ParseOutcome {
 };
 
 // Sets the options behind `entries`: defaults < --config F.json < flags. Every entry gets a flag
-// --group.some-name from its path group.some_name (--no-... too where it is on or off). Throws
-// UsageError naming the flag and the nearest known one, or what the value must be.
-// --quiet is handled here: only warnings and errors go to the log. --help lists the common options,
-// --help-all all.
+// --group.some-name from its path group.some_name (--no-... too if it is boolean). Throws
+// UsageError naming the flag and the nearest known one, or the valid values. --quiet restricts the
+// log to warnings and errors. --help lists the common options, --help-all all.
 ParseOutcome ParseCommandLine(const CommandLine& line,
                               const std::vector<OptionEntry>& entries,
                               std::span<const std::string> arguments);

@@ -6,9 +6,9 @@
 
 namespace cohort {
 
-// While one lives, the first Ctrl-C (SIGINT) or SIGTERM only sets Requested(), so that a loop can
-// end cleanly after the frame it is at; the second one ends the program as usual. A signal that is
-// ignored stays so.
+// While an instance lives, the first Ctrl-C (SIGINT) or SIGTERM only sets Requested(), so that a
+// loop can end cleanly after the current frame; the second one ends the program as usual. An
+// ignored signal stays ignored.
 //
 //   const InterruptGuard interrupt;
 //   while (work && !interrupt.Requested()) ...

@@ -7,10 +7,10 @@
 
 namespace cohort {
 
-// Manual pages (man(7), section 1) of what --help and --help-all show. The same program writes the
-// same bytes: they carry its version and no date.
+// Manual pages (man(7), section 1) with the contents of --help and --help-all. The same program
+// writes the same bytes: they contain its version and no date.
 
-// cohort(1): what it is, its commands, how it ends.
+// cohort(1): purpose, commands, exit codes.
 std::string ManualOfProgram(const std::vector<Command>& commands);
 
 // cohort-track(1) and the like: all options.

@@ -12,18 +12,18 @@
 
 namespace cohort {
 
-// Where this program's own lines go: stderr.
+// The stream for this program's own lines: stderr.
 std::FILE* OwnStderr();
 
-// From here on, what libraries print to stderr by themselves (libpng and libjpeg tell of every damaged
-// picture) goes nowhere: our errors say it in one line. Sanitizers and the system still reach it.
+// Discards all further stderr output of libraries (libpng and libjpeg report every damaged
+// picture): our errors report it in one line. Sanitizers and the system still reach stderr.
 void SilenceLibraries();
 
-// What an exception says, in our words where those of the standard library would name calls of C++.
+// The message of an exception, reworded if the standard library's names C++ calls.
 std::string WhatFailed(const std::exception& exception);
 
-// A line on stdout, without the line breaks and codes for terminals that texts of files may hold.
-// Throws where stdout cannot take it.
+// Prints a line on stdout, without line breaks and terminal control codes that texts from files may
+// contain. Throws if stdout fails.
 template <typename... Args>
 void PrintLine(fmt::format_string<Args...> text, Args&&... args) {
   fmt::print("{}\n", OneLine(fmt::format(text, std::forward<Args>(args)...)));

@@ -10,8 +10,8 @@
 namespace cohort {
 
 // One line on stderr, `track [=====     ] 120/300  87.0 fps  ETA 0:02`, redrawn at most ten times a
-// second and wiped at the end; cut at the terminal's width. Nothing where stderr is no terminal, or a
-// dumb one, or the log is quiet. `rate_unit` empty: no speed is shown.
+// second, cut to the terminal's width and wiped at the end. Draws nothing if stderr is no terminal
+// or a dumb one, or the log is quiet. An empty `rate_unit` hides the speed.
 class ProgressBar {
  public:
   explicit ProgressBar(std::string label,
@@ -21,7 +21,7 @@ class ProgressBar {
   ProgressBar& operator=(const ProgressBar&) = delete;
   ~ProgressBar();
 
-  void Advance(std::size_t steps = 1);  // 0: only the time goes on
+  void Advance(std::size_t steps = 1);  // 0: only updates the time
   void Wipe();                          // before something else is written to the terminal
 
  private:
@@ -36,7 +36,7 @@ class ProgressBar {
   Clock::time_point next_draw_ = start_;
 };
 
-// A bar for each stage of a job, one after the other, as a callback that is told how far it is.
+// A bar for each stage of a job, one after the other, as a callback that receives the progress.
 std::function<void(std::string_view stage, std::size_t done, std::optional<std::size_t> total)>
 ProgressBars();
 

@@ -11,22 +11,23 @@ namespace cohort {
 
 enum class AlignmentScale { kEstimated, kOne };  // Sim(3), or SE(3)
 
-// How far pairs of points fix their alignment.
+// How well pairs of points determine their alignment.
 enum class AlignmentStatus {
   kUnique,
-  // All of one side are on a line: a turn about it changes no distance between the pairs. So their
-  // root mean square and the scale are unique; what is not on the line could be anywhere around it.
+  // All points of one side are on a line: a rotation about it changes no distance between the
+  // pairs. Their root mean square and the scale are unique, but points off the line can be anywhere
+  // around it.
   kFreeAboutALine,
   kTooFewPoints,  // under 3
-  kOnePlace,      // all of one side are in one place, or the sides have no direction in common
+  kOnePlace,      // all of one side coincide, or the sides have no direction in common
 };
 
-// For a message: why there is no distance to give. Empty where there is one.
+// The reason for a message if there is no distance; else empty.
 std::string_view Reason(AlignmentStatus status);
 
 struct Alignment {
   AlignmentStatus status = AlignmentStatus::kTooFewPoints;
-  Sim3 target_from_source{};  // kFreeAboutALine: one of those that are equally good
+  Sim3 target_from_source{};  // kFreeAboutALine: one of the equally good ones
 
   bool FixesDistances() const {
     return status == AlignmentStatus::kUnique || status == AlignmentStatus::kFreeAboutALine;
@@ -34,13 +35,12 @@ struct Alignment {
 };
 
 // The target_from_source that minimises sum |target_i - target_from_source * source_i|^2 (Umeyama,
-// PAMI 1991; what evo calls `--align --correct_scale`, or `--align` for kOne). Evo refuses
-// kFreeAboutALine.
+// PAMI 1991; evo's `--align --correct_scale`, or `--align` for kOne). Evo rejects kFreeAboutALine.
 Alignment FitAlignment(std::span<const Eigen::Vector3d> source,
                        std::span<const Eigen::Vector3d> target,
                        AlignmentScale scale);
 
-// The same; none unless it is unique.
+// The same; nullopt unless it is unique.
 std::optional<Sim3> AlignPoints(std::span<const Eigen::Vector3d> source,
                                 std::span<const Eigen::Vector3d> target,
                                 AlignmentScale scale);
@@ -48,8 +48,8 @@ std::optional<Sim3> AlignPoints(std::span<const Eigen::Vector3d> source,
 // Root mean square distance of points from their mean.
 double Extent(std::span<const Eigen::Vector3d> points);
 
-// Root mean square distance between the two after the alignment by Sim(3), in the target's units;
-// none unless the alignment fixes it.
+// Root mean square distance between both after the alignment by Sim(3), in the target's units;
+// nullopt unless the alignment determines it.
 std::optional<double> AlignedRmse(std::span<const Eigen::Vector3d> source,
                                   std::span<const Eigen::Vector3d> target);
 

@@ -10,13 +10,13 @@
 
 namespace cohort {
 
-// The true point [m] that is seen at a pixel of a frame; none where the truth knows of no surface.
+// The true point [m] at a pixel of a frame; nullopt if no surface is known there.
 using PointTruth =
     std::function<std::optional<Eigen::Vector3d>(FrameIndex frame, const Eigen::Vector2d& xy)>;
 
-// Distances [m] of the reconstructed points, moved by the alignment of the cameras (never by one of
-// their own), to the true points. A point's truth is what its first view shows: that is where its
-// feature began. Points without truth are left out.
+// Distances [m] of the reconstructed points to the true points, after the alignment of the cameras
+// (never an alignment of the points). A point's truth is the surface in its first view, where its
+// feature began. Points without ground truth are skipped.
 std::vector<double> PointErrors(const Reconstruction& reconstruction,
                                 const Sim3& truth_from_reconstruction,
                                 const PointTruth& truth);

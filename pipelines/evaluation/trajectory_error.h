@@ -16,8 +16,8 @@ struct StampedPose {
   Rigid3 world_from_cam;
 };
 
-// TUM format: one pose a line, `t tx ty tz qx qy qz qw`, t in seconds, world_from_cam. Throws Error
-// naming file and line.
+// TUM format: one pose per line, `t tx ty tz qx qy qz qw`, t in seconds, world_from_cam. Throws
+// Error naming file and line.
 std::vector<StampedPose> ReadTumTrajectory(const std::filesystem::path& path);
 
 // The estimated and the true pose of one frame, both world_from_cam.
@@ -26,13 +26,13 @@ struct PosePair {
   Rigid3 truth;
 };
 
-// As evo associates: each pose of the shorter trajectory (the estimate, if they are equally long)
-// with the nearest stamp of the longer one, where that is within max_difference_ns.
+// Associates like evo: each pose of the shorter trajectory (the estimate, if they are equally long)
+// with the nearest stamp of the longer one, if that is within max_difference_ns.
 std::vector<PosePair> AssociatePoses(std::span<const StampedPose> estimate,
                                      std::span<const StampedPose> truth,
                                      std::int64_t max_difference_ns = 10'000'000);
 
-// The estimates moved into the truth's world; rotations and positions, not the cameras' own axes.
+// Moves the estimates into the truth's world; rotations and positions, not the cameras' own axes.
 std::vector<PosePair> TransformEstimates(const Sim3& truth_from_estimate,
                                          std::span<const PosePair> pairs);
 
@@ -47,16 +47,16 @@ struct ErrorStatistics {
   double sse = 0.0;  // sum of squares
 };
 
-// None without errors.
+// Returns nullopt without errors.
 std::optional<ErrorStatistics> ComputeStatistics(std::vector<double> errors);
 
-// Absolute errors of poses that are already aligned, one a pair: the distance of camera centres
-// [units of the truth], and the angle of estimate^-1 * truth.
+// Absolute errors of aligned poses, one per pair: the distance of camera centres [units of the
+// truth], and the angle of estimate^-1 * truth.
 std::vector<double> AbsoluteTranslationErrors(std::span<const PosePair> aligned);
 std::vector<double> AbsoluteRotationErrorsDeg(std::span<const PosePair> aligned);
 
 enum class RelativePairs {
-  kConsecutive,  // (0, d), (d, 2d) ...: they do not overlap
+  kConsecutive,  // (0, d), (d, 2d) ..., without overlap
   kAll,          // (i, i + d) for every i
 };
 
@@ -72,14 +72,14 @@ RelativeErrors ComputeRelativeErrors(std::span<const PosePair> aligned,
 
 // Errors of relative poses between any two frames, which need no alignment: the larger of the angle
 // between the relative rotations and the angle between the directions of the relative translations
-// [deg]. Where the true cameras are closer than `min_baseline`, their direction counts as right.
+// [deg]. If the true cameras are closer than `min_baseline`, their direction counts as right.
 std::vector<double> RelativePoseErrorsDeg(std::span<const PosePair> pairs, double min_baseline);
 
 // Area under the curve of recall over error, from 0 to `threshold`, as a share of the whole: 1 is
-// perfect. Of `count` errors those that are not among
-// `errors_deg` are failures. The exact area under the line through the sorted
-// errors (SuperGlue, COLMAP's benchmark); and the mean over the bins of 1 degree of the share
-// below the bin's upper edge (PoseDiffusion, VGGSfM), for a whole number of degrees.
+// perfect. Errors missing from `errors_deg`, out of `count`, are failures. The first function gives
+// the exact area under the line through the sorted errors (SuperGlue, COLMAP's benchmark), the
+// second the mean over the bins of 1 degree of the share below the bin's upper edge (PoseDiffusion,
+// VGGSfM), for a whole number of degrees.
 double AreaUnderRecall(std::vector<double> errors_deg, double threshold_deg, std::size_t count);
 double AreaUnderRecallHistogram(std::span<const double> errors_deg, int threshold_deg);
 

@@ -9,16 +9,16 @@
 
 namespace cohort {
 
-// What no tracker can beat that measures 21 x 21 px patches one by one, as tracks: the corners that
-// every tracker would be given in the degraded frames, with re-detection, at their true positions
-// plus Gaussian noise at the Cramer-Rao bound of such a patch (datasets/position_bound.h), drawn
-// independently; with the bound as their covariance. Wider patches, and what other features and
-// frames tell, can go beyond. Observed is what is truly visible and whose bound is at most 3 px;
-// hidden features are predicted where they truly are, and end as every tracker's. The first
-// position of a track has no noise: it says what the track follows.
+// An upper bound, as tracks, for trackers that measure 21 x 21 px patches one by one: the corners
+// that every tracker would be given in the degraded frames, with re-detection, at their true
+// positions plus independent Gaussian noise at the Cramer-Rao bound of such a patch
+// (datasets/truth/position_bound.h), with the bound as their covariance. Wider patches, and
+// information from other features and frames, can exceed it. A feature is observed if it is truly
+// visible and its bound is at most 3 px; hidden features are predicted at their true positions, and
+// end as every tracker's. The first position of a track has no noise: it defines what it follows.
 //
-// `clip` gives the frames that `degrade` was applied to, `dark` its result, `truth` is of `dark`;
-// both run over the same frames. Fills frames and tracks of the result.
+// `clip` gives the frames that `degrade` was applied to, `dark` its result; `truth` is of `dark`.
+// Both run over the same frames. Fills frames and tracks of the result.
 TrackFile MakeCeilingTracks(
     Sequence& clip,
     Sequence& dark,

@@ -6,18 +6,18 @@
 
 namespace cohort {
 
-// What the tasks of a cell do: each returns the figures of its result (tasks.h), which cell_rows.h
-// reads, and leaves its files in the cell's folder. Figures {"not_available": why} say that a cell
-// cannot be. Throw where a cell fails.
+// The work of a cell's tasks. Each returns the figures of its result (tasks.h), which cell_rows.h
+// reads, and leaves its files in the cell's folder. Figures {"not_available": why} mark an
+// impossible cell. Throw if a cell fails.
 
-// The cell's tracks, and their errors where the truth is known.
+// The cell's tracks, and their errors if the ground truth is known.
 nlohmann::ordered_json MakeTracks(const ExperimentOptions& options, const TrackCell& cell);
 // A model of them, and its errors.
 nlohmann::ordered_json ReconstructCell(const ExperimentOptions& options,
                                        const TrackCell& cell,
                                        GridBackend backend);
-// How far the models of both halves of them agree; halves that had a second pass together would
-// agree by it, so each gets one of its own.
+// The agreement of the models of both halves of the tracks. Each half gets its own second pass,
+// because a shared one would make them agree.
 nlohmann::ordered_json CompareHalvesOfCell(const ExperimentOptions& options,
                                            const TrackCell& cell,
                                            GridBackend backend);

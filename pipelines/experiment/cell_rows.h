@@ -8,7 +8,7 @@
 
 namespace cohort {
 
-// Adds what a task has written (tasks.h) of a cell's tracks, or of a model made of them.
+// Adds a task's result (tasks.h) for a cell's tracks, or for a model made of them.
 void AddTrackRows(const TrackCell& cell,
                   const nlohmann::ordered_json& result,
                   ExperimentResults& results);
@@ -17,14 +17,14 @@ void AddModelRows(const TrackCell& cell,
                   const nlohmann::ordered_json& result,
                   ExperimentResults& results);
 
-// Is what a task has written that its cell cannot have any?
+// Whether the task's result states that its cell is impossible.
 bool IsNotAvailable(const std::filesystem::path& path);
-// Has the task of a model made one of enough frames?
+// Whether a model's task has made one with enough frames.
 bool HasModel(const nlohmann::ordered_json& result);
 bool HasModel(const std::filesystem::path& result);
-// Adds what has come of the two halves of a cell's tracks (TrackCell::HasHalves), of which `model`
-// was made; `halves` is null where they are another shard's. Halves of tracks that make no model
-// together have failed too.
+// Adds the result of the two halves of a cell's tracks (TrackCell::HasHalves), of which `model` was
+// made; `halves` is null if they belong to another shard. If the tracks together give no model,
+// their halves have failed too.
 void AddHalvesRows(const TrackCell& cell,
                    GridBackend backend,
                    const nlohmann::ordered_json& model,

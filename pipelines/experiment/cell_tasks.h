@@ -7,9 +7,9 @@
 
 namespace cohort {
 
-// The tasks of each stage of an experiment, of the cells in the plan's shard, with all that they
-// depend on. Tasks refer to `options` and `plan`, which must outlive them. The list of a stage is
-// made when the stages before it are done, whose results it reads.
+// The tasks of each stage of an experiment, for the cells in the plan's shard, with all their
+// dependencies. Tasks refer to `options` and `plan`, which must outlive them. The list of a stage
+// is made after the stages before it, since it reads their results.
 
 Task FollowTask(const ExperimentOptions& options, const TrackCell& cell);
 Task TrackTask(const ExperimentOptions& options, const TrackCell& cell);
@@ -22,8 +22,8 @@ std::vector<Task> DegradeTasks(const ExperimentOptions& options, const Experimen
 std::vector<Task> FollowTasks(const ExperimentOptions& options, const ExperimentPlan& plan);
 std::vector<Task> TrackTasks(const ExperimentOptions& options, const ExperimentPlan& plan);
 std::vector<Task> ReconstructTasks(const ExperimentOptions& options, const ExperimentPlan& plan);
-// Of the models that have been made. Tasks of their own: what goes wrong with a half leaves the
-// model as it is.
+// For the models that have been made. They are separate tasks, so that a failing half does not
+// affect the model.
 std::vector<Task> HalvesTasks(const ExperimentOptions& options, const ExperimentPlan& plan);
 
 }  // namespace cohort

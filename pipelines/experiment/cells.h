@@ -15,20 +15,20 @@
 
 namespace cohort {
 
-// A clip as it is on disk; its truth is beside it or there is none.
+// A clip on disk; its ground truth, if any, is beside it.
 struct GridClip {
   std::string input;
   std::string name;
   std::string fingerprint;  // of its files: changes when they do
   bool has_poses = false;
   bool has_track_truth = false;
-  // What its files say of the focal length, as --camera-prior takes it; empty: nothing.
+  // Its files' focal length, as --camera-prior takes it; empty if there is none.
   std::string camera_prior;
 };
 
 inline constexpr std::string_view kAsIs = "as-is";
 
-// Levels of the grid that are another recipe than the paper's, at a level of it.
+// Levels of the grid that use another recipe than the paper's.
 struct RecipeLevel {
   std::string_view name;
   DegradeRecipe recipe;
@@ -44,7 +44,7 @@ inline constexpr std::array<RecipeLevel, 7> kRecipeLevels{
      {"phone", DegradeRecipe::kPhone, "hard"},
      {"phone-medium", DegradeRecipe::kPhone, "medium"}}};
 
-// None: `level` is one of recipe paper, or as-is.
+// Null if `level` is one of recipe paper, or as-is.
 inline const RecipeLevel* FindRecipeLevel(std::string_view level) {
   const auto found = std::find_if(kRecipeLevels.begin(),
                                   kRecipeLevels.end(),
@@ -52,7 +52,7 @@ inline const RecipeLevel* FindRecipeLevel(std::string_view level) {
   return found == kRecipeLevels.end() ? nullptr : &*found;
 }
 
-// Everything of one clip, level and seed lies in one folder.
+// One clip, level and seed, with all its files in one folder.
 struct Condition {
   GridClip clip;
   std::string level;
@@ -93,7 +93,7 @@ struct GridTracker {
 enum class GridBackend {
   kCeres,
   kColmap,
-  kTriangulation,  // points alone, from the true cameras: what the tracks are worth by themselves
+  kTriangulation,  // points alone, from the true cameras: isolates the tracks
 };
 inline constexpr ChoiceNames<GridBackend, 3> kGridBackendNames{
     {{"ceres", GridBackend::kCeres},
@@ -105,7 +105,7 @@ struct TrackCell {
   GridTracker tracker;
   InputOptions frames;  // what the tracker reads
   std::filesystem::path folder;
-  // What is there of this grid, and not of an earlier one: CollectResults says so.
+  // The results of this grid, not of an earlier one; set by CollectResults.
   bool is_tracked = false;
   std::vector<GridBackend> modelled = {};
 
@@ -127,10 +127,11 @@ struct TrackCell {
   std::filesystem::path HalvesResult(GridBackend backend) const {
     return Halves(backend).string() + ".json";
   }
-  bool Has(GridBackend backend) const {  // COLMAP's own features go with COLMAP alone
+  bool Has(GridBackend backend) const {  // COLMAP's own features need COLMAP
     return tracker.source != TrackSource::kSift || backend == GridBackend::kColmap;
   }
-  // Is the model judged by the agreement of the two halves of the tracks, for want of true cameras?
+  // Whether the agreement of the tracks' halves evaluates the model, as a fallback without true
+  // cameras.
   bool HasHalves(GridBackend backend) const {
     return !condition.clip.has_poses && tracker.source == TrackSource::kTracker &&
            backend != GridBackend::kTriangulation;

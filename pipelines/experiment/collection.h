@@ -5,10 +5,10 @@
 
 namespace cohort {
 
-// Is the result of its tracks, or of the paper's protocol, there?
+// Whether the result of its tracks, or of the paper's protocol, exists.
 bool HasOwnResult(const ExperimentOptions& options, const TrackCell& cell);
-// The rows of all cells whose results are there, of these clips and options (HasResult): those of
-// other shards too.
+// The rows of all cells with results for these clips and options (HasResult), including those of
+// other shards.
 ExperimentResults CollectResults(const ExperimentOptions& options, const ExperimentPlan& plan);
 
 }  // namespace cohort

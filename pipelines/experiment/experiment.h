@@ -17,7 +17,7 @@ namespace cohort {
 
 struct ExperimentPlan;
 
-// What is measured of every cell.
+// The measurement of every cell.
 enum class Protocol {
   kReconstruction,  // tracks, and the models made of them
   kPaper,           // the tracking errors of the paper's section 4; paper_protocol.h
@@ -51,7 +51,7 @@ struct ExperimentOptions {
   SiftOptions sift;
   PaperProtocolOptions paper;
 
-  // Long because it is a list: a statement an option.
+  // Long, because it lists one statement per option.
   template <typename Self, typename Visitor>
   static void Visit(Self& o, Visitor& v) {
     v.List("inputs", o.inputs, "The clips, given as `cohort track` takes them.", Tier::kCommon);
@@ -151,12 +151,12 @@ struct ExperimentOptions {
   }
 };
 
-// Degrades, tracks, reconstructs and evaluates every cell, each in a process of its own, below
-// OUT/cells. A cell that fails, in whatever way, is a failure in the results and stops nothing.
-// With `collect` it runs none. Returns the plan, of which CollectResults makes the results.
+// Degrades, tracks, reconstructs and evaluates every cell, each in its own process, below
+// OUT/cells. A failing cell is a failure in the results and does not stop the others. With
+// `collect` it runs none. Returns the plan, from which CollectResults makes the results.
 ExperimentPlan RunCells(const ExperimentOptions& options);
 
-// Runs the cells and collects the results of all that are finished by now, other shards' too.
+// Runs the cells and collects the results of all finished ones, including other shards'.
 ExperimentResults RunExperiment(const ExperimentOptions& options);
 
 }  // namespace cohort

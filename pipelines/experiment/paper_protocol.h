@@ -12,8 +12,8 @@
 
 namespace cohort {
 
-// The paper's section 4: trackers follow points whose true trajectory is known, in degraded video.
-// All are given the same points at their true positions; no tracker detects anything.
+// The paper's section 4: trackers follow points with known trajectories in degraded video. All get
+// the same points at their true positions; no tracker detects features.
 
 struct PaperProtocolOptions {
   int features = 100;
@@ -41,8 +41,8 @@ struct PaperProtocolOptions {
   }
 };
 
-// A point of the scene, from the first frame in which it is followed (counted from the clip's
-// first) until it is hidden or near the border for the first time.
+// A scene point, from the first frame in which it is followed (counted from the clip's first) until
+// it is first hidden or near the border.
 struct FollowedPoint {
   std::size_t birth = 0;
   std::vector<Eigen::Vector2d> xy;  // true positions; xy[0] is in frame `birth`
@@ -50,26 +50,27 @@ struct FollowedPoint {
   std::size_t end() const { return birth + xy.size(); }
 };
 
-// The points of a clip before it is degraded, as the paper's are: corners of the common detector in
-// its frames 0, w, 2w, ... (w: window_frames), in the later ones as many as are missing to
-// `features`. Used are those that show a surface, with no jump of depth nearby, and stay visible
-// and off the border for w more frames. No corner is where the mask (CV_8UC1; may be empty) is 0.
+// The points of a clip before degradation, as in the paper: corners of the common detector in its
+// frames 0, w, 2w, ... (w: window_frames), in the later ones as many as are missing from
+// `features`. A corner is used if it lies on a surface, with no depth jump nearby, and stays
+// visible and off the border for w more frames. No corner is where the mask (CV_8UC1; may be empty)
+// is 0.
 std::vector<FollowedPoint> ChoosePoints(Sequence& clip,
                                         TrackTruth& truth,
                                         DetectorOptions detector,
                                         const PaperProtocolOptions& options,
                                         const cv::Mat& mask = {});
 
-// The next frame of a clip; none at the end.
+// The next frame of a clip; nullopt at the end.
 using FrameSource = std::function<std::optional<Frame>()>;
 
-// First mode: a feature that the tracker loses, or that is more than limit_px off, starts again at
-// its true position. `frames` are those in which a feature was within the limit.
+// First mode: a feature that the tracker loses, or that is more than limit_px off, restarts at its
+// true position. `frames` counts the frames of features within the limit.
 struct ReinitializationRun {
   std::size_t frames = 0;
   std::size_t reinitializations = 0;
-  std::size_t lost = 0;  // of these: given up by the tracker
-  // The paper's figure; if there was no re-initialisation, this is what it is at least.
+  std::size_t lost = 0;  // of these: lost by the tracker
+  // The paper's figure; without re-initialisations, a lower bound.
   double MeanFramesBetween() const {
     return static_cast<double>(frames) /
            static_cast<double>(std::max<std::size_t>(reinitializations, 1));
@@ -80,8 +81,8 @@ ReinitializationRun RunReinitializations(FeatureMover& mover,
                                          const std::vector<FollowedPoint>& points,
                                          double limit_px);
 
-// Second mode: the points of frame 0, for `frames` frames, never started again. A feature that the
-// tracker gives up stays where it was last, so that giving up wins nothing.
+// Second mode: follows the points of frame 0 for `frames` frames without restarts. A feature that
+// the tracker gives up keeps its last position, so that giving up has no advantage.
 struct TrajectoryRun {
   std::size_t features = 0;
   std::size_t lost = 0;
@@ -93,8 +94,8 @@ TrajectoryRun RunTrajectories(FeatureMover& mover,
                               const std::vector<FollowedPoint>& points,
                               std::size_t frames);
 
-// A tracker without the checks by which it gives up: both modes ask where a point is, in every
-// frame, and each check costs a tracker more than it gains.
+// A tracker without the checks by which it gives up: both modes need a position in every frame, and
+// each check costs a tracker more than it gains.
 TrackerOptions WithoutGivingUp(TrackerOptions options);
 
 }  // namespace cohort

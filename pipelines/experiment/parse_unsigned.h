@@ -6,7 +6,7 @@
 
 namespace cohort {
 
-// A whole number and nothing else; none of another text.
+// A whole number; nullopt for any other text.
 inline std::optional<unsigned> ParseUnsigned(std::string_view text) {
   unsigned value = 0;
   const char* const end = text.data() + text.size();

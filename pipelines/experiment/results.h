@@ -9,11 +9,11 @@
 
 namespace cohort {
 
-// Metrics that the paper's tables are made of.
+// Metrics of the paper's tables.
 inline constexpr const char* kL1ErrorMetric = "l1_error_30_frames";  // of the usual window
 std::string L1ErrorMetric(int window_frames);
 inline constexpr const char* kFramesBetweenMetric = "frames_between_reinitializations";
-// How far the two halves of the tracks disagree (evaluation/halves.h), and whether they failed to.
+// The disagreement of the two halves of the tracks (evaluation/halves.h), and whether they failed.
 inline constexpr const char* kHalvesMetric = "halves_disagreement";
 inline constexpr const char* kHalvesFailedMetric = "halves_failed";
 
@@ -39,10 +39,10 @@ struct CellNote {
   std::string reason;
 };
 
-// What an experiment has measured. A failed cell has the rows `failed` = 1 and, where it came so
-// far, `registered` and `frames`, and none of errors: a small error of few frames means nothing.
-// One that cannot be (the ceiling where there is no truth) has the row `not_available` = 1 and is
-// no failure.
+// The results of an experiment. A failed cell has the rows `failed` = 1 and, if it got so far,
+// `registered` and `frames`, but no errors: a small error of few frames is meaningless. An
+// impossible cell (the ceiling without ground truth) has the row `not_available` = 1 and is no
+// failure.
 struct ExperimentResults {
   std::vector<ResultRow> rows;
   std::vector<CellNote> failures;
@@ -52,7 +52,8 @@ struct ExperimentResults {
 
 // results.csv: header sequence,level,tracker,backend,seed,metric,value,unit. Whole or not at all.
 void WriteResultsCsv(const std::filesystem::path& path, const ExperimentResults& results);
-// The same with the failures' reasons, the conditions of the experiment and who won (null: nobody).
+// The same with the failures' reasons, the conditions of the experiment and the headline (may be
+// null).
 void WriteResultsJson(const std::filesystem::path& path,
                       const ExperimentResults& results,
                       const nlohmann::ordered_json& conditions,

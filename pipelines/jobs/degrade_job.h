@@ -25,7 +25,7 @@ struct DegradeJobOptions {
   }
 };
 
-// INPUT -> the same clip in the dark, with its truth.
+// Darkens INPUT and keeps its ground truth.
 void RunDegradeJob(const DegradeJobOptions& options);
 
 }  // namespace cohort

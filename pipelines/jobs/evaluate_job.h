@@ -40,7 +40,8 @@ struct EvaluateJobOptions {
   }
 };
 
-// Tracks or a model against the truth: the figures, which are written to `json` too.
+// Evaluates tracks or a model against the ground truth. Returns the figures, also written to
+// `json`.
 nlohmann::ordered_json RunEvaluateJob(const EvaluateJobOptions& options);
 
 }  // namespace cohort

@@ -6,9 +6,9 @@
 
 namespace cohort {
 
-// A warning in the log that names the options that are not as they are by default though the
-// tracker, or the backend with this camera, does not read them. No error: one file of options may
-// be meant for several.
+// Logs a warning that names the options with other values than the defaults that the tracker, or
+// the backend with this camera, does not read. It is no error, because one file of options may
+// serve several.
 void WarnOfIdleOptions(const TrackerOptions& options);
 void WarnOfIdleOptions(const ReconstructOptions& options);
 

@@ -22,7 +22,8 @@ struct ReconstructJobOptions {
   }
 };
 
-// .tracks -> model folder. A clip that does not reconstruct is a result, which says why.
+// Makes a model folder from .tracks. A clip that does not reconstruct is a result, which states
+// why.
 ReconstructionSummary RunReconstructJob(const ReconstructJobOptions& options);
 
 }  // namespace cohort

@@ -65,19 +65,20 @@ struct SfmFigures {
   ReconstructionSummary model;
   std::size_t images = 0;
   std::size_t points = 0;                // of the scene
-  std::string quality;                   // as summary.json of the model has it
+  std::string quality;                   // as in summary.json of the model
   std::optional<double> expected_error;  // of the cameras, share of the extent of their path
   std::optional<double> focal_px;        // of a camera that was not known
   std::optional<double> focal_sigma_px;
   std::optional<double> camera_uncertainty;  // share of the distance to the scene
   std::vector<Doubt> reasons;                // to doubt the model
   std::vector<std::string> film_better;      // FilmAdvice
-  std::optional<WriteLock> lock;             // of the scene: held until its page is written, too
+  std::optional<WriteLock> lock;             // of the scene: held until its page is written
 };
 
-// INPUT -> scene folder (docs/files.md): clip.tracks by RunTrackJob, model/ by RunReconstructJob,
-// and the scene by WriteScene, each whole or not at all. With `resume` finished stages of the same
-// input and options are kept. A clip without a model is a result, whose summary.json says why.
+// Makes a scene folder from INPUT (docs/files.md): clip.tracks by RunTrackJob, model/ by
+// RunReconstructJob, and the scene by WriteScene, each whole or not at all. With `resume` finished
+// stages of the same input and options are kept. A clip without a model is a result, whose
+// summary.json states why.
 SfmFigures RunSfmJob(const SfmJobOptions& options);
 
 }  // namespace cohort

@@ -10,15 +10,15 @@
 
 namespace cohort {
 
-// What there is to doubt of tracks before they are used (sfm/doubts.h): a warning each in the log.
+// Checks tracks before they are used (sfm/doubts.h); each doubt is a warning in the log.
 
-// Nothing where it is empty.
+// Does nothing if the text is empty.
 void WarnOf(const std::string& doubt);
 
-// The run that wrote them did not end.
+// The run that wrote them did not finish.
 void WarnIfUnfinished(const TrackFile& file, const std::string& tracks);
 void WarnIfClipChanged(const TrackFile& file, const std::string& tracks, const Sequence& clip);
-// The clip changed, where the tracks are of a video whose frames are to be written as pictures.
+// The same for tracks of a video whose frames are to be written as pictures.
 void WarnIfVideoChanged(const TrackFile& file, const std::string& tracks);
 void WarnIfModelOfOthers(const Reconstruction& model,
                          const std::string& folder,
@@ -27,8 +27,8 @@ void WarnIfModelOfOthers(const Reconstruction& model,
 void WarnIfSceneDiffers(const SecondPassFigures& figures);
 void WarnIfCameraDoubtful(const std::optional<Camera>& camera);
 
-// That a file of the clip says the focal length, of which the reconstruction starts: no doubt, but
-// what users should know.
+// Reports that the reconstruction starts from a focal length in the clip's files. This is no doubt,
+// but useful to know.
 void TellFocalGuess(const TrackFile& file);
 
 }  // namespace cohort

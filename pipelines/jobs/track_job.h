@@ -70,15 +70,15 @@ struct TrackFigures {
   double PerFrame(double ms) const { return frames == 0 ? 0.0 : ms / static_cast<double>(frames); }
 };
 
-// Says it again where the work is done already.
+// Repeats the warnings if the work is done already.
 void WarnAgain(const TrackFile& tracks);
 
-// INPUT -> .tracks, frame by frame: a kill loses nothing but the frame it is at. Then the second
-// pass, whose tracks take the place of the first's, if a reconstruction with Ceres succeeds. None
-// where an earlier run, gone on with, was complete already.
+// Makes .tracks from INPUT, frame by frame: a kill loses only the current frame. Then runs the
+// second pass, whose tracks replace the first's if a reconstruction with Ceres succeeds. Returns
+// nullopt if an earlier run that was to be resumed was complete already.
 std::optional<TrackFigures> RunTrackJob(const TrackJobOptions& options);
 
-// WithSecondPass, with a progress bar, and what came of it in the log.
+// WithSecondPass, with a progress bar and its outcome in the log.
 TrackFile RunSecondPass(TrackFile file,
                         Sequence& sequence,
                         const cv::Mat& mask,

@@ -10,20 +10,19 @@ namespace cohort {
 
 // Indented, whole or not at all.
 void WriteJsonFile(const std::filesystem::path& path, const nlohmann::ordered_json& json);
-// Throws Error naming the path on a file that is missing, is no JSON or has more than 64 MiB. Others than
-// our own, which are written again, the caller adds to the InputRecord.
+// Throws Error naming the path if the file is missing, is no JSON or has more than 64 MiB. The
+// caller must add files that are not our own, and thus not rewritten, to the InputRecord.
 nlohmann::ordered_json ReadJsonFile(const std::filesystem::path& path);
-// Reads one of which `use` takes what should be there: what is missing, or of another type, is an
-// Error naming the path.
+// Reads a file and passes it to `use`, which takes the expected entries: a missing entry, or one of
+// another type, is an Error naming the path.
 void UseJsonFile(const std::filesystem::path& path,
                  const std::function<void(const nlohmann::ordered_json&)>& use);
 
-// The count, 0 or more, that stands under `key`; another number throws what UseJsonFile makes an
-// Error of, as a key that is missing does (get() would take -1 and 1e300, too).
+// The count, 0 or more, under `key`. Another number or a missing key throws an exception that
+// UseJsonFile turns into an Error (get() would accept -1 and 1e300).
 std::size_t CountAt(const nlohmann::ordered_json& json, const char* key);
 
-// One line of JSON. Bytes that are no UTF-8, as names of files may have, are replaced: JSON cannot
-// hold them.
+// One line of JSON. Bytes that are no UTF-8, as in file names, are replaced: JSON cannot hold them.
 std::string JsonLine(const nlohmann::ordered_json& json);
 
 }  // namespace cohort

@@ -15,8 +15,9 @@ namespace cohort {
 
 using OptionValue = std::variant<bool, std::int64_t, double, std::string, std::vector<std::string>>;
 
-// One field of an options struct, seen without its type. `path` names it in JSON and on the command
-// line: {"detector": {"max_features": 5}} and --detector.max-features 5 are detector.max_features.
+// One field of an options struct, independent of its type. `path` names it in JSON and on the
+// command line: {"detector": {"max_features": 5}} and --detector.max-features 5 are
+// detector.max_features.
 struct OptionEntry {
   std::string path;
   std::string group;  // help of the group it is in; empty at the top
@@ -24,7 +25,7 @@ struct OptionEntry {
   Tier tier = Tier::kExpert;
   std::string allowed;  // "3 to 101", "strong, weak"; empty: any text
   std::function<OptionValue()> get;
-  // Throws UsageError that begins with `given_as` (what the user wrote, e.g. --features).
+  // Throws UsageError that begins with `given_as` (the user's text, e.g. --features).
   std::function<void(const OptionValue& value, std::string_view given_as)> set;
   std::vector<std::string> choices = {};  // of an enum
 };
@@ -178,7 +179,7 @@ auto ToJson(Options options) {
   return OptionsToJson(ListOptions(options));
 }
 
-// Paths of the fields that are not as a new Options has them, in their order.
+// Paths of the fields that differ from a default Options, in their order.
 template <typename Options>
 std::vector<std::string> ChangedOptions(Options options) {
   Options defaults;
@@ -191,8 +192,8 @@ std::vector<std::string> ChangedOptions(Options options) {
   return changed;
 }
 
-// Sets the fields that `json` names and leaves the others. Throws UsageError naming an unknown key
-// or a value of another type; `origin` is the file's name for the message.
+// Sets the fields that `json` names and leaves the others unchanged. Throws UsageError naming an
+// unknown key or a value of another type; `origin` is the file's name for the message.
 void SetFromJson(const std::vector<OptionEntry>& entries,
                  const nlohmann::ordered_json& json,
                  std::string_view origin);

@@ -11,7 +11,7 @@
 
 namespace cohort {
 
-// A row of the array of observations; NaN covariances are none. docs/python.md lists the columns.
+// A row of the array of observations; NaN covariances mean none. docs/python.md lists the columns.
 struct ObservationRow {
   std::uint32_t frame;
   std::uint32_t track_id;
@@ -29,11 +29,11 @@ struct ViewRow {
   double x;
   double y;
 };
-// Makes the two known to NumPy; once, before any use.
+// Registers both with NumPy; call it once, before any use.
 void RegisterRows();
 
 pybind11::array_t<ObservationRow> ToArray(const TrackSet& tracks);
-// Throws Error naming the row that is no observation.
+// Throws Error naming an invalid row.
 TrackSet ToTracks(const pybind11::array_t<ObservationRow>& rows);
 
 pybind11::array_t<double> PosesOf(const Reconstruction& model);       // (R, 3, 4), cam_from_world
@@ -41,8 +41,8 @@ pybind11::array_t<double> IntrinsicsOf(const Reconstruction& model);  // (R, 4) 
 pybind11::array_t<double> PointsOf(const Reconstruction& model);      // (P, 3), in the world
 pybind11::array_t<ViewRow> ViewsOf(const Reconstruction& model);
 
-// (N, 3) in the camera's frame -> (N, 2) [px], NaN at or behind the camera; and normalised image
-// points (N, 2) of pixels (N, 2).
+// Projects (N, 3) in the camera's frame to (N, 2) [px], NaN at or behind the camera; and unprojects
+// pixels (N, 2) to normalised image points (N, 2).
 using DoubleArray =
     pybind11::array_t<double, pybind11::array::c_style | pybind11::array::forcecast>;
 pybind11::array_t<double> ProjectAll(const Camera& camera, const DoubleArray& points_in_cam);

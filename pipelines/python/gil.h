@@ -4,18 +4,18 @@
 
 namespace cohort {
 
-// A call of ours without the GIL, while one lives. When the interpreter exits, Python ends a thread
-// that asks for the GIL back, by an unwinding that no destructor of C++ survives: so the exit waits
-// for the calls that run (AwaitCalls), which end by an Error at their next look for signals, and others
-// begin no more.
+// One of our calls without the GIL, while an instance lives. When the interpreter exits, Python
+// ends a thread that requests the GIL back by an unwinding that no C++ destructor survives. The
+// exit therefore waits for running calls (AwaitCalls), which end by an Error at their next check
+// for signals, and no new ones begin.
 class CallWithoutGil {
  public:
   CallWithoutGil();
 
-  // Has the exit begun, for others than the thread that exits?
+  // Whether the exit has begun, for threads other than the exiting one.
   static bool MustEnd();
-  // For `atexit`: from now on no call begins but this thread's. Waits ten seconds at most. Called with
-  // the GIL.
+  // For `atexit`: from now on only this thread may begin calls. Waits at most ten seconds. Called
+  // with the GIL.
   static void AwaitCalls();
 
  private:
@@ -26,7 +26,7 @@ class CallWithoutGil {
     ~Counted();
   };
 
-  Counted counted_;  // until the GIL is there again
+  Counted counted_;  // until the GIL is held again
   pybind11::gil_scoped_release no_gil_;
 };
 

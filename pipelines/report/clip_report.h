@@ -14,24 +14,24 @@
 
 namespace cohort {
 
-// What the page of one clip shows beside its pictures.
+// The contents of a clip's page beside its pictures.
 struct ClipReport {
   std::string title;
   std::vector<std::pair<std::string, std::string>> facts;  // a word or two, and the value
-  std::vector<std::string> sentences;                      // doubts, and what to film better
-  Reconstruction model;                                    // empty: there is none
+  std::vector<std::string> sentences;                      // doubts, and advice for filming
+  Reconstruction model;                                    // empty if there is none
   // Covariances of positions [world^2]; may be empty.
   std::map<FrameIndex, Eigen::Matrix3d> camera_covariances;
   std::map<FeatureId, Eigen::Matrix3d> point_covariances;
 };
 
-// What a model folder says: facts, doubts, model and covariances. Throws Error where it is none.
+// Reads a model folder: facts, doubts, model and covariances. Throws Error if it is none.
 ClipReport ReadClipReport(const std::filesystem::path& model_folder);
 
-// One HTML page that opens offline: the words, the model in 3-D, the clip with its tracks and a
-// slider, and how many features it held. `sequence`: the clip, rewound here. So that a page stays
-// small, at most 150 frames of it are shown, 300 tracks (and of every frame 60) and 20000 points, and
-// it says so. Whole or not at all.
+// One HTML page that opens offline: the text, the model in 3-D, the clip with its tracks and a
+// slider, and the number of features. `sequence`: the clip, rewound here. To keep the page small,
+// it shows at most 150 frames, 300 tracks (60 per frame) and 20000 points, and states so. Whole or
+// not at all.
 void WriteClipReport(const std::filesystem::path& path,
                      const ClipReport& report,
                      const TrackFile& file,

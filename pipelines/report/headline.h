@@ -8,15 +8,15 @@
 
 namespace cohort {
 
-// What a rival is to the cohort.
+// The role of a rival in the comparison with the cohort.
 enum class RivalRole {
-  kContender,  // where it does better, the headline says so
-  kBound,      // no tracker: what could be reached; its ratios are the cohort's error over its own
+  kContender,  // if it does better, the headline says so
+  kBound,      // no tracker, but a bound; its ratios are the cohort's error over its own
   kOther,      // any other tracker of the grid
 };
 
-// Whom the cohort is compared with. Of a family (klt: klt, klt21, klt31 ...) the best in each clip
-// and figure stands, so that nobody can say that it was set badly.
+// A tracker that the cohort is compared with. Of a family (klt: klt, klt21, klt31 ...) the best in
+// each clip and figure counts, which excludes a bad setting as an explanation.
 struct Rival {
   std::string name;    // in tables
   std::string family;  // of trackers; of kOther the tracker itself
@@ -25,14 +25,14 @@ struct Rival {
   bool Includes(const std::string& tracker) const;
 };
 
-// The rivals that always stand in the headline, where they ran; a new one is one line here. The
-// first is the one that the main table is about.
+// The rivals that always appear in the headline if they ran; a new one is one line here. The main
+// table is about the first.
 const std::vector<Rival>& StandingRivals();
 
-// How many times better the cohort is: the rival's error over its own, its track length over the
-// rival's. The geometric mean over the clips in which both have one, of the ratios of medians over
-// seeds; the least and largest of the same of single seeds, of those that failed nowhere. The error
-// of a seed that failed is infinite.
+// By what factor the cohort is better: the rival's error over its own, or its track length over the
+// rival's. The value is the geometric mean, over the clips in which both have a figure, of the
+// ratios of medians over seeds; least and largest are those of single seeds that failed nowhere. A
+// failed seed has an infinite error.
 struct HeadlineRatio {
   double value = 0.0;
   double least = 0.0;
@@ -48,8 +48,8 @@ struct HeadlineRow {
   HeadlineRatio ratio;
 };
 
-// What became of the clips at one level and backend. Those of which at least half of the seeds
-// failed, of all settings, have an infinite median error, and count as failed.
+// The outcome of the clips at one level and backend. A clip has an infinite median error and counts
+// as failed if at least half of the seeds failed, for all settings.
 struct HeadlineRuns {
   std::string level;
   std::string backend;
@@ -66,7 +66,7 @@ struct Loss {
   std::string backend;
   std::string metric;
   std::string rival;             // the tracker that did best
-  std::optional<double> cohort;  // median over seeds; none: failed
+  std::optional<double> cohort;  // median over seeds; unset: failed
   double best = 0.0;             // the rival's
 };
 
@@ -76,7 +76,7 @@ struct Headline {
   std::vector<HeadlineRow> rows;
   std::vector<HeadlineRuns> runs;
   std::vector<Loss> losses;
-  std::size_t contests = 0;  // cells and figures in which somebody was there to lose to
+  std::size_t contests = 0;  // cells and figures with a contender
 
   const HeadlineRatio* Ratio(const std::string& level,
                              const std::string& backend,
@@ -87,12 +87,12 @@ struct Headline {
                            const std::string& tracker) const;
 };
 
-// Compares the tracker `subspace`, or else the first whose name begins so (not `subspace-paper`),
-// with all others. None where it or every contender is missing, or no truth gives errors.
+// Compares the tracker `subspace`, or else the first with that prefix (not `subspace-paper`), with
+// all others. Returns nullopt if it or every contender is missing, or no ground truth gives errors.
 std::optional<Headline> MakeHeadline(const ExperimentResults& results);
 
-// Of a rival's trackers the one with the best median of a figure in a cell (whose tracker is not
-// looked at); none if all failed.
+// The rival's tracker with the best median of a figure in a cell (whose tracker is ignored);
+// nullopt if all failed.
 std::optional<std::string> BestTracker(const ResultIndex& results,
                                        ResultCell cell,
                                        const std::string& metric,

@@ -7,9 +7,9 @@
 
 namespace cohort {
 
-// For the terminal and the README, at most 120 columns: the cohort beside the first of the standing
-// rivals, a line for every level and backend; then beside each other rival, a line for every level,
-// backend and rival.
+// For the terminal and the README, at most 120 columns: the cohort beside the first standing rival,
+// a line for every level and backend; then beside each other rival, a line for every level, backend
+// and rival.
 //   cameras, points, length  HeadlineRatio of each metric: the mean, (the least .. the largest
 //                            seed), and "of n" where only n clips have both
 //   registered               frames with a pose: of the cohort / of the rival

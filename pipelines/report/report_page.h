@@ -6,8 +6,8 @@
 
 namespace cohort {
 
-// Pages without their data, which goes where kReportDataMark stands: page/, bundled when the program
-// is built. Of `compare`, and of one clip.
+// Pages without their data, which replaces kReportDataMark: page/, bundled at build time. For
+// `compare`, and for one clip.
 extern const std::string_view kReportPage;
 extern const std::string_view kClipPage;
 inline constexpr std::string_view kReportDataMark = "@@COHORT_DATA@@";

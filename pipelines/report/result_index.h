@@ -33,16 +33,16 @@ class ResultIndex {
   const std::vector<std::string>& trackers() const { return trackers_; }
   const std::vector<std::string>& backends() const { return backends_; }
 
-  // By seed. The length of tracks is the tracker's, whatever the cell's backend.
+  // By seed. The track length is the tracker's, whatever the cell's backend.
   const std::map<unsigned, double>& Values(const ResultCell& cell, const std::string& metric) const;
 
   bool Ran(const ResultCell& cell) const;
-  // So many seeds failed, by themselves or because tracking did, that the median error is infinite.
+  // Whether so many seeds failed, in reconstruction or tracking, that the median error is infinite.
   bool Failed(const ResultCell& cell) const;
-  // Over seeds; none if the cell failed or has no such figure. The error of a seed that failed is
-  // infinite; else it would be those who fail where it is hard that have the small medians.
+  // Over seeds; nullopt if the cell failed or has no such figure. A failed seed has an infinite
+  // error; otherwise trackers that fail on hard clips would have the small medians.
   std::optional<double> Median(const ResultCell& cell, const std::string& metric) const;
-  // Of the frames of all seeds; a failed one counts with what it registered.
+  // Over the frames of all seeds; a failed one counts with what it registered.
   std::optional<double> RegisteredShare(const ResultCell& cell) const;
 
  private:

@@ -18,7 +18,7 @@ namespace cohort {
 //   in both        frames that both halves registered, of all
 //   rotation       rmse of the relative rotation of neighbouring frames
 //   point error    median distance to the true surface point, after that alignment
-//   reprojection   mean over the model's observations: no error, but what the model admits to
+//   reprojection   mean over the model's observations: the model's own residual, not an error
 // Then the tracks, which are the same for all backends, a line for every sequence, level, tracker:
 //   length             mean number of frames in which the image confirmed a track
 //   track error, 90 %  median and 90th percentile of the confirmed positions' distance to the truth

@@ -13,13 +13,14 @@
 
 namespace cohort {
 
-// The mean of the cameras' centres; 0 without any. Pages have all positions from it: their numbers
-// are short, and a world may be far from its origin, as on a map.
+// The mean of the cameras' centres; 0 without any. Pages store all positions relative to it: the
+// numbers stay short even if the world is far from its origin, as on a map.
 Eigen::Vector3d MiddleOfCameras(const std::map<FrameIndex, Rigid3>& cam_from_world);
 
-// For the page's 3-D view: of these cells, which are of one clip, the best KLT's reconstruction and
-// the cohort's, without a headline the first two trackers'; camera path and points of each, in the
-// frame of the truth or, without, of the first, about the middle of its cameras; `up`: theirs.
+// For the page's 3-D view: of these cells, which belong to one clip, the reconstructions of the
+// best KLT and the cohort, or without a headline of the first two trackers. Gives the camera path
+// and points of each, in the frame of the ground truth or, without it, of the first, about the
+// middle of its cameras, and their `up`.
 nlohmann::ordered_json ModelsToJson(const ExperimentResults& results,
                                     const std::vector<const TrackCell*>& cells,
                                     const std::optional<Headline>& headline);

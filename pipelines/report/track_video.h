@@ -9,11 +9,11 @@
 
 namespace cohort {
 
-// A video of a clip's tracks, brightened so that a person sees them: one panel a file, side by side
-// under its tracker's name and how many features it has; observed ones as dots, predicted ones as
-// rings of another colour, their last positions as tails. Frames that a file lacks are left out.
-// `path`: .mp4 (H.264), or .gif by the program ffmpeg. `width_px` of a panel; 0: the clip's. Whole
-// or not at all. `sequence`: the clip, rewound here and read twice. Throws Error where it lacks a
+// A video of a clip's tracks, brightened for viewing: one panel per file, side by side, with its
+// tracker's name and number of features. Observed features are dots, predicted ones are rings of
+// another colour, and their last positions are tails. Frames that a file lacks are skipped. `path`:
+// .mp4 (H.264), or .gif by the program ffmpeg. `width_px` is that of a panel; 0: the clip's. Whole
+// or not at all. `sequence`: the clip, rewound here and read twice. Throws Error if it lacks a
 // frame of the files, or they have none in common.
 void WriteTrackVideo(const std::filesystem::path& path,
                      const std::vector<TrackFile>& files,

@@ -9,14 +9,14 @@
 
 namespace cohort {
 
-// Where a clip is cut: frames that are the first of another scene, ascending. A file keeps them in
-// meta["cuts"], with blanks between them; one without cuts has no such entry.
+// The cuts of a clip: the first frames of another scene, ascending. A file keeps them in
+// meta["cuts"], separated by blanks; a clip without cuts has no such entry.
 inline constexpr const char* kCutsMeta = "cuts";
 void NoteCuts(const std::vector<FrameIndex>& cuts, std::map<std::string, std::string>& meta);
 std::vector<FrameIndex> CutsOf(const TrackFile& file);
 std::vector<std::uint32_t> NumbersOf(const std::vector<FrameIndex>& frames);  // for JSON
 
-// "frame 12", "frames 12 and 57", of many the first few and how many more.
+// "frame 12", "frames 12 and 57"; of many the first few and the number of the rest.
 std::string CutsText(const std::vector<FrameIndex>& cuts);
 
 }  // namespace cohort

@@ -10,27 +10,26 @@
 
 namespace cohort {
 
-// What there is to doubt of tracks before they are used: a sentence that says what to do; empty
-// where all is as it should be. The names are for the sentence.
+// Checks of tracks before they are used. Each returns a sentence that states what to do, or an
+// empty string if there is no doubt. The names are for the sentence.
 
-// The clip is not what it was when they were made of it.
+// The clip has changed since the tracks were made.
 std::string DoubtOfClip(const TrackFile& file,
                         const std::string& tracks_name,
                         const Sequence& clip);
-// The mask that they were made with, of the same name, is not what it was.
+// The mask of that name has changed since the tracks were made.
 std::string DoubtOfMask(const TrackFile& file, const std::string& tracks_name);
-// The model was made of others: the same ids were seen elsewhere. Throws Error where it cannot be
-// theirs at all: its camera is of another size, or it has a frame or a point that they do not have.
+// The model was made of other tracks: the same ids have other positions. Throws Error if it cannot
+// belong to them: its camera has another size, or it has a frame or a point that they lack.
 std::string DoubtOfModel(const Reconstruction& model,
                          const std::string& model_name,
                          const TrackFile& file,
                          const std::string& tracks_name);
-// Measured again where the model has them, more tracks were lost than replaced: the scene is not as
-// the model says.
+// Measuring lost more tracks than it replaced: the scene is not as the model has it.
 std::string DoubtOfMeasuring(const SecondPassFigures& figures);
-// Its track ids are not those of the file.
+// The track ids are not those of the file.
 std::string DoubtOfIds(const TracksCsv& csv, const std::string& tracks_name);
-// Its focal lengths are of no lens, or its principal point lies outside the picture.
+// The focal lengths are unrealistic, or the principal point lies outside the picture.
 std::string DoubtOfCamera(const Camera& camera);
 
 }  // namespace cohort

@@ -9,33 +9,33 @@
 
 namespace cohort {
 
-// Sixteen hexadecimal digits that say whether something is still what it was (FNV-1a, 64 bits). Of
-// each file count its name, its size and 8 KiB spread over it: cheap, also for an hour of video,
-// and the same for a copy. Two clips of equal size differ nearly everywhere; a file of which a few
-// bytes were changed may be taken for the old one.
+// Sixteen hexadecimal digits that detect changes (FNV-1a, 64 bits). They cover the name of each
+// file, its size and 8 KiB spread over it, which is fast even for an hour of video and equal for a
+// copy. Two clips of equal size differ nearly everywhere, but a file with a few changed bytes may
+// go unnoticed.
 
-// Changes when the files do that the clip's frames are read from; empty where there are none.
+// Changes with the files that the clip's frames are read from; empty if there are none.
 std::string FingerprintOfFrames(const Sequence& sequence);
 
-// Changes when a file of `input` does, of which `sequence` is, be it of the frames or of the truth:
-// a file, the pictures of a glob, or all that the folder holds but the folder `outputs`, should it
-// lie there. Of folders in it that are links only the frames count.
+// Changes with any file of `input`, to which `sequence` belongs, be it of the frames or of the
+// ground truth: a file, the pictures of a glob, or everything in the folder except the folder
+// `outputs` in it. Linked folders in it contribute only the frames.
 std::string FingerprintOfClip(const Sequence& sequence,
                               const std::string& input,
                               const std::filesystem::path& outputs);
 
-// Of all bytes. Throws Error naming a file that cannot be read.
+// Covers all bytes. Throws Error naming a file that cannot be read.
 std::string FingerprintOfBytes(const std::filesystem::path& file);
 
-// The fingerprints of what a run wrote, of all bytes, by their names in `folder`: `names` are files,
-// or folders of which all files count.
+// The fingerprints of a run's outputs, of all bytes, by their names in `folder`: `names` are files,
+// or folders whose files all count.
 std::map<std::string, std::string> FingerprintsOfOutputs(const std::filesystem::path& folder,
                                                          const std::vector<std::string>& names);
-// Whether they are all there as they were. Others may have come since.
+// Whether all are there unchanged. Other files may have been added.
 bool AreStillThere(const std::filesystem::path& folder,
                    const std::map<std::string, std::string>& fingerprints);
 
-// Changes when the running program does: its bytes. The libraries that it loads are not in it.
+// Changes with the bytes of the running program; the libraries that it loads do not count.
 const std::string& FingerprintOfProgram();
 
 }  // namespace cohort

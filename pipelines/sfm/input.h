@@ -55,70 +55,72 @@ struct InputOptions {
 };
 
 std::unique_ptr<Sequence> OpenInput(const InputOptions& options);
-// The clip that the tracks were made of, opened as it was then; `tracks` names them. Throws Error
-// where their pictures came from no file.
+// Opens the clip that the tracks were made from, as it was opened then; `tracks` names them. Throws
+// Error if their pictures came from no file.
 std::unique_ptr<Sequence> OpenSource(const TrackFile& file, const std::string& tracks);
 
-// The camera given, or a guess by the prior given; none: neither is. Throws UsageError on another
-// text, and on both.
+// The camera given, or a guess by the prior given; nullopt if neither is. Throws UsageError on
+// invalid text, and if both are given.
 std::optional<Camera> GivenCamera(const InputOptions& options, int width_px, int height_px);
-// The camera given, else the sequence's own, else none; none where a prior is given: that camera is
-// not known. Throws UsageError as GivenCamera.
+// The camera given, else the sequence's own, else nullopt. With a prior it is nullopt too: the
+// camera is then not known. Throws UsageError as GivenCamera.
 std::optional<Camera> KnownCamera(const InputOptions& options,
                                   const Sequence& sequence,
                                   int width_px,
                                   int height_px);
 
-// In .tracks: what in the clip's files says the focal length of the camera, which is a guess.
+// Key in .tracks: which entry of the clip's files gave the focal length of a guessed camera.
 inline constexpr const char* kFocalSourceMeta = "focal_source";
-// Sets camera and meta[kFocalSourceMeta] of `file`, whose picture size is set, to what the sequence
-// says: its calibration, else a guess by its files, else none.
+// Sets camera and meta[kFocalSourceMeta] of `file`, whose picture size is set, from the sequence:
+// its calibration, else a guess by its files, else nullopt.
 void NoteCamera(const Sequence& sequence, TrackFile& file);
-// Sets it to one that comes from elsewhere, or to none.
+// Sets a camera that comes from elsewhere, or none.
 void NoteCamera(const std::optional<Camera>& camera, TrackFile& file);
-// Where the start of the focal length comes from: a sentence. Empty where no file said it.
+// A sentence on the source of the initial focal length. Empty if it came from no file.
 std::string DescribeFocalGuess(const TrackFile& file);
 
 // Fills in where the frames of `file`, whose picture size is set, come from: source, image_root,
-// camera (the one or the prior given, else NoteCamera), meta["frames"], meta["layout"] and, of files, meta["fingerprint"] (FingerprintOfFrames).
+// camera (the one or the prior given, else NoteCamera), meta["frames"], meta["layout"] and, for
+// files, meta["fingerprint"] (FingerprintOfFrames).
 void DescribeInput(const InputOptions& options, const Sequence& sequence, TrackFile& file);
 
-// Notes the mask, by its path, that tracks were made with: those of a refined file are by default,
-// too. Empty: none.
+// Notes the path of the tracks' mask, which is also the default for the tracks of a refined file.
+// Empty if there is none.
 void NoteMask(const std::string& mask, TrackFile& file);
 
 // Notes how the clip's pictures were turned (RowOrderOf), as DescribeInput does.
 void NoteSensorRows(const Sequence& sequence, TrackFile& file);
 
-// Are the files of the clip those that `file` was made of? Where it does not know it may be.
+// Whether the files of the clip are those that `file` was made from. True if it has no record.
 bool IsStillTheClip(const TrackFile& file, const Sequence& sequence);
-// Throws Error unless a camera is of pictures of that size.
+// Throws Error unless the camera's pictures have that size.
 void CheckCameraSize(const Camera& camera, int width_px, int height_px);
-// Throws Error where a frame of a clip has not the size of those that `file` was made of.
+// Throws Error if a frame of a clip does not have the size of those that `file` was made from.
 void CheckPictureSize(const TrackFile& file, const Frame& frame, const std::string& clip_name);
-// What lies outside the pictures of `file` no image confirms: of tracks of others it becomes
-// predicted. Returns what to say of that; empty: there was nothing. Throws Error where they are
-// most of the observed ones: then `tracks`, so named, are of another clip than `clip`.
+// Marks positions outside the pictures of `file` as predicted, since no image confirms them (tracks
+// of other programs). Returns a sentence on that, empty if there were none. Throws Error if they
+// are most of the observed ones: then `tracks`, of that name, belong to another clip than `clip`.
 std::string PredictOutside(const TrackFile& file,
                            const std::string& name,
                            const std::string& clip,
                            TrackSet& tracks);
-// In .tracks: what was wrong with the clip, as that it ended before its last frame.
+// Key in .tracks: a defect of the clip, such as an end before its last frame.
 inline constexpr const char* kWarningMeta = "warning";
-// The same of a clip that was read, whose DescribeInput `file` has; empty: nothing.
+// The same for a clip that was read, with DescribeInput's entries in `file`; empty if there is
+// none.
 std::string WarningOfClip(const Sequence& sequence,
                           const TrackFile& file,
                           const std::string& input);
 
-// Absolute and without dots, as a .tracks file names input; empty stays empty.
+// Absolute and without dots, as .tracks files store inputs; empty stays empty.
 std::string AbsolutePath(const std::filesystem::path& path);
-// The same for every spelling of a path, also through links: to compare by.
+// The same for every spelling of a path, also through links: for comparisons.
 std::string CanonicalPath(const std::filesystem::path& path);
 
-// CV_8UC1, 0 where no feature may be. Empty without a path; throws Error naming one that is no
-// picture, or black all over.
+// CV_8UC1, 0 where no feature may be. Empty without a path; throws Error naming a file that is no
+// picture or is entirely black.
 cv::Mat ReadMask(const std::string& path);
-// Throws Error where a mask, of this name, is.
+// Throws Error if the mask of that name is entirely black.
 void CheckMaskIsOpen(const cv::Mat& mask, const std::string& name);
 
 }  // namespace cohort

@@ -13,25 +13,27 @@
 
 namespace cohort {
 
-// Where a model has the points of its features in every frame, and how they look there. A feature's
-// template is of the `template_frames` frames around the middle of those that observed it.
+// Where a model predicts the points of its features in every frame, and how their appearance is
+// warped. A feature's template spans the `template_frames` frames around the middle of those that
+// observed it.
 class ModelPredictions {
  public:
-  // Nothing is in sight where `mask` (may be empty) is black. All but the number must outlive this.
+  // Features are not visible where `mask` (may be empty) is black. All but the number must outlive
+  // this.
   ModelPredictions(const TrackFile& file,
                    const Reconstruction& model,
                    const cv::Mat& mask,
                    int template_frames);
 
-  // Of the features whose template the frame is to enter.
+  // Predicts the features whose template includes the frame.
   std::vector<ModelPrediction> ForTemplates(FrameIndex frame) const;
-  // Of all features that can be measured in the frame.
+  // Predicts all features that can be measured in the frame.
   std::vector<ModelPrediction> InSight(FrameIndex frame) const;
-  // Are both the feature's point and the frame's camera in the model?
+  // Whether both the feature's point and the frame's camera are in the model.
   bool Knows(FeatureId feature, FrameIndex frame) const;
   bool HasMask() const { return !mask_.empty(); }
   bool IsMasked(const Eigen::Vector2d& xy) const;  // of a position in the picture
-  // Where the model has the point of a feature that it knows; none off the picture or the mask.
+  // The position of a feature that the model knows; nullopt off the picture or the mask.
   std::optional<Eigen::Vector2d> InPicture(FeatureId feature, FrameIndex frame) const;
 
  private:
@@ -43,7 +45,7 @@ class ModelPredictions {
   const Reconstruction& model_;
   RowPoses rows_;
   const cv::Mat& mask_;
-  std::map<FeatureId, FrameIndex> middle_;  // whose view the template is
+  std::map<FeatureId, FrameIndex> middle_;  // the template has its view
   std::map<FrameIndex, std::vector<FeatureId>> template_features_;
 };
 

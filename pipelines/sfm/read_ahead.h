@@ -8,8 +8,9 @@
 
 namespace cohort {
 
-// Decodes the next frame on a thread of its own while the caller works on the last one; where
-// OpenCV has one thread (cv::setNumThreads), so has this. While a frame is awaited nobody else may
+// Decodes the next frame on its own thread while the caller works on the last one, but not if
+// OpenCV has one thread (cv::setNumThreads). No other code may read the sequence while a frame is
+// awaited.
 // read the sequence.
 class ReadAhead {
  public:
@@ -18,7 +19,7 @@ class ReadAhead {
 
   // The sequence's next frame, or its error.
   std::optional<Frame> Next();
-  // Begins to decode the one after it.
+  // Starts decoding the frame after it.
   void Begin();
 
  private:

@@ -53,7 +53,7 @@ struct ReconstructOptions {
   }
 };
 
-// What Ceres alone says beside the model; as in MapperResult.
+// Results of Ceres alone beside the model, as in MapperResult.
 struct CeresFindings {
   std::vector<FeatureId> without_point;
   std::vector<Reconstruction> other_parts;
@@ -68,9 +68,9 @@ struct CeresFindings {
 };
 
 struct ReconstructResult {
-  Reconstruction reconstruction;      // empty: there is none, and the summary says why
+  Reconstruction reconstruction;      // empty if there is none; the summary states why
   ReconstructionSummary summary;      // summary.Failed(): fewer than 80 % of the frames registered
-  std::vector<std::string> warnings;  // lines for whoever runs it
+  std::vector<std::string> warnings;  // lines for the user
   std::optional<CeresFindings> ceres;
 };
 
@@ -80,31 +80,32 @@ void WriteCeresFindings(const CeresFindings& findings,
                         const TrackFile& file,
                         const std::filesystem::path& existing_folder);
 
-// Tracks -> cameras and points, by either backend. A clip that does not reconstruct is a result.
+// Reconstructs cameras and points from tracks, by either backend. A clip that does not reconstruct
+// is a result.
 //
 //   const ReconstructResult result = Reconstruct(TrackSequence(*clip), {});
 //   std::cout << result.summary.Brief() << "\n";
 //   WriteReconstruction("model", result.reconstruction);    // COLMAP's files; model_io.h
 //
-// COLMAP works in `colmap_folder`, which keeps its database, log and models; without one, in a
-// temporary folder. It needs the program `colmap`: throws Error where there is none.
+// COLMAP works in `colmap_folder`, which keeps its database, log and models, or without one in a
+// temporary folder. Throws Error if the program `colmap` is missing.
 ReconstructResult Reconstruct(const TrackFile& file,
                               const ReconstructOptions& options = {},
                               const std::filesystem::path& colmap_folder = {},
                               const StageProgress& progress = {});
 
-// A model folder's model, with the readout that its summary.json says; another program's has none.
+// A model folder's model, with the readout of its summary.json; another program's model has none.
 Reconstruction ReadModelFolder(const std::filesystem::path& folder);
 
-// What ReadModelFolder reads, whole or not at all; `summary`: JSON of the model's summary.json, {}:
-// none.
+// Writes what ReadModelFolder reads, whole or not at all; `summary`: JSON for the model's
+// summary.json, {} for none.
 void WriteModelFolder(const Reconstruction& model,
                       const std::string& summary,
                       const std::filesystem::path& folder);
 
-// The same into a model folder: the model's files and summary.json (docs/files.md), and of Ceres
-// tracks_without_point.csv and the covariances. Whole or not at all. `summary_options`: JSON that
-// summary.json is to have as its options; empty: `options`.
+// The same into a model folder: the model's files and summary.json (docs/files.md), and for Ceres
+// tracks_without_point.csv and the covariances. Whole or not at all. `summary_options`: JSON for
+// the options in summary.json; empty: `options`.
 ReconstructResult ReconstructIntoFolder(const TrackFile& file,
                                         const ReconstructOptions& options,
                                         const std::filesystem::path& folder,

@@ -25,7 +25,7 @@ inline constexpr ChoiceNames<IntrinsicsMode, 3> kIntrinsicsModeNames{
 struct RefineModelOptions {
   IntrinsicsMode intrinsics = IntrinsicsMode::kAuto;
   bool drop_contradicted = true;
-  double model_max_distance_px = 5.0;  // in place of the second pass's own
+  double model_max_distance_px = 5.0;  // replaces the second pass's own
   SecondPassOptions second_pass;
   MapperOptions ceres = {.covariances = true};
 
@@ -58,23 +58,23 @@ struct RefineModelOptions {
 };
 
 struct RefinedModel {
-  ColmapModel model;             // with the ids, names, colours and world of the one that came in
-  TrackFile file;                // its tracks, measured anew; feature = point id - 1 (ModelOfClip)
-  ReconstructResult adjusted;    // the same model, by frames and features; its findings are there
-  ReconstructionSummary before;  // figures of the input, of the frames of the clip
+  ColmapModel model;             // with the ids, names, colours and world of the input
+  TrackFile file;                // its tracks, measured again; feature = point id - 1 (ModelOfClip)
+  ReconstructResult adjusted;    // the same model, by frames and features, with its findings
+  ReconstructionSummary before;  // figures of the input, for the frames of the clip
   SecondPassFigures found;       // of the input's tracks
   std::size_t contradicted = 0;  // points that were dropped
   bool camera_refined = false;
   std::vector<FrameInfo> frames;                  // of the clip
   std::map<FrameIndex, ColmapImageId> image_ids;  // of the frames that have an image
-  std::vector<std::string> notes;                 // lines for whoever runs it
+  std::vector<std::string> notes;                 // lines for the user
 };
 
-// A COLMAP model of a clip, by whatever program, measured again where it says that its points are
-// (MeasureAgain) and adjusted to what was found, until it no longer moves; without the points that
-// the pictures contradict, unless a frame would be left with few. Images are found among
-// the frames by name; those that are none are left out. Throws Error naming `path` (the model) or
-// the clip where they do not belong together: too few points look as the model has them.
+// Refines a COLMAP model of a clip, by any program: measures its points again where it predicts
+// them (MeasureAgain) and adjusts it to the result until it no longer moves. Drops points that the
+// pictures contradict, unless a frame would keep too few. Images are matched to frames by name;
+// others are left out. Throws Error naming `path` (the model) or the clip if they do not belong
+// together: too few points look as the model has them.
 RefinedModel RefineModel(const ColmapModel& model,
                          const std::filesystem::path& path,
                          Sequence& sequence,
@@ -82,8 +82,8 @@ RefinedModel RefineModel(const ColmapModel& model,
                          const RefineModelOptions& options = {},
                          const StageProgress& progress = {});
 
-// `model`, with its covariances, moved by the similarity that puts its cameras and their axes where
-// those of `world` are, which has all of its frames.
+// `model`, with its covariances, moved by the similarity that aligns its cameras and their axes
+// with those of `world`, which has all of its frames.
 MapperResult InWorldOf(const Reconstruction& world, MapperResult model);
 
 // RefineModel into a folder: a model folder with clip.tracks. Whole or not at all.

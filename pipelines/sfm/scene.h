@@ -14,7 +14,7 @@
 
 namespace cohort {
 
-// What becomes of a model as a scene: a folder that programs of radiance fields open.
+// Options of a scene: a folder that radiance field programs open.
 struct SceneOptions {
   int max_images = 300;
   double min_motion = 0.01;
@@ -47,37 +47,37 @@ struct SceneOptions {
   }
 };
 
-// A frame that may become a picture of the scene.
+// A candidate frame for a picture of the scene.
 struct SceneCandidate {
   FrameIndex frame{};
-  double motion = 0.0;     // since the candidate before, as a share of the picture's diagonal
-  double sharpness = 0.0;  // mean square gradient; comparable among neighbours alone
+  double motion = 0.0;     // since the previous candidate, as a share of the picture's diagonal
+  double sharpness = 0.0;  // mean square gradient; comparable among neighbours only
 };
 
-// The path of the camera in equal pieces of at least `min_motion` (or 50 shorter ones), at most
-// `max_images` of them, and of each the sharpest frame. Ascending.
+// Splits the camera's path into equal pieces of at least `min_motion` (or 50 shorter ones), at most
+// `max_images`, and takes the sharpest frame of each. Ascending.
 std::vector<FrameIndex> ChooseImages(const std::vector<SceneCandidate>& candidates,
                                      const SceneOptions& options);
 
-// The pinhole camera of the same size, fx = fy and its principal point in the middle, that sees as
-// much as it can of what `camera` sees, and nothing else: its pictures have no blank border.
+// The pinhole camera of the same size, with fx = fy and a centred principal point, that sees as
+// much as possible of what `camera` sees, and nothing else: its pictures have no blank border.
 Camera UndistortedCamera(const Camera& camera);
 
-// The rigid motion that puts the mean of the cameras at the origin and their mean upward direction
-// along +z, as viewers expect.
+// The rigid motion that moves the mean of the cameras to the origin and their mean upward direction
+// to +z, as viewers expect.
 Rigid3 SceneFromModel(const Reconstruction& model);
 
-// What WriteScene writes.
+// The outputs of WriteScene.
 inline constexpr std::array<const char*, 4> kSceneOutputs{
     "images", "sparse", "sparse_pc.ply", "transforms.json"};
 
-// Throws Error where a folder holds what WriteScene would replace, but no scene of ours: something of
-// its names and neither clip.tracks nor model_of.json, other pictures than ours, or the clip itself.
+// Throws Error if WriteScene would replace contents of a folder that are no scene of ours: files of
+// those names with neither clip.tracks nor model_of.json, other pictures, or the clip itself.
 void CheckSceneFolder(const std::filesystem::path& folder);
-// Removes what WriteScene wrote there, and nothing else.
+// Removes only what WriteScene wrote there.
 void RemoveScene(const std::filesystem::path& folder);
 
-// v -> ((v - black) / (white - black))^gamma, of intensities 0..1, clipped.
+// v -> ((v - black) / (white - black))^gamma, for intensities 0..1, clipped.
 struct ToneCurve {
   double black = 0.0;
   double white = 1.0;
@@ -86,7 +86,7 @@ struct ToneCurve {
   double operator()(double value) const;
 };
 
-// Mean intensity 0..1 of each of the file's frames, where there is no scene that would tell it.
+// Mean intensity 0..1 of each of the file's frames, if no scene is written that gives it.
 // `sequence`: the clip, rewound here.
 std::vector<double> BrightnessOfFrames(const TrackFile& file,
                                        Sequence& sequence,
@@ -96,17 +96,17 @@ struct SceneFigures {
   std::vector<FrameIndex> images;
   std::size_t points = 0;
   Camera camera;
-  FocalScales focal_scale;  // of the pictures, where the model's focal length changes
+  FocalScales focal_scale;  // of the pictures, if the model's focal length changes
   Rigid3 scene_from_model;  // times `scale`
   double scale = 1.0;
   std::optional<ToneCurve> tone;
-  // Of every frame of the tracks, ascending: mean intensity 0..1.
+  // Mean intensity 0..1 of every frame of the tracks, ascending.
   std::vector<double> brightness;
 };
 
 // Writes images/, sparse/0/, transforms.json and sparse_pc.ply (docs/files.md) into an existing
 // folder, each whole or not at all. `sequence`: the clip, rewound here and read twice, frame by
-// frame. Throws Error where clip and model do not belong together.
+// frame. Throws Error if clip and model do not belong together.
 SceneFigures WriteScene(const TrackFile& file,
                         const Reconstruction& model,
                         Sequence& sequence,

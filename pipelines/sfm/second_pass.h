@@ -43,7 +43,7 @@ struct SecondPassOptions {
     VisitMeasurement(o, v);
   }
 
-  // All but what the first pass is, for who has it already.
+  // All options except those that choose the first pass, for callers that have tracks already.
   template <typename Self, typename Visitor>
   static void VisitMeasurement(Self& o, Visitor& v) {
     v.Number("min_confirmed",
@@ -62,14 +62,14 @@ struct SecondPassOptions {
   }
 };
 
-// Of several rounds (WithSecondPass) those of the last one, but the movers of all.
+// After several rounds (WithSecondPass): the figures of the last one, but the movers of all.
 struct SecondPassFigures {
   std::size_t before = 0;    // observations of the tracks that are replaced
-  std::size_t kept = 0;      // of them, measured again
-  std::size_t regained = 0;  // observations where there were none
+  std::size_t kept = 0;      // of these, measured again
+  std::size_t regained = 0;  // new observations
   std::size_t replaced = 0;  // tracks
   std::size_t left = 0;      // tracks that have a point, but were not found again
-  std::size_t masked = 0;    // tracks of which the mask leaves nothing: dropped
+  std::size_t masked = 0;    // tracks entirely in the mask: dropped
   std::size_t movers = 0;    // tracks dropped
 
   double Confirmed() const;  // kept, as a share
@@ -80,30 +80,30 @@ struct SecondPassFigures {
 struct SecondPass {
   TrackFile file;
   SecondPassFigures figures;
-  std::string none_because;  // of WithSecondPass: why `file` is the first pass's; empty: it is not
+  std::string none_because;  // of WithSecondPass: why `file` is the first pass's; else empty
 };
 
 // TrackFile::meta["second_pass_options"]: all but mode and companion, so that a file begun with
-// `auto` is resumed with `on`.
+// `auto` can be resumed with `on`.
 std::string SecondPassOptionsText(const SecondPassOptions& options);
 
-// TrackFile::meta["second_pass"]: not wanted, or still to come; then "done", or "none: " and why.
+// TrackFile::meta["second_pass"]: not requested, or still to come; then "done", or "none: " and
+// why.
 inline constexpr const char* kSecondPassOff = "off";
 inline constexpr const char* kSecondPassAsked = "asked";
 
-// Does no point of the scene, near or infinitely far, explain half of the track's observed
-// positions to within `max_error_px`? Not said of fewer than ten frames with a pose.
+// Whether no point of the scene, near or infinitely far, explains half of the track's observed
+// positions to within `max_error_px`. False with fewer than ten frames with a pose.
 bool MovesOtherwise(std::span<const Observation> track,
                     const Reconstruction& model,
                     double max_error_px);
 
-// Tracks and their model -> tracks measured anew where the model's points are seen
-// (SecondPassMeasurer). Where a feature is not seen between its sightings, or the first pass had
-// it, the model predicts it. Tracks without a point or of which too little is found again, and
-// frames without a pose, keep what they had; but tracks that MovesOtherwise are dropped: they are
-// on something that crosses before the scene. `sequence`: the clip, rewound here; nothing is
-// measured where `mask` (may be empty) is black. Throws Error where clip, model and tracks do not
-// belong together.
+// Measures tracks again where the model's points are seen (SecondPassMeasurer). If a feature is not
+// found in a frame between its sightings, or in one where the first pass had it, the model predicts
+// it. Tracks without a point or with too few measurements, and frames without a pose, stay
+// unchanged, but tracks that MovesOtherwise are dropped: they lie on something that crosses before
+// the scene. `sequence`: the clip, rewound here; nothing is measured where `mask` (may be empty) is
+// black. Throws Error if clip, model and tracks do not belong together.
 SecondPass MeasureAgain(const TrackFile& file,
                         const Reconstruction& model,
                         Sequence& sequence,
@@ -111,20 +111,19 @@ SecondPass MeasureAgain(const TrackFile& file,
                         const SecondPassOptions& options,
                         const StageProgress& progress = {});
 
-// Does a model made since have many points elsewhere in the pictures than the first of `models`, so
-// far that features were looked for in wrong places? Or frames that none of them had, or nothing in
-// common?
+// Whether a later model has many points at other positions in the pictures than the first of
+// `models`, so far off that features were searched in wrong places, or has frames that none of them
+// had, or nothing in common.
 bool HaveMoved(std::span<const Reconstruction> models,
                const Reconstruction& now,
                const SecondPassOptions& options);
 
-// One set of the tracks of a first pass and of KLT's where that one loses its features, as the
-// second pass takes them: without those that are twins of others or not needed. As it is, where no
-// companion is wanted.
+// Joins the tracks of a first pass with those of KLT where the first pass loses its features, for
+// the second pass; drops twins and tracks that are not needed. Unchanged if no companion is wanted.
 TrackFile JoinCompanion(TrackFile first_pass, Sequence& sequence, const cv::Mat& mask);
 
-// The same with a model of its own, by Ceres, or one of each part of a clip that breaks; where
-// there is none, `file` itself, whose meta["second_pass"] says why.
+// Runs the second pass with its own model by Ceres, or one for each part of a broken clip. If there
+// is no model, returns `file` itself, with the reason in meta["second_pass"].
 SecondPass WithSecondPass(TrackFile file,
                           Sequence& sequence,
                           const cv::Mat& mask,

@@ -17,18 +17,17 @@ namespace cohort {
 struct TrackSequenceOptions {
   TrackerOptions tracker = {};
   SecondPassOptions second_pass = {};
-  // Of pictures of the clip's size; none: as the sequence says (NoteCamera), else unknown.
+  // For pictures of the clip's size; unset: the sequence's (NoteCamera), else unknown.
   std::optional<Camera> camera = {};
   cv::Mat mask = {};  // empty, or CV_8UC1 of the frames' size, 0 where no feature may be
-  // What the sequence was opened from. COLMAP asks for a video's frames, which are read again
-  // there.
+  // The path that the sequence was opened from. If COLMAP needs a video's frames, they are read
+  // from there again.
   std::filesystem::path source = {};
 };
 
-// Clip -> tracks: the whole job of `cohort track` in memory. With a second pass (WantsSecondPass),
-// its tracks take the place of the first's if a reconstruction by Ceres succeeds;
-// meta["second_pass"] says what came of it. Throws Error on a clip without frames or with a camera
-// of other pictures.
+// Tracks a clip: the whole job of `cohort track` in memory. With a second pass (WantsSecondPass),
+// its tracks replace the first's if a reconstruction by Ceres succeeds; meta["second_pass"] states
+// the outcome. Throws Error on a clip without frames or with a camera for other pictures.
 //
 //   const auto clip = OpenSequence("night.mp4");
 //   const TrackFile file = TrackSequence(*clip, {.source = "night.mp4"});
@@ -37,7 +36,7 @@ TrackFile TrackSequence(Sequence& sequence,
                         const TrackSequenceOptions& options = {},
                         const StageProgress& progress = {});
 
-// The first pass alone: where a second is wanted it is still to come (WithSecondPass).
+// The first pass alone: a requested second pass is still to come (WithSecondPass).
 TrackFile TrackFirstPass(Sequence& sequence,
                          const TrackSequenceOptions& options = {},
                          const StageProgress& progress = {});
@@ -48,8 +47,8 @@ struct TrackedFrame {
   FrameResult result;
 };
 
-// The first pass frame by frame, for those who want each frame's tracks at once, or on disk before
-// the next frame is read: a kill then loses nothing but the frame it is at.
+// The first pass frame by frame, for callers that need each frame's tracks at once, or on disk
+// before the next frame is read: a kill then loses only the current frame.
 //
 //   SequenceTracker tracker(*clip, {.source = "night.mp4"});
 //   auto writer = TrackWriter::Create("night.tracks", tracker.Header());
@@ -59,26 +58,26 @@ struct TrackedFrame {
 //   }
 //   writer.Finish();
 //
-// Without a Sequence, where frames come from elsewhere: MakeTracker (frontend/track/tracker.h).
+// If frames do not come from a Sequence, use MakeTracker (frontend/track/tracker.h).
 class SequenceTracker {
  public:
   // Reads the first frame; throws Error without one. `sequence` must outlive this.
   SequenceTracker(Sequence& sequence, const TrackSequenceOptions& options);
 
-  // All of the file but frames and tracks, and where the clip is cut (cuts.h). meta: the tracker's
-  // name, its options as JSON, and whether a second pass is to come.
+  // Everything in the file but frames and tracks, and where the clip is cut (cuts.h). meta: the
+  // tracker's name, its options as JSON, and whether a second pass is to come.
   const TrackFile& Header() const { return header_; }
-  bool HasNext();  // reads the next frame, if that has not been done
+  bool HasNext();  // reads the next frame, if not done yet
   TrackedFrame TrackNext();
 
-  // Time so far, all frames together.
+  // Time so far over all frames.
   double decode_ms() const { return decode_ms_; }
   double detect_ms() const { return detect_ms_; }
   double track_ms() const { return track_ms_; }  // without detection
 
  private:
   ReadAhead frames_;
-  std::optional<Frame> next_;  // none: not read yet, or the end
+  std::optional<Frame> next_;  // unset: not read yet, or the end
   bool ended_ = false;
   TrackFile header_;
   std::unique_ptr<Tracker> tracker_;
@@ -87,10 +86,10 @@ class SequenceTracker {
   double track_ms_ = 0.0;
 };
 
-// May KLT help out in the second pass? Where the tracker is subspace and a second pass is to come.
+// Whether KLT may assist in the second pass: for the tracker subspace, if a second pass is to come.
 bool WantsCompanion(const SecondPassOptions& second_pass, const TrackerOptions& tracker);
 
-// Is there to be a second pass? Mode auto: for the tracker subspace, strong and measured.
+// Whether there will be a second pass. Mode auto: for the tracker subspace, strong and measured.
 bool WantsSecondPass(SecondPassMode mode, const TrackerOptions& tracker);
 
 }  // namespace cohort

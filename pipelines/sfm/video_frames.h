@@ -7,9 +7,9 @@
 
 namespace cohort {
 
-// Tracks of a video name pictures that do not exist: decodes the video again and writes the named
-// frames into `folder` (made or replaced whole), so that COLMAP finds them. Throws Error where the
-// video has moved or is another.
+// Tracks of a video name pictures that do not exist. This decodes the video again and writes the
+// named frames into `folder` (created or replaced whole), so that COLMAP finds them. Throws Error
+// if the video has moved or is another.
 void WriteVideoFrames(const TrackFile& file,
                       const std::filesystem::path& folder,
                       const StageProgress& progress = {});

@@ -4,28 +4,28 @@
 
 namespace cohort::trajectory_model {
 
-// The newest cameras and all features together, by Levenberg-Marquardt: where the camera moves
-// ahead, fitting one and the other in turn needs hundreds of steps.
+// Fits the newest cameras and all features together by Levenberg-Marquardt. Where the camera moves
+// ahead, alternating between both needs hundreds of steps.
 //
 // Every feature f is eliminated (Schur complement). With N the normal matrix, g the gradients, C
-// the cameras: (N_CC - sum_f N_Cf N_ff^-1 N_fC) dC = g_C - sum_f N_Cf N_ff^-1 g_f, and then
-// dx_f = N_ff^-1 (g_f - N_fC dC). The diagonal of the left side times 1 + damping.
+// the cameras: (N_CC - sum_f N_Cf N_ff^-1 N_fC) dC = g_C - sum_f N_Cf N_ff^-1 g_f, and then dx_f =
+// N_ff^-1 (g_f - N_fC dC). The diagonal of the left side is multiplied by 1 + damping.
 class JointFit {
  public:
   static constexpr std::size_t kMostFrames = 12;
-  // So many of the newest frames' cameras move, older ones are left to RefitCamera: all of a short
-  // window, of a long one few, as the time grows with the square of it.
+  // The number of newest frames whose cameras this step moves; RefitCamera moves older ones. A
+  // short window moves all, a long one only a few, because the time grows with the square.
   static std::size_t FramesOf(const State& state) {
     constexpr std::size_t kFrames = 6;
     return state.frames.size() <= kMostFrames ? state.frames.size() : kFrames;
   }
 
-  // One step that does not raise the cost. None where five dampings find none.
+  // Takes one step that does not raise the cost, or none if five dampings fail.
   void Step(State& state);
 
  private:
   static constexpr double kFirstDamping = 1e-3;
-  double damping_ = kFirstDamping;  // goes on from the last step
+  double damping_ = kFirstDamping;  // kept from the last step
 };
 
 }  // namespace cohort::trajectory_model

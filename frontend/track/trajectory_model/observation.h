@@ -8,7 +8,7 @@ namespace cohort::trajectory_model {
 struct Observation {
   Eigen::Vector2d xy = Eigen::Vector2d::Zero();           // [px]
   Eigen::Matrix2d information = Eigen::Matrix2d::Zero();  // [1/px^2]; zero: not observed
-  bool anchor = false;                                    // its anchor was taken here
+  bool anchor = false;                                    // the anchor was taken here
 
   bool IsObserved() const { return information(0, 0) > 0.0; }
 };

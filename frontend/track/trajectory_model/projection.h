@@ -6,18 +6,18 @@
 
 namespace cohort::trajectory_model {
 
-// Of a feature's unknowns (z, e), and of a camera's columns: at most.
+// Upper bound of a feature's unknowns (z, e) and of a camera's columns.
 inline constexpr int kMaxDimensions = 12;
 using Vector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMaxDimensions, 1>;
 using Matrix =
     Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxDimensions, kMaxDimensions>;
 using Jacobian = Eigen::Matrix<double, 2, Eigen::Dynamic, 0, 2, kMaxDimensions>;
 
-// A frame's camera C = [m B; 1 c'], 3 x (r + 1), r the model's rank. With r = 3 a projective camera
-// in the projective frame of the coordinates z; with c = 0 an affine one.
+// A frame's camera C = [m B; 1 c'], 3 x (r + 1), with r the model's rank. With r = 3 it is a
+// projective camera in the projective frame of the coordinates z; with c = 0 an affine one.
 using Camera = Eigen::Matrix<double, 3, Eigen::Dynamic, 0, 3, kMaxDimensions>;
 
-// What is known of a feature: mean and covariance of its unknowns (z, e), r + 2 of them. z are its
+// The estimate of a feature: mean and covariance of its r + 2 unknowns (z, e). z are its
 // coordinates; e [px] is the error of its anchor, which all its measurements share.
 struct Feature {
   Vector mean;  // empty: never fitted
@@ -31,17 +31,16 @@ struct Projection {
   Jacobian of_z;                               // d xy / d z
 };
 inline constexpr double kLeastDepth = 0.1;
-// `z`: the coordinates come first, what follows them does not count. Depths h_3 below a tenth of
-// the features' mean (which is 1) are taken for a tenth, so that nothing is divided by zero.
+// `z`: the coordinates come first; further entries are ignored. Depths h_3 are bounded below by a
+// tenth of the features' mean (which is 1), which avoids a division by zero.
 Projection Project(const Camera& camera, const Vector& z);
 
-// y - xy - e; in the frame of the anchor itself y - xy, as there the position is exact by
-// definition.
+// y - xy - e; y - xy in the frame of the anchor itself, where the position is exact by definition.
 Eigen::Vector2d Residual(const Projection& projection,
                          const Observation& o,
                          const Feature& feature);
 
-// Holds what nothing measures in the normal equations of vec(C): the scale of C by its entry 1, and
+// Fixes what nothing measures in the normal equations of vec(C): the scale of C by its entry 1, and
 // in an affine model all of c.
 void FixCameraGauge(bool perspective, Eigen::Ref<Eigen::MatrixXd> normal);
 

@@ -8,9 +8,9 @@
 
 namespace cohort::trajectory_model {
 
-// The hot loops run over all features and frames on matrices of 2 to 6 rows: where these sizes are
-// known when compiled, as for the ranks of nearly all scenes, the loops take a fifth of the time. R is
-// the rank or Eigen::Dynamic, and the code the same.
+// The hot loops run over all features and frames on matrices of 2 to 6 rows. With these sizes known
+// at compile time, as for the ranks of nearly all scenes, the loops take a fifth of the time. R is
+// the rank or Eigen::Dynamic; both share the code.
 template <int R>
 struct Sized {
   static constexpr int Plus(int n) { return R == Eigen::Dynamic ? Eigen::Dynamic : R + n; }
@@ -23,7 +23,7 @@ struct Sized {
   using Coupling = Eigen::Matrix<double, 3, Plus(2), 0, 3, MostPlus(2)>;
   using Camera = Eigen::Matrix<double, 3, Plus(1), 0, 3, MostPlus(1)>;
 
-  // What the state holds, at these sizes.
+  // Views of the state at these sizes.
   static Eigen::Map<const Camera> Of(const trajectory_model::Camera& camera) {
     return {camera.data(), 3, camera.cols()};
   }
@@ -54,7 +54,7 @@ decltype(auto) WithRank(int rank, const Work& work) {
   }
 }
 
-// Project, with d xy / d h = [I, -xy] / depth left to what needs it.
+// Project; d xy / d h = [I, -xy] / depth is computed on demand.
 template <int R>
 struct SizedProjection {
   Eigen::Vector2d xy;
@@ -96,8 +96,8 @@ Eigen::Vector2d SizedResidual(const SizedProjection<R>& at,
   return o.anchor ? d : d - Eigen::Vector2d(mean[mean.size() - 2], mean[mean.size() - 1]);
 }
 
-// J cov(z, e) J', J = [d xy / d z, I], without I for a position that is of no measurement or of the
-// anchor's own.
+// J cov(z, e) J', J = [d xy / d z, I]. The I is omitted for a position that is not a measurement or
+// is the anchor's own.
 template <int R>
 Eigen::Matrix2d CovarianceOfPosition(
     const typename Sized<R>::OfZ& of_z,

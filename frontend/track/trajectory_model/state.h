@@ -13,26 +13,26 @@ namespace cohort::trajectory_model {
 struct Frame {
   std::vector<Observation> observations;  // of all features, in their order
   Camera camera;
-  double misfit = 1.0;  // MisfitOfFrame, when it was last computed
+  double misfit = 1.0;  // MisfitOfFrame when last computed
 };
 
-// All that the model knows: a window of frames, and the features that are in it.
+// The state of the model: a window of frames, and the features in it.
 struct State {
   bool perspective = true;   // else c = 0 in every camera
-  int rank = 0;              // r; 0: there were too few features so far
+  int rank = 0;              // r; 0: too few features so far
   std::deque<Frame> frames;  // newest first
   std::vector<Feature> features;
 };
 
-// By how much the squares of a frame's residuals exceed what their noise explains: their median
-// over that of chi-square, at least 1.
+// The factor by which the squares of a frame's residuals exceed what their noise explains: their
+// median over that of chi-square, at least 1.
 double MisfitOfFrame(const Frame& frame, std::span<const Feature> features);
 
-// The same of a feature in all frames: chi-square over its degrees of freedom, two a measurement
-// without the r that its coordinates take; drawn to 1 where these are few.
+// The same of a feature in all frames: chi-square over its degrees of freedom, which are two per
+// measurement minus the r of its coordinates. Shrunk towards 1 if these are few.
 double MisfitOfFeature(const State& state, std::size_t f);
 
-// Frames in which a feature was observed, without that of its anchor.
+// The number of frames that observe a feature, without the frame of its anchor.
 std::size_t CountObserved(const State& state, std::size_t f);
 
 }  // namespace cohort::trajectory_model

@@ -17,14 +17,13 @@ namespace cohort {
 // In frame l feature f is measured at
 //   y_lf = (m_l + B_l z_f) / (1 + c_l' z_f) + e_f + noise_lf,   z_f ~ N(0, I_r),
 // with m_l, B_l, c_l (2 x 1, 2 x r, r x 1) the frame's camera, z_f the feature's coordinates and
-// e_f the error of its anchor. With r = 3 a projective reconstruction, with c = 0 the paper's
-// subspace.
+// e_f the error of its anchor. r = 3 gives a projective reconstruction, c = 0 the paper's subspace.
 //
-// Fitted to a sliding window of frames: a new frame's camera (camera_fit.h), then the newest
-// cameras and all features together (joint_fit.h), older cameras one by one, a quarter of them a
-// frame, and each feature by itself (feature_fit.h); the rank r grows where residuals ask for it
-// (rank.h). The time of a frame is linear in the features, and so is every loop over them that is
-// not of fixed size (sized.h).
+// The model is fitted to a sliding window of frames: first a new frame's camera (camera_fit.h),
+// then the newest cameras and all features together (joint_fit.h), a quarter of the older cameras
+// per frame one by one, and each feature by itself (feature_fit.h). The rank r grows where the
+// residuals require it (rank.h). The time per frame is linear in the features; loops over them use
+// fixed sizes where possible (sized.h).
 class TrajectoryModel {
  public:
   using Observation = trajectory_model::Observation;
@@ -39,21 +38,22 @@ class TrajectoryModel {
   std::size_t frames() const { return state_.frames.size(); }
   int rank() const { return state_.rank; }
 
-  // Where all features are in a new frame, from their own earlier measurements and from what is
-  // measured now of those that `now` observes. Empty where these are fewer than eight.
+  // Predicts all features in a new frame, from their own earlier measurements and from the current
+  // measurements of those that `now` observes. Returns an empty list if these are fewer than eight.
   std::vector<Estimate> Predict(std::span<const Observation> now) const;
-  // Adds the frame; the estimates then count the features' own measurements in it.
+  // Adds the frame; the estimates then include the features' own measurements in it.
   std::vector<Estimate> Update(std::span<const Observation> now);
 
-  // By how much a feature's residuals exceed what their noise explains (MisfitOfFeature).
+  // The factor by which a feature's residuals exceed what their noise explains (MisfitOfFeature).
   double Misfit(std::size_t feature) const;
 
-  // The newest measurement was wrong.
+  // Removes the newest measurement, which was wrong.
   void Forget(std::size_t feature);
 
   // Drops the features whose entry is 0; the others keep their order.
   void Keep(std::span<const std::uint8_t> keep);
-  // A feature's measurements in the newest frames, newest first; not observed in those before.
+  // Adds a feature by its measurements in the newest frames, newest first; earlier frames are
+  // unobserved.
   void Add(std::span<const Observation> trajectory);
 
  private:
@@ -63,7 +63,7 @@ class TrajectoryModel {
   int max_rank_;
   trajectory_model::State state_;
   trajectory_model::JointFit joint_fit_;
-  std::size_t turn_ = 0;  // of what is not looked at in every frame
+  std::size_t turn_ = 0;  // for the steps that do not run in every frame
 };
 
 }  // namespace cohort
