@@ -16,11 +16,11 @@ struct FoundCamera {
   std::optional<GrownParts> grown;
 };
 
-// Searches the camera from several focal lengths: `found_before`, the guess, and some others.
-// From each it grows a model of some of the tracks and refines it until nothing moves (AdjustCamera).
-// The model of lowest cost wins; a wide pinhole is then also tried as a fisheye. The search stops
-// early when two models converge to one camera, or one to `found_before`. Returns nullopt if no focal
-// length gives a model.
+// Searches the camera from several focal lengths: `found_before`, the guess, and some others. From
+// each it grows a model of some tracks and refines it until nothing moves (AdjustCamera). The model
+// of lowest cost wins; a wide pinhole is then also tried as a fisheye. The search stops early when
+// two models converge to one camera, or one to `found_before`. Returns nullopt if no focal length
+// gives a model.
 std::optional<FoundCamera> SearchCamera(const WhitenedTracks& whitened,
                                         const Camera& guess,
                                         const std::optional<Camera>& found_before,
