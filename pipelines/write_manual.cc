@@ -5,7 +5,7 @@
 
 #include <filesystem>
 
-#include "frontend/core/output.h"
+#include "frontend/storage/output.h"
 #include "pipelines/commands/all_commands.h"
 #include "pipelines/console/completion.h"
 #include "pipelines/console/manual.h"

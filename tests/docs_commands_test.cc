@@ -16,7 +16,7 @@
 #include <string>
 #include <vector>
 
-#include "frontend/core/output.h"
+#include "frontend/storage/output.h"
 #include "tests/support/program.h"
 #include "tests/support/source_dir.h"
 #include "tests/support/temp_dir.h"

@@ -11,7 +11,7 @@
 #include <string_view>
 #include <vector>
 
-#include "frontend/core/output.h"
+#include "frontend/storage/output.h"
 #include "tests/support/source_dir.h"
 
 namespace cohort {
@@ -84,7 +84,7 @@ std::vector<std::string> DeadLinks(const fs::path& page, const std::string& text
   return dead;
 }
 
-// `frontend/track/feature.h` and the like that are not there.
+// `frontend/track/measure/feature.h` and the like that are not there.
 std::vector<std::string> MissingFiles(const fs::path& page, const std::string& text) {
   static const std::regex kFile(
       R"(`((?:backend|datasets|docs|frontend|pipelines|tests)/[\w./-]*\w)[`/ ])");

@@ -13,7 +13,7 @@
 #include <string>
 #include <vector>
 
-#include "frontend/core/output.h"
+#include "frontend/storage/output.h"
 #include "tests/support/browser.h"
 #include "tests/support/source_dir.h"
 #include "tests/support/temp_dir.h"

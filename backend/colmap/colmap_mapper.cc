@@ -10,12 +10,12 @@
 
 #include "backend/colmap/model_io.h"
 #include "backend/colmap/program.h"
-#include "backend/scene/initial_pair.h"
+#include "backend/start/initial_pair.h"
 #include "frontend/core/error.h"
-#include "frontend/core/input_file.h"
-#include "frontend/core/output.h"
 #include "frontend/core/statistics.h"
 #include "frontend/core/stopwatch.h"
+#include "frontend/storage/input_file.h"
+#include "frontend/storage/output.h"
 
 namespace cohort {
 namespace {

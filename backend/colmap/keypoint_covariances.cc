@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "frontend/core/npz.h"
+#include "frontend/storage/npz.h"
 #include "frontend/tracks/text_rows.h"
 
 namespace cohort {

@@ -14,9 +14,9 @@
 
 #include "backend/colmap/tracks_to_database.h"
 #include "frontend/core/error.h"
-#include "frontend/core/input_file.h"
-#include "frontend/core/input_record.h"
-#include "frontend/core/output.h"
+#include "frontend/storage/input_file.h"
+#include "frontend/storage/input_record.h"
+#include "frontend/storage/output.h"
 #include "frontend/tracks/frame_name.h"
 
 namespace cohort {

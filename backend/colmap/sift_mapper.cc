@@ -11,11 +11,11 @@
 #include "backend/colmap/model_io.h"
 #include "backend/colmap/program.h"
 #include "frontend/core/error.h"
-#include "frontend/core/output.h"
 #include "frontend/core/statistics.h"
 #include "frontend/core/stopwatch.h"
 #include "frontend/image/read_image.h"
 #include "frontend/image/write_image.h"
+#include "frontend/storage/output.h"
 
 namespace cohort {
 namespace {

@@ -6,7 +6,7 @@
 
 #include "backend/colmap/database.h"
 #include "backend/scene/focal_scale.h"
-#include "backend/scene/two_view_geometry.h"
+#include "backend/start/two_view_geometry.h"
 #include "frontend/core/options.h"
 #include "frontend/tracks/track_store.h"
 

@@ -6,7 +6,7 @@
 #include <iterator>
 #include <string>
 
-#include "frontend/core/output.h"
+#include "frontend/storage/output.h"
 
 namespace cohort {
 

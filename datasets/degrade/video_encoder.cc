@@ -8,7 +8,7 @@
 
 #include "frontend/core/child_process.h"
 #include "frontend/core/error.h"
-#include "frontend/core/output.h"
+#include "frontend/storage/output.h"
 
 namespace cohort {
 namespace {

@@ -8,7 +8,7 @@
 
 #include "datasets/readers/binary_source.h"
 #include "frontend/core/error.h"
-#include "frontend/core/input_file.h"
+#include "frontend/storage/input_file.h"
 
 namespace cohort {
 namespace {

@@ -9,10 +9,10 @@
 
 #include "datasets/readers/gray_image.h"
 #include "frontend/core/error.h"
-#include "frontend/core/input_file.h"
-#include "frontend/core/input_record.h"
 #include "frontend/geometry/camera_fault.h"
 #include "frontend/image/read_image.h"
+#include "frontend/storage/input_file.h"
+#include "frontend/storage/input_record.h"
 
 namespace cohort {
 namespace {

@@ -5,7 +5,7 @@
 #include <utility>
 
 #include "frontend/core/error.h"
-#include "frontend/core/line_reader.h"
+#include "frontend/storage/line_reader.h"
 
 namespace cohort {
 

@@ -4,8 +4,8 @@
 
 #include "datasets/readers/text_table.h"
 #include "frontend/core/error.h"
-#include "frontend/core/input_file.h"
 #include "frontend/geometry/camera_text.h"
+#include "frontend/storage/input_file.h"
 
 namespace cohort {
 namespace {

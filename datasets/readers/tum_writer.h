@@ -9,9 +9,9 @@
 #include <string>
 #include <string_view>
 
-#include "frontend/core/output.h"
 #include "frontend/geometry/camera.h"
 #include "frontend/geometry/rigid3.h"
+#include "frontend/storage/output.h"
 
 namespace cohort {
 

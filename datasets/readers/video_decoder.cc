@@ -24,8 +24,8 @@ extern "C" {
 #include <vector>
 
 #include "frontend/core/error.h"
-#include "frontend/core/input_file.h"
 #include "frontend/geometry/camera_fault.h"
+#include "frontend/storage/input_file.h"
 
 namespace cohort {
 namespace {

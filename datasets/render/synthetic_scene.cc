@@ -13,10 +13,10 @@
 #include "datasets/render/render.h"
 #include "datasets/render/scene_geometry.h"
 #include "frontend/core/error.h"
-#include "frontend/core/input_file.h"
 #include "frontend/core/json_text.h"
-#include "frontend/core/output.h"
 #include "frontend/core/parallel.h"
+#include "frontend/storage/input_file.h"
+#include "frontend/storage/output.h"
 
 namespace cohort {
 namespace {

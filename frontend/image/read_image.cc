@@ -8,7 +8,7 @@
 #include <string_view>
 
 #include "frontend/core/error.h"
-#include "frontend/core/input_file.h"
+#include "frontend/storage/input_file.h"
 
 namespace cohort {
 

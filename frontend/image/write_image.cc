@@ -4,7 +4,7 @@
 #include <string_view>
 
 #include "frontend/core/error.h"
-#include "frontend/core/output.h"
+#include "frontend/storage/output.h"
 
 namespace cohort {
 

@@ -5,8 +5,8 @@
 #include <span>
 #include <vector>
 
-#include "frontend/track/feature_mover.h"
-#include "frontend/track/scene_watch.h"
+#include "frontend/track/loop/feature_mover.h"
+#include "frontend/track/loop/scene_watch.h"
 #include "frontend/track/tracker.h"
 
 namespace cohort {

@@ -1,10 +1,10 @@
 #include "frontend/track/tracker.h"
 
-#include "frontend/track/dense_flow_tracker.h"
-#include "frontend/track/guide_mover.h"
-#include "frontend/track/klt_tracker.h"
-#include "frontend/track/rlof_tracker.h"
-#include "frontend/track/subspace_tracker.h"
+#include "frontend/track/baselines/dense_flow_tracker.h"
+#include "frontend/track/baselines/klt_tracker.h"
+#include "frontend/track/baselines/rlof_tracker.h"
+#include "frontend/track/subspace/guide_mover.h"
+#include "frontend/track/subspace/subspace_tracker.h"
 #include "frontend/track/track_loop.h"
 
 namespace cohort {

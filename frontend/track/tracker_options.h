@@ -2,10 +2,10 @@
 
 #include "frontend/core/options.h"
 #include "frontend/detect/corners.h"
-#include "frontend/track/dense_flow_tracker.h"
-#include "frontend/track/klt_tracker.h"
-#include "frontend/track/rlof_tracker.h"
-#include "frontend/track/subspace_tracker.h"
+#include "frontend/track/baselines/dense_flow_tracker.h"
+#include "frontend/track/baselines/klt_tracker.h"
+#include "frontend/track/baselines/rlof_tracker.h"
+#include "frontend/track/subspace/subspace_tracker.h"
 
 namespace cohort {
 

@@ -15,8 +15,8 @@
 #include <vector>
 
 #include "frontend/core/error.h"
-#include "frontend/core/line_reader.h"
-#include "frontend/core/output.h"
+#include "frontend/storage/line_reader.h"
+#include "frontend/storage/output.h"
 #include "frontend/tracks/track_set.h"
 
 namespace cohort {

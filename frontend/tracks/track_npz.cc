@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "frontend/core/error.h"
-#include "frontend/core/npz.h"
+#include "frontend/storage/npz.h"
 #include "frontend/tracks/text_rows.h"
 
 namespace cohort {

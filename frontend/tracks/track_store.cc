@@ -8,10 +8,10 @@
 #include <string_view>
 
 #include "frontend/core/error.h"
-#include "frontend/core/input_file.h"
-#include "frontend/core/output.h"
-#include "frontend/core/sqlite.h"
 #include "frontend/geometry/camera_fault.h"
+#include "frontend/storage/input_file.h"
+#include "frontend/storage/output.h"
+#include "frontend/storage/sqlite.h"
 
 namespace cohort {
 namespace {

@@ -8,9 +8,9 @@
 #include <string>
 #include <vector>
 
-#include "frontend/core/output.h"
-#include "frontend/core/write_lock.h"
 #include "frontend/geometry/camera.h"
+#include "frontend/storage/output.h"
+#include "frontend/storage/write_lock.h"
 #include "frontend/tracks/track_set.h"
 
 namespace cohort {

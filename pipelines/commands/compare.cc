@@ -2,7 +2,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "frontend/core/write_lock.h"
+#include "frontend/storage/write_lock.h"
 #include "pipelines/console/messages.h"
 #include "pipelines/console/version.h"
 #include "pipelines/experiment/collection.h"

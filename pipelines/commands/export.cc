@@ -4,13 +4,13 @@
 
 #include <optional>
 
+#include "backend/adjust/rolling_shutter.h"
 #include "backend/colmap/database.h"
 #include "backend/colmap/keypoint_covariances.h"
+#include "backend/mapper/mapper.h"
 #include "backend/scene/bal.h"
-#include "backend/scene/mapper.h"
-#include "backend/scene/rolling_shutter.h"
-#include "frontend/core/input_record.h"
-#include "frontend/core/output.h"
+#include "frontend/storage/input_record.h"
+#include "frontend/storage/output.h"
 #include "frontend/tracks/opensfm_tracks.h"
 #include "frontend/tracks/track_csv.h"
 #include "frontend/tracks/track_npz.h"

@@ -8,8 +8,8 @@
 #include <nlohmann/json.hpp>
 
 #include "backend/colmap/colmap_tracks.h"
-#include "frontend/core/input_file.h"
-#include "frontend/core/output.h"
+#include "frontend/storage/input_file.h"
+#include "frontend/storage/output.h"
 #include "frontend/tracks/opensfm_tracks.h"
 #include "frontend/tracks/track_csv.h"
 #include "frontend/tracks/track_store.h"

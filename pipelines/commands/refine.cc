@@ -7,8 +7,8 @@
 
 #include "backend/colmap/model_io.h"
 #include "datasets/open_sequence.h"
-#include "frontend/core/input_record.h"
-#include "frontend/core/output.h"
+#include "frontend/storage/input_record.h"
+#include "frontend/storage/output.h"
 #include "frontend/tracks/track_store.h"
 #include "pipelines/console/command_line.h"
 #include "pipelines/console/progress_bar.h"

@@ -3,7 +3,7 @@
 #include <filesystem>
 
 #include "datasets/open_sequence.h"
-#include "frontend/core/output.h"
+#include "frontend/storage/output.h"
 #include "frontend/tracks/track_store.h"
 #include "pipelines/console/progress_bar.h"
 #include "pipelines/jobs/track_doubts.h"

@@ -20,7 +20,7 @@
 #include <string_view>
 
 #include "frontend/core/error.h"
-#include "frontend/core/input_record.h"
+#include "frontend/storage/input_record.h"
 #include "pipelines/console/messages.h"
 #include "pipelines/console/version.h"
 

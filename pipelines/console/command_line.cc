@@ -8,7 +8,7 @@
 #include <numeric>
 #include <sstream>
 
-#include "frontend/core/input_record.h"
+#include "frontend/storage/input_record.h"
 #include "pipelines/json/json_file.h"
 
 namespace cohort {

@@ -6,8 +6,8 @@
 
 #include "backend/colmap/model_io.h"
 #include "datasets/truth/track_truth.h"
-#include "frontend/core/output.h"
 #include "frontend/core/stopwatch.h"
+#include "frontend/storage/output.h"
 #include "pipelines/evaluation/halves.h"
 #include "pipelines/experiment/ceiling.h"
 #include "pipelines/experiment/named_trackers.h"

@@ -10,9 +10,9 @@
 
 #include "backend/colmap/program.h"
 #include "frontend/core/error.h"
-#include "frontend/core/input_record.h"
-#include "frontend/core/output.h"
-#include "frontend/core/write_lock.h"
+#include "frontend/storage/input_record.h"
+#include "frontend/storage/output.h"
+#include "frontend/storage/write_lock.h"
 #include "pipelines/experiment/cell_rows.h"
 #include "pipelines/experiment/cell_tasks.h"
 #include "pipelines/experiment/collection.h"

@@ -6,7 +6,7 @@
 
 #include "backend/colmap/colmap_mapper.h"
 #include "backend/colmap/sift_mapper.h"
-#include "backend/scene/mapper.h"
+#include "backend/mapper/mapper.h"
 #include "datasets/open_sequence.h"
 #include "frontend/track/tracker_options.h"
 #include "pipelines/experiment/paper_protocol.h"

@@ -6,7 +6,7 @@
 #include <set>
 #include <string_view>
 
-#include "frontend/core/input_record.h"
+#include "frontend/storage/input_record.h"
 #include "frontend/track/tracker.h"
 #include "pipelines/experiment/parse_unsigned.h"
 #include "pipelines/json/json_file.h"

@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "datasets/degrade/degrade.h"
-#include "frontend/core/write_lock.h"
+#include "frontend/storage/write_lock.h"
 #include "pipelines/experiment/cells.h"
 #include "pipelines/experiment/experiment.h"
 

@@ -4,7 +4,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "frontend/core/output.h"
+#include "frontend/storage/output.h"
 #include "pipelines/json/json_file.h"
 
 namespace cohort {

@@ -17,7 +17,7 @@
 
 #include "frontend/core/error.h"
 #include "frontend/core/stopwatch.h"
-#include "frontend/core/write_lock.h"
+#include "frontend/storage/write_lock.h"
 #include "pipelines/console/interrupt.h"
 #include "pipelines/console/messages.h"
 #include "pipelines/console/progress_bar.h"

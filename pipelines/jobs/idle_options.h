@@ -1,6 +1,6 @@
 #pragma once
 
-#include "backend/scene/mapper.h"
+#include "backend/mapper/mapper.h"
 #include "frontend/track/tracker_options.h"
 #include "pipelines/sfm/reconstruct.h"
 

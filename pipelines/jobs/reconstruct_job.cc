@@ -5,7 +5,7 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
-#include "frontend/core/output.h"
+#include "frontend/storage/output.h"
 #include "pipelines/console/progress_bar.h"
 #include "pipelines/jobs/idle_options.h"
 #include "pipelines/jobs/track_doubts.h"

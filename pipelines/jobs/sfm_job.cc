@@ -7,8 +7,8 @@
 #include <nlohmann/json.hpp>
 
 #include "backend/colmap/program.h"
-#include "frontend/core/output.h"
 #include "frontend/geometry/camera_text.h"
+#include "frontend/storage/output.h"
 #include "pipelines/console/progress_bar.h"
 #include "pipelines/console/version.h"
 #include "pipelines/jobs/track_doubts.h"

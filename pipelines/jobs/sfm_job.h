@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "frontend/core/write_lock.h"
+#include "frontend/storage/write_lock.h"
 #include "pipelines/jobs/reconstruct_job.h"
 #include "pipelines/jobs/track_job.h"
 #include "pipelines/sfm/film_advice.h"

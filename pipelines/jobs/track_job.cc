@@ -7,12 +7,12 @@
 #include <opencv2/core/utility.hpp>
 #include <utility>
 
-#include "frontend/core/input_file.h"
-#include "frontend/core/input_record.h"
-#include "frontend/core/output.h"
 #include "frontend/core/stopwatch.h"
 #include "frontend/core/worker.h"
 #include "frontend/geometry/camera_text.h"
+#include "frontend/storage/input_file.h"
+#include "frontend/storage/input_record.h"
+#include "frontend/storage/output.h"
 #include "pipelines/console/interrupt.h"
 #include "pipelines/console/progress_bar.h"
 #include "pipelines/console/version.h"

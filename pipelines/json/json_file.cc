@@ -5,10 +5,10 @@
 #include <string>
 
 #include "frontend/core/error.h"
-#include "frontend/core/input_file.h"
-#include "frontend/core/input_record.h"
 #include "frontend/core/json_text.h"
-#include "frontend/core/output.h"
+#include "frontend/storage/input_file.h"
+#include "frontend/storage/input_record.h"
+#include "frontend/storage/output.h"
 
 namespace cohort {
 

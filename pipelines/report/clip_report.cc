@@ -11,8 +11,8 @@
 #include <set>
 
 #include "datasets/readers/text_table.h"
-#include "frontend/core/output.h"
 #include "frontend/core/statistics.h"
+#include "frontend/storage/output.h"
 #include "pipelines/console/version.h"
 #include "pipelines/json/json_file.h"
 #include "pipelines/report/brightening.h"

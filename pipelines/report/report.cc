@@ -7,7 +7,7 @@
 #include <set>
 
 #include "datasets/degrade/degrade.h"
-#include "frontend/core/output.h"
+#include "frontend/storage/output.h"
 #include "pipelines/console/version.h"
 #include "pipelines/report/calibration_histograms.h"
 #include "pipelines/report/headline_output.h"

@@ -1,7 +1,7 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
-#include "frontend/core/output.h"
+#include "frontend/storage/output.h"
 #include "pipelines/json/json_file.h"
 #include "pipelines/report/report_page.h"
 

@@ -157,7 +157,7 @@ std::string_view WhyNoModel(std::string_view termination) {
   const auto ended = [&](MapperTermination end) {
     return termination.starts_with(NameOf(kMapperTerminationNames, end));
   };
-  // The others are of COLMAP's (backend/scene/initial_pair.cc).
+  // The others are of COLMAP's (backend/start/initial_pair.cc).
   const auto says = [&](std::string_view phrase) {
     return termination.find(phrase) != std::string_view::npos;
   };

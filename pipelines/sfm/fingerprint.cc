@@ -13,7 +13,7 @@
 #include <vector>
 
 #include "frontend/core/error.h"
-#include "frontend/core/input_file.h"
+#include "frontend/storage/input_file.h"
 
 namespace cohort {
 namespace {

@@ -12,12 +12,12 @@
 #include <utility>
 #include <vector>
 
+#include "backend/adjust/rolling_shutter.h"
+#include "backend/adjust/working_model.h"
 #include "backend/colmap/database.h"
 #include "backend/colmap/model_io.h"
 #include "backend/colmap/program.h"
-#include "backend/scene/rolling_shutter.h"
-#include "backend/scene/working_model.h"
-#include "frontend/core/output.h"
+#include "frontend/storage/output.h"
 #include "pipelines/json/json_file.h"
 #include "pipelines/sfm/summary_json.h"
 #include "pipelines/sfm/video_frames.h"

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "backend/colmap/colmap_mapper.h"
-#include "backend/scene/mapper.h"
+#include "backend/mapper/mapper.h"
 #include "pipelines/sfm/progress.h"
 
 namespace cohort {

@@ -13,8 +13,8 @@
 #include <utility>
 
 #include "backend/colmap/camera_model.h"
-#include "frontend/core/output.h"
 #include "frontend/geometry/sim3.h"
+#include "frontend/storage/output.h"
 #include "pipelines/json/json_file.h"
 #include "pipelines/json/option_list.h"
 #include "pipelines/sfm/input.h"

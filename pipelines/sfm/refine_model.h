@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "backend/colmap/model_tracks.h"
-#include "backend/scene/mapper.h"
+#include "backend/mapper/mapper.h"
 #include "datasets/readers/sequence.h"
 #include "frontend/core/options.h"
 #include "pipelines/sfm/progress.h"

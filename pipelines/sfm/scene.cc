@@ -15,9 +15,9 @@
 
 #include "backend/colmap/model_io.h"
 #include "backend/scene/row_poses.h"
-#include "frontend/core/output.h"
 #include "frontend/core/statistics.h"
 #include "frontend/image/write_image.h"
+#include "frontend/storage/output.h"
 #include "pipelines/json/json_file.h"
 
 namespace cohort {

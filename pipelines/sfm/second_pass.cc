@@ -14,7 +14,7 @@
 #include <vector>
 
 #include "backend/geometry/triangulation.h"
-#include "backend/scene/mapper.h"
+#include "backend/mapper/mapper.h"
 #include "backend/scene/near_world.h"
 #include "frontend/core/json_text.h"
 #include "frontend/core/statistics.h"

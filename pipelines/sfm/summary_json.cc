@@ -9,7 +9,7 @@
 #include <optional>
 #include <string>
 
-#include "backend/scene/judgement.h"
+#include "backend/judge/judgement.h"
 #include "pipelines/json/option_list.h"
 
 namespace cohort {

@@ -6,8 +6,8 @@
 
 #include "datasets/open_sequence.h"
 #include "frontend/core/error.h"
-#include "frontend/core/output.h"
 #include "frontend/image/write_image.h"
+#include "frontend/storage/output.h"
 #include "frontend/tracks/frame_name.h"
 
 namespace cohort {

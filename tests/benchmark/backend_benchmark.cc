@@ -24,7 +24,7 @@
 
 #include "backend/colmap/colmap_mapper.h"
 #include "backend/colmap/model_io.h"
-#include "backend/scene/mapper.h"
+#include "backend/mapper/mapper.h"
 #include "datasets/open_sequence.h"
 #include "tests/support/program.h"
 #include "tests/support/shared_data.h"

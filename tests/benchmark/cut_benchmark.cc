@@ -24,7 +24,7 @@
 #include "frontend/core/in_parallel.h"
 #include "frontend/core/part_times.h"
 #include "frontend/core/statistics.h"
-#include "frontend/track/scene_watch.h"
+#include "frontend/track/loop/scene_watch.h"
 #include "frontend/track/tracker.h"
 
 namespace cohort {

@@ -16,7 +16,7 @@
 #include <numbers>
 #include <string>
 
-#include "backend/scene/mapper.h"
+#include "backend/mapper/mapper.h"
 #include "frontend/core/part_times.h"
 #include "frontend/core/random_stream.h"
 #include "tests/support/synthetic_tracks.h"

@@ -17,10 +17,10 @@
 #include "datasets/degrade/degrade.h"
 #include "datasets/open_sequence.h"
 #include "datasets/truth/track_truth.h"
-#include "frontend/core/output.h"
 #include "frontend/core/part_times.h"
 #include "frontend/core/statistics.h"
-#include "frontend/track/joint_guide.h"
+#include "frontend/storage/output.h"
+#include "frontend/track/subspace/joint_guide.h"
 #include "pipelines/experiment/paper_protocol.h"
 
 namespace cohort {
@@ -487,7 +487,7 @@ std::string Page(const Benchmark& b) {
       R"(# Two optimisers for one energy
 
 The total energy (eq. 3 of the paper) is minimised by the paper's Algorithm 1 (`--subspace.optimizer algorithm-1`) or
-by Newton steps that move all features together (`joint-newton`, the default; `frontend/track/optimizer.h` says how).
+by Newton steps that move all features together (`joint-newton`, the default; `frontend/track/subspace/optimizer.h` says how).
 This page is written by
 
 ```console

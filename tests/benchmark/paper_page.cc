@@ -15,7 +15,7 @@
 #include "datasets/open_sequence.h"
 #include "datasets/render/synthetic_scene.h"
 #include "datasets/truth/track_truth.h"
-#include "frontend/core/output.h"
+#include "frontend/storage/output.h"
 #include "pipelines/experiment/experiment.h"
 #include "pipelines/experiment/named_trackers.h"
 #include "pipelines/experiment/paper_protocol.h"

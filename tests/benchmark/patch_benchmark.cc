@@ -1,5 +1,5 @@
 // How far the hot path is from what the machine can do: the operations on floats and the bytes of a
-// patch, counted in the formulas of frontend/track/patch_window.cc, over the time that it takes.
+// patch, counted in the formulas of frontend/track/measure/patch_window.cc, over the time that it takes.
 //   patch_benchmark [--benchmark_out=patches.json ...]
 //
 // Counters: operations, bytes        a patch: those of its n x n pixels (of lanes that are masked
@@ -14,7 +14,7 @@
 
 #include "frontend/core/random_stream.h"
 #include "frontend/image/lanes.h"
-#include "frontend/track/patch_window.h"
+#include "frontend/track/measure/patch_window.h"
 
 namespace cohort {
 namespace {

@@ -14,7 +14,7 @@
 #include <tuple>
 #include <vector>
 
-#include "frontend/core/output.h"
+#include "frontend/storage/output.h"
 #include "pipelines/console/table.h"
 #include "pipelines/experiment/experiment.h"
 #include "pipelines/json/json_file.h"

@@ -14,7 +14,7 @@
 #include <vector>
 
 #include "frontend/core/error.h"
-#include "frontend/core/output.h"
+#include "frontend/storage/output.h"
 #include "frontend/tracks/track_store.h"
 
 namespace cohort::fuzz {

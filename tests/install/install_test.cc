@@ -9,7 +9,7 @@
 
 #include "backend/colmap/model_io.h"
 #include "datasets/render/synthetic_scene.h"
-#include "frontend/core/output.h"
+#include "frontend/storage/output.h"
 #include "frontend/tracks/track_store.h"
 #include "tests/support/shell.h"
 #include "tests/support/source_dir.h"

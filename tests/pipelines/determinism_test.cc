@@ -10,7 +10,7 @@
 #include <set>
 #include <sstream>
 
-#include "frontend/core/output.h"
+#include "frontend/storage/output.h"
 #include "tests/support/program.h"
 #include "tests/support/temp_dir.h"
 

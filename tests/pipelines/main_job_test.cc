@@ -12,7 +12,7 @@
 #include <tuple>
 
 #include "backend/colmap/model_io.h"
-#include "frontend/core/input_file.h"
+#include "frontend/storage/input_file.h"
 #include "frontend/tracks/track_store.h"
 #include "tests/support/program.h"
 #include "tests/support/shared_data.h"

@@ -16,7 +16,7 @@
 #include <string>
 #include <vector>
 
-#include "frontend/core/output.h"
+#include "frontend/storage/output.h"
 #include "frontend/tracks/track_store.h"
 #include "tests/support/program.h"
 #include "tests/support/temp_dir.h"

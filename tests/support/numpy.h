@@ -5,7 +5,7 @@
 #include <filesystem>
 #include <string>
 
-#include "frontend/core/output.h"
+#include "frontend/storage/output.h"
 #include "tests/support/shell.h"
 
 namespace cohort::test {

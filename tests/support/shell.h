@@ -4,7 +4,7 @@
 #include <cstdlib>
 #include <string>
 
-#include "frontend/core/output.h"
+#include "frontend/storage/output.h"
 #include "tests/support/temp_dir.h"
 
 namespace cohort::test {

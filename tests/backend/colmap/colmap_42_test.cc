@@ -7,7 +7,7 @@
 #include <optional>
 
 #include "backend/colmap/colmap_tracks.h"
-#include "frontend/core/sqlite.h"
+#include "frontend/storage/sqlite.h"
 #include "frontend/tracks/track_csv.h"
 #include "tests/support/source_dir.h"
 #include "tests/support/temp_dir.h"

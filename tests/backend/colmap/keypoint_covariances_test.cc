@@ -4,8 +4,8 @@
 #include <gtest/gtest.h>
 
 #include "frontend/core/error.h"
-#include "frontend/core/npz.h"
-#include "frontend/core/output.h"
+#include "frontend/storage/npz.h"
+#include "frontend/storage/output.h"
 #include "tests/support/numpy.h"
 #include "tests/support/synthetic_tracks.h"
 #include "tests/support/temp_dir.h"

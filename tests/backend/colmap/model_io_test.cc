@@ -6,7 +6,7 @@
 
 #include <cstring>
 
-#include "frontend/core/output.h"
+#include "frontend/storage/output.h"
 #include "tests/support/cameras.h"
 #include "tests/support/synthetic_tracks.h"
 #include "tests/support/temp_dir.h"

@@ -5,8 +5,8 @@
 #include <algorithm>
 #include <vector>
 
+#include "backend/adjust/rolling_shutter.h"
 #include "backend/scene/reconstruction.h"
-#include "backend/scene/rolling_shutter.h"
 #include "backend/scene/row_poses.h"
 #include "tests/support/cameras.h"
 #include "tests/support/synthetic_tracks.h"

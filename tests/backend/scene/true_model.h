@@ -4,7 +4,7 @@
 #include <numeric>
 #include <vector>
 
-#include "backend/scene/working_model.h"
+#include "backend/adjust/working_model.h"
 #include "tests/support/synthetic_tracks.h"
 
 namespace cohort::test {

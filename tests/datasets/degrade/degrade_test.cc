@@ -12,7 +12,7 @@
 #include "datasets/readers/tum_writer.h"
 #include "frontend/core/child_process.h"
 #include "frontend/core/error.h"
-#include "frontend/core/output.h"
+#include "frontend/storage/output.h"
 #include "tests/datasets/fixtures.h"
 #include "tests/datasets/render/displacement.h"
 #include "tests/support/closed_form_image.h"

@@ -9,8 +9,8 @@
 
 #include "datasets/readers/video_sequence.h"
 #include "frontend/core/error.h"
-#include "frontend/core/output.h"
 #include "frontend/core/random_stream.h"
+#include "frontend/storage/output.h"
 #include "tests/datasets/fixtures.h"
 #include "tests/support/temp_dir.h"
 

@@ -7,7 +7,7 @@
 
 #include "datasets/open_sequence.h"
 #include "frontend/core/error.h"
-#include "frontend/core/input_file.h"
+#include "frontend/storage/input_file.h"
 #include "tests/datasets/fixtures.h"
 #include "tests/support/shared_data.h"
 #include "tests/support/temp_dir.h"

@@ -9,7 +9,7 @@
 
 #include "datasets/open_sequence.h"
 #include "frontend/core/error.h"
-#include "frontend/core/output.h"
+#include "frontend/storage/output.h"
 #include "tests/datasets/fixtures.h"
 #include "tests/support/shared_data.h"
 #include "tests/support/shell.h"

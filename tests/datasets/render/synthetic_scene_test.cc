@@ -12,7 +12,7 @@
 #include "datasets/render/render.h"
 #include "datasets/render/scene_geometry.h"
 #include "frontend/core/error.h"
-#include "frontend/core/output.h"
+#include "frontend/storage/output.h"
 #include "tests/datasets/fixtures.h"
 #include "tests/datasets/render/displacement.h"
 #include "tests/support/temp_dir.h"

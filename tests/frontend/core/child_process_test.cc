@@ -6,8 +6,8 @@
 
 #include "frontend/core/error.h"
 #include "frontend/core/interruption.h"
-#include "frontend/core/output.h"
 #include "frontend/core/stopwatch.h"
+#include "frontend/storage/output.h"
 #include "tests/support/temp_dir.h"
 
 namespace cohort {

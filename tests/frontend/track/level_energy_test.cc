@@ -1,7 +1,7 @@
 #include <gtest/gtest.h>
 
 #include "frontend/core/random_stream.h"
-#include "frontend/track/joint_guide.h"
+#include "frontend/track/subspace/joint_guide.h"
 #include "tests/frontend/track/moving_picture.h"
 #include "tests/support/numeric_gradient.h"
 

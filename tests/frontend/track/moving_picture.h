@@ -3,7 +3,7 @@
 #include <Eigen/Core>
 
 #include "frontend/image/pyramid.h"
-#include "frontend/track/feature.h"
+#include "frontend/track/measure/feature.h"
 #include "tests/support/closed_form_image.h"
 
 namespace cohort::test {

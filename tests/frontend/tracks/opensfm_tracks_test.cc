@@ -4,7 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "frontend/core/error.h"
-#include "frontend/core/output.h"
+#include "frontend/storage/output.h"
 #include "tests/support/temp_dir.h"
 
 namespace cohort {

@@ -7,7 +7,7 @@
 #include <csignal>
 
 #include "frontend/core/error.h"
-#include "frontend/core/output.h"
+#include "frontend/storage/output.h"
 #include "tests/support/child_process.h"
 #include "tests/support/temp_dir.h"
 

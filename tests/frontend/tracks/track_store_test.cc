@@ -13,8 +13,8 @@
 #include <thread>
 
 #include "frontend/core/error.h"
-#include "frontend/core/output.h"
-#include "frontend/core/sqlite.h"
+#include "frontend/storage/output.h"
+#include "frontend/storage/sqlite.h"
 #include "tests/support/cameras.h"
 #include "tests/support/child_process.h"
 #include "tests/support/temp_dir.h"

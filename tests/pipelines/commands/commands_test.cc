@@ -20,9 +20,9 @@
 
 #include "backend/colmap/model_io.h"
 #include "frontend/core/error.h"
-#include "frontend/core/sqlite.h"
 #include "frontend/core/statistics.h"
-#include "frontend/core/write_lock.h"
+#include "frontend/storage/sqlite.h"
+#include "frontend/storage/write_lock.h"
 #include "frontend/tracks/track_store.h"
 #include "pipelines/sfm/reconstruct.h"
 #include "tests/support/bal_errors.h"

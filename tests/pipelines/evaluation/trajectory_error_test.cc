@@ -12,8 +12,8 @@
 #include <numbers>
 
 #include "frontend/core/error.h"
-#include "frontend/core/output.h"
 #include "frontend/core/random_stream.h"
+#include "frontend/storage/output.h"
 #include "pipelines/evaluation/alignment.h"
 #include "tests/support/shared_data.h"
 #include "tests/support/source_dir.h"

@@ -5,7 +5,7 @@
 #include <gtest/gtest.h>
 
 #include "frontend/core/error.h"
-#include "frontend/core/output.h"
+#include "frontend/storage/output.h"
 #include "pipelines/experiment/cell_tasks.h"
 #include "pipelines/experiment/named_trackers.h"
 #include "tests/support/temp_dir.h"

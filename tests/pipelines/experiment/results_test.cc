@@ -6,7 +6,7 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 
-#include "frontend/core/output.h"
+#include "frontend/storage/output.h"
 #include "pipelines/experiment/cell_rows.h"
 #include "tests/support/failing_results.h"
 #include "tests/support/temp_dir.h"

@@ -7,7 +7,7 @@
 #include <string>
 
 #include "backend/colmap/model_io.h"
-#include "frontend/core/output.h"
+#include "frontend/storage/output.h"
 #include "tests/support/temp_dir.h"
 
 namespace cohort {

@@ -6,7 +6,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "frontend/core/output.h"
+#include "frontend/storage/output.h"
 #include "pipelines/console/command_line.h"
 #include "pipelines/json/json_file.h"
 #include "tests/support/temp_dir.h"

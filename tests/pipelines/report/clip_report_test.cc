@@ -19,7 +19,7 @@
 
 #include "datasets/open_sequence.h"
 #include "frontend/core/error.h"
-#include "frontend/core/output.h"
+#include "frontend/storage/output.h"
 #include "frontend/tracks/track_store.h"
 #include "pipelines/report/clip_report.h"
 #include "tests/support/browser.h"

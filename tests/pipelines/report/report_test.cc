@@ -19,8 +19,8 @@
 #include <string>
 #include <vector>
 
-#include "frontend/core/output.h"
 #include "frontend/core/statistics.h"
+#include "frontend/storage/output.h"
 #include "tests/support/browser.h"
 #include "tests/support/program.h"
 #include "tests/support/temp_dir.h"

@@ -7,7 +7,7 @@
 #include <opencv2/imgcodecs.hpp>
 #include <vector>
 
-#include "frontend/core/output.h"
+#include "frontend/storage/output.h"
 #include "tests/support/temp_dir.h"
 
 namespace cohort {

@@ -6,7 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "backend/colmap/model_io.h"
-#include "frontend/core/output.h"
+#include "frontend/storage/output.h"
 #include "pipelines/sfm/summary_json.h"
 #include "tests/support/synthetic_tracks.h"
 #include "tests/support/temp_dir.h"

@@ -6,7 +6,7 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 
-#include "frontend/core/input_file.h"
+#include "frontend/storage/input_file.h"
 #include "tests/support/source_dir.h"
 
 namespace cohort {

@@ -7,7 +7,7 @@
 #include <set>
 
 #include "backend/colmap/model_io.h"
-#include "frontend/core/output.h"
+#include "frontend/storage/output.h"
 #include "pipelines/sfm/reconstruct.h"
 #include "tests/support/plane_clip.h"
 #include "tests/support/synthetic_tracks.h"

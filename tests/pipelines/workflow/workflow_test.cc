@@ -16,7 +16,7 @@
 #include <thread>
 #include <vector>
 
-#include "frontend/core/output.h"
+#include "frontend/storage/output.h"
 #include "tests/support/shell.h"
 #include "tests/support/source_dir.h"
 #include "tests/support/temp_dir.h"

@@ -1,0 +1,285 @@
+#include "backend/adjust/adjustment.h"
+
+#include <spdlog/spdlog.h>
+
+#include <Eigen/QR>
+#include <algorithm>
+#include <cmath>
+#include <span>
+
+#include "backend/adjust/condensed_adjustment.h"
+#include "backend/scene/spread_tracks.h"
+
+namespace cohort {
+namespace {
+
+// Bundle adjustment of all points with an inlier, every registered camera fixed; and whose points
+// they are.
+struct PointProblem {
+  BundleProblem bundle;
+  std::vector<int> tracks;
+};
+PointProblem MakePointProblem(const WorkingModel& model) {
+  const WhitenedTracks& whitened = model.whitened();
+  PointProblem problem;
+  problem.bundle.intrinsics = model.camera();
+  std::vector<int> camera_of_frame(whitened.frame_count(), -1);
+  for (const int frame : model.RegisteredFrames()) {
+    camera_of_frame[frame] = static_cast<int>(problem.bundle.cameras.size());
+    problem.bundle.cameras.push_back({model.Pose(frame), true});
+  }
+  for (int track = 0; track < whitened.track_count(); ++track) {
+    if (!model.HasPoint(track)) continue;
+    const auto [first, last] = whitened.TrackRange(track);
+    for (int o = first; o < last; ++o) {
+      if (!model.IsInlier(o)) continue;
+      const WhitenedObservation& observation = whitened.observations()[o];
+      problem.bundle.observations.push_back({camera_of_frame[observation.frame],
+                                             static_cast<int>(problem.tracks.size()),
+                                             observation.xy,
+                                             observation.covariance_px2});
+    }
+    problem.tracks.push_back(track);
+    problem.bundle.points_in_world.push_back(model.Point(track));
+  }
+  return problem;
+}
+
+// The variance of every centre (trace of its three coordinates) that is left after the similarity that
+// fits the centres best, P C P' with P = I - Q Q', Q an orthonormal base of what a similarity may do; as
+// a share of the mean square distance of the centres from their mean. `covariance`: of all centres.
+std::vector<double> SharesAfterSimilarity(const std::vector<Eigen::Vector3d>& centers,
+                                          const Eigen::MatrixXd& covariance) {
+  const auto count = static_cast<Eigen::Index>(centers.size());
+  Eigen::Vector3d mean = Eigen::Vector3d::Zero();
+  for (const Eigen::Vector3d& c : centers) mean += c / static_cast<double>(count);
+  double extent2 = 0.0;
+  Eigen::MatrixXd moves = Eigen::MatrixXd::Zero(3 * count, 7);
+  for (Eigen::Index i = 0; i < count; ++i) {
+    const Eigen::Vector3d c = centers[static_cast<std::size_t>(i)] - mean;
+    moves.block<3, 3>(3 * i, 0).setIdentity();
+    moves.block<3, 3>(3 * i, 3) << 0, -c.z(), c.y(), c.z(), 0, -c.x(), -c.y(), c.x(), 0;
+    moves.block<3, 1>(3 * i, 6) = c;
+    extent2 += c.squaredNorm() / static_cast<double>(count);
+  }
+  // Of a straight path one rotation moves nothing.
+  const Eigen::ColPivHouseholderQR<Eigen::MatrixXd> qr(moves);
+  const Eigen::MatrixXd Q =
+      Eigen::MatrixXd(qr.householderQ() * Eigen::MatrixXd::Identity(3 * count, qr.rank()));
+  const Eigen::MatrixXd CQ = covariance * Q;
+  const Eigen::MatrixXd QQCQ = Q * (Q.transpose() * CQ);
+  const Eigen::VectorXd of_coordinates =
+      covariance.diagonal() + (QQCQ - 2.0 * CQ).cwiseProduct(Q).rowwise().sum();
+  std::vector<double> shares;
+  for (Eigen::Index i = 0; i < count; ++i) {
+    shares.push_back(std::max(of_coordinates.segment<3>(3 * i).sum(), 0.0) / extent2);
+  }
+  return shares;
+}
+
+}  // namespace
+
+std::vector<int> Spread(const std::vector<int>& frames, std::size_t count) {
+  std::vector<int> some;
+  for (std::size_t i = 0; i < count; ++i) {
+    some.push_back(frames[i * (frames.size() - 1) / (count - 1)]);
+  }
+  return some;
+}
+
+BundleOptions MapperBundleOptions(const WorkingModel& model,
+                                  const CameraRefinement& refinement,
+                                  int max_iterations,
+                                  double function_tolerance) {
+  BundleOptions bundle;
+  bundle.loss = RobustLoss::kCauchy;
+  // Tracks that claim to be exact may be further off than any bound, in their own units.
+  bundle.loss_scale =
+      std::clamp(model.loss_turn(), kMinWhitenedNoise, BundleOptions::kMaxLossScale);
+  bundle.max_iterations = max_iterations;
+  bundle.function_tolerance = function_tolerance;
+  bundle.refine_focal = refinement.focal;
+  bundle.focal_prior_px = refinement.focal_prior_px;
+  bundle.focal_prior_log_sigma = refinement.focal_prior_log_sigma;
+  bundle.prior_noise = std::max(model.noise(), kMinWhitenedNoise);
+  bundle.refine_radial = refinement.radial;
+  bundle.refine_principal_point = refinement.principal_point;
+  return bundle;
+}
+
+void AdjustAround(WorkingModel& model, int frame) {
+  // How many frames move, and how many neighbours hold them. Chosen by eye
+  // on the tuning clips.
+  constexpr std::size_t kFree = 4;
+  constexpr std::size_t kFixed = 6;
+  const std::vector<int> near = model.NearestRegistered(frame, kFree + kFixed);
+  const std::size_t free = std::min(kFree, near.size());
+  BundleOptions bundle = MapperBundleOptions(model, {}, 6, 1e-3);
+  // A new pose is not settled: what the settled part calls noise would leave its observations
+  // without a say.
+  bundle.loss_scale =
+      std::clamp(2.0 * model.MedianError(frame), bundle.loss_scale, BundleOptions::kMaxLossScale);
+  model.Adjust(std::span(near).first(free), std::span(near).subspan(free), bundle);
+}
+
+BundleResult AdjustRegistered(WorkingModel& model, const BundleOptions& options) {
+  const FrameRuns runs = ChooseRuns(model);
+  if (runs.Condense()) return AdjustCondensed(model, runs, options);
+  return model.Adjust(model.RegisteredFrames(), {}, options).bundle;
+}
+
+void AdjustAll(WorkingModel& model) {
+  model.UpdateAllInliers(kInfinity);
+  AdjustRegistered(model, MapperBundleOptions(model, {}, 10, 1e-3));
+  model.UpdateAllInliers(kInfinity);
+  model.TriangulateAllTracks();
+}
+
+void AdjustUntilSettled(WorkingModel& model, int max_rounds, int first_iterations) {
+  // Share of the observations that change sides. Chosen by eye on the tuning clips.
+  constexpr double kSettled = 2e-3;
+  const auto observations = static_cast<double>(model.whitened().observations().size());
+  model.UpdateAllInliers(kInfinity);
+  for (int round = 0; round < max_rounds; ++round) {
+    // Later rounds start beside the optimum: half the iterations do.
+    const int iterations = round == 0 ? first_iterations : std::max(2, first_iterations / 2);
+    const BundleResult adjustment =
+        AdjustRegistered(model, MapperBundleOptions(model, {}, iterations, 1e-5));
+    const int changes = model.UpdateAllInliers(model.ErrorBound());
+    const int found = model.TriangulateAllTracks();
+    spdlog::debug("{}; {} observations change sides, {} new points, noise {:.3f}",
+                  adjustment.Brief(),
+                  changes,
+                  found,
+                  model.noise());
+    if (changes + found < kSettled * observations) break;
+  }
+}
+
+// The cost alone does not tell where the camera is at its minimum: at 1e-4 of it focal lengths were left three
+// standard deviations short, and at 1e-6 outliers go on creeping for twice the iterations.
+BundleOptions CameraBundleOptions(const WorkingModel& model, const CameraRefinement& refinement) {
+  BundleOptions bundle = MapperBundleOptions(model, refinement, 100, 1e-6);
+  bundle.settled_camera = 3e-5;
+  return bundle;
+}
+
+void AdjustCamera(WorkingModel& model, const CameraRefinement& refinement) {
+  constexpr std::size_t kCalibrationFrames = 60;  // a bound on time
+  constexpr int kMostRounds = 10;
+  // Share of the picture's half diagonal by which its corner moves from round to round.
+  constexpr double kSettled = 1e-3;
+  std::vector<int> frames = model.RegisteredFrames();
+  if (frames.size() > kCalibrationFrames) frames = Spread(frames, kCalibrationFrames);
+  model.UpdateAllInliers(kInfinity);
+  for (int round = 0; round < kMostRounds; ++round) {
+    const Camera before = model.camera();
+    const BundleOptions bundle = CameraBundleOptions(model, refinement);
+    const BundleResult result = model.Adjust(frames, {}, bundle).bundle;
+    if (frames.size() < static_cast<std::size_t>(model.registered())) {
+      FollowCamera(model, bundle.loss_scale);
+    }
+    model.UpdateAllInliers(kInfinity);
+    const int changes = model.UpdateAllInliers(model.ErrorBound());
+    model.TriangulateAllTracks();
+    spdlog::debug("{}; f {:.2f}, k1 {:.4f}, k2 {:.4f}, {} changes, noise {:.4f}",
+                  result.Brief(),
+                  model.camera().fx,
+                  model.camera().k1,
+                  model.camera().k2,
+                  changes,
+                  model.noise());
+    if (CornerShift(before, model.camera()) < kSettled) break;
+  }
+}
+
+void AdjustToMinimum(WorkingModel& model) {
+  constexpr std::size_t kMostFrames = 300;  // a bound on time, as is that of the iterations
+  constexpr int kMostIterations = 50;
+  const std::vector<int> frames = model.RegisteredFrames();
+  if (frames.size() > kMostFrames) return;
+  const BundleOptions bundle = MapperBundleOptions(model, {}, kMostIterations, 1e-5);
+  const BundleResult result = model.Adjust(frames, {}, bundle).bundle;
+  spdlog::debug("to the minimum: {}", result.Brief());
+  model.UpdateAllInliers(model.ErrorBound());
+  model.TriangulateAllTracks();
+}
+
+void AdjustPoints(WorkingModel& model) {
+  PointProblem problem = MakePointProblem(model);
+  if (problem.bundle.observations.empty()) return;
+  const BundleResult result =
+      AdjustBundle(std::move(problem.bundle), MapperBundleOptions(model, {}, 20, 1e-6));
+  if (result.termination == BundleTermination::kFailed) return;
+  for (std::size_t i = 0; i < problem.tracks.size(); ++i) {
+    model.SetPoint(problem.tracks[i], result.solution.points_in_world[i]);
+  }
+}
+
+std::optional<Camera> FindBetterCamera(const WorkingModel& model,
+                                       const std::vector<int>& keyframes) {
+  constexpr std::size_t kMinFrames = 4;
+  constexpr std::size_t kMaxFrames = 16;  // a bound on time
+  // Three more parameters cannot take a fifth of a cost of hundreds of residuals by chance.
+  constexpr double kMuchBetter = 0.8;
+  std::vector<int> frames;
+  for (const int f : keyframes) {
+    if (model.HasPose(f)) frames.push_back(f);
+  }
+  if (frames.size() < kMinFrames) return std::nullopt;
+  if (frames.size() > kMaxFrames) frames = Spread(frames, kMaxFrames);
+  constexpr int kPerCell = 2;
+  const WhitenedTracks& whitened = model.whitened();
+  const std::vector<int> tracks = SpreadTracks(whitened, model.camera(), frames, kPerCell);
+  const WhitenedTracks some = whitened.Select(tracks);
+  WorkingModel trial(some, model, tracks);
+  BundleOptions bundle = MapperBundleOptions(trial, {}, 10, 1e-4);
+  const BundleResult before = trial.Adjust(frames, {}, bundle).bundle;
+  bundle.refine_focal = bundle.refine_radial = true;
+  const BundleResult after = trial.Adjust(frames, {}, bundle).bundle;
+  if (before.termination == BundleTermination::kFailed ||
+      after.termination == BundleTermination::kFailed) {
+    return std::nullopt;  // and so their costs say nothing
+  }
+  spdlog::debug("another camera: fx {:.1f}, k1 {:.4f}, k2 {:.4f}, cost {:.1f} -> {:.1f} ({:.3f})",
+                trial.camera().fx,
+                trial.camera().k1,
+                trial.camera().k2,
+                before.final_cost,
+                after.final_cost,
+                after.final_cost / before.final_cost);
+  if (after.final_cost < kMuchBetter * before.final_cost) return trial.camera();
+  return std::nullopt;
+}
+
+std::optional<ModelCovariances> CovariancesAtOptimum(WorkingModel model,
+                                                     const CameraRefinement& refinement) {
+  const std::vector<int> frames = model.RegisteredFrames();
+  BundleOptions bundle = MapperBundleOptions(model, refinement, 2, 1e-8);  // it is settled
+  bundle.covariances = true;
+  const ModelAdjustment adjustment = model.Adjust(frames, {}, bundle);
+  const std::optional<BundleCovariances>& covariances = adjustment.bundle.covariances;
+  if (!covariances) return std::nullopt;
+  const WhitenedTracks& whitened = model.whitened();
+  const double variance = model.noise() * model.noise();
+  ModelCovariances result;
+  if (refinement.focal) {
+    result.focal = std::sqrt(variance * covariances->intrinsics(0, 0)) /
+                   adjustment.bundle.solution.intrinsics.fx;
+  }
+  for (std::size_t i = 0; i < frames.size(); ++i) {
+    result.cameras[whitened.frames()[frames[i]].index] = variance * covariances->cameras[i];
+  }
+  std::vector<Eigen::Vector3d> centers;
+  for (const int frame : frames) centers.push_back(model.Pose(frame).Inverse().translation);
+  const std::vector<double> shares = SharesAfterSimilarity(centers, covariances->centers);
+  for (std::size_t i = 0; i < frames.size(); ++i) {
+    result.centers[whitened.frames()[frames[i]].index] = model.noise() * std::sqrt(shares[i]);
+  }
+  for (std::size_t i = 0; i < adjustment.tracks.size(); ++i) {
+    result.points[whitened.features()[adjustment.tracks[i]]] = variance * covariances->points[i];
+  }
+  return result;
+}
+
+}  // namespace cohort

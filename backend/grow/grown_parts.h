@@ -1,0 +1,36 @@
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "backend/adjust/adjustment.h"
+#include "backend/grow/parts.h"
+#include "backend/scene/mapper_termination.h"
+
+namespace cohort {
+
+// The parts of a clip, the largest first, adjusted with the given camera, or why there is none.
+struct GrownParts {
+  MapperEnd end = {};
+  std::vector<MappedPart> parts = {};
+};
+
+// Grows the parts with far points included and, if there are many of those, also with near points
+// alone (kNearRayAngleDeg). Returns the parts whose largest fits the tracks better.
+GrownParts GrowPartsBothWays(const WhitenedTracks& whitened,
+                             const Camera& camera,
+                             const std::vector<int>& keyframes);
+
+// Extends the parts grown by some tracks to all. Returns nullopt if some tracks do not suffice:
+// they leave a keyframe without a pose, a doubt or much of the parallax, or there is a seam.
+std::optional<GrownParts> WithAllTracks(const WhitenedTracks& whitened,
+                                        const GrownParts& by_some,
+                                        const std::vector<int>& keyframes);
+
+// Grows by some of the tracks, which takes less time, and then extends to all. Grows by all tracks
+// if some do not suffice or there is a seam.
+GrownParts GrowPartsBySome(const WhitenedTracks& whitened,
+                           const Camera& camera,
+                           const std::vector<int>& keyframes);
+
+}  // namespace cohort

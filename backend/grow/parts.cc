@@ -1,0 +1,157 @@
+#include "backend/grow/parts.h"
+
+#include <fmt/format.h>
+#include <spdlog/spdlog.h>
+
+#include <algorithm>
+
+#include "backend/grow/growth.h"
+#include "backend/judge/judgement.h"
+#include "backend/start/start.h"
+
+namespace cohort {
+namespace {
+
+constexpr std::size_t kMaxParts = 20;  // a bound on time: a clip in more pieces is no clip
+
+// Grows the best start and, where the window could not tell it from another scene, its rival.
+PartResult GrowStart(std::vector<StartModel> starts,
+                     const std::vector<int>& keyframes,
+                     const GrowthOptions& growth) {
+  StartModel* const rival = FindRival(starts);
+  WorkingModel& best = starts.front().model;
+  GrowModel(best, keyframes, growth);
+  if (rival == nullptr) return {{}, std::move(best)};
+
+  GrowModel(rival->model, keyframes, growth);
+  const auto [cost, rival_cost] = CompareCosts(best, rival->model, keyframes);
+  const double noise = std::min(best.noise(), rival->model.noise());
+  spdlog::debug("two scenes fit the start; over all keyframes their costs are {:.1f} and {:.1f}",
+                cost,
+                rival_cost);
+  PartResult result{{}, std::move(cost <= rival_cost ? best : rival->model)};
+  if (!IsWorse(std::max(cost, rival_cost), std::min(cost, rival_cost), noise)) {
+    result.doubts.push_back(
+        {DoubtCode::kTwoScenes,
+         "two different scenes explain the tracks equally well (a plane, or too little "
+         "perspective): move the camera nearer, or film something beside the plane",
+         {{"cost", std::min(cost, rival_cost)}, {"rival_cost", std::max(cost, rival_cost)}}});
+  }
+  return result;
+}
+
+PartResult MapBody(const WhitenedTracks& whitened,
+                   const Camera& camera,
+                   const GrowthOptions& growth,
+                   const std::vector<int>& keyframes) {
+  const std::vector<FramePairMotion> pairs = RankPairs(whitened, camera, keyframes);
+  if (pairs.empty()) {
+    return {{MapperTermination::kTooFewTracks,
+             fmt::format("no two keyframes that were tried share {} tracks", kMinCommonTracks)}};
+  }
+  // Whether it has parallax is judged by the model, if there is one: the noise of fast, shaken
+  // cameras is hard to tell.
+  Start start = FindStart(whitened, camera, pairs);
+  if (!start.models.empty()) return GrowStart(std::move(start.models), keyframes, growth);
+  return {ExplainMissingModel(
+      whitened,
+      camera,
+      keyframes,
+      {MapperTermination::kNoStart,
+       fmt::format("there is parallax, but none of {} windows gave a consistent model",
+                   start.windows_tried)})};
+}
+
+// The tracks that the model explains in less than half of its frames that see them.
+std::vector<int> UnexplainedTracks(const WorkingModel& model) {
+  const WhitenedTracks& whitened = model.whitened();
+  std::vector<int> tracks;
+  for (int track = 0; track < whitened.track_count(); ++track) {
+    const auto [first, last] = whitened.TrackRange(track);
+    int seen = 0;
+    int explained = 0;
+    for (int o = first; o < last; ++o) {
+      if (!model.HasPose(whitened.observations()[o].frame)) continue;
+      ++seen;
+      if (model.IsInlier(o)) ++explained;
+    }
+    if (seen >= 3 && 2 * explained < seen) tracks.push_back(track);
+  }
+  return tracks;
+}
+
+std::size_t CountObservations(const WhitenedTracks& whitened, const std::vector<int>& frames) {
+  std::size_t count = 0;
+  for (const int frame : frames) count += whitened.ObservationsIn(frame).size();
+  return count;
+}
+
+// The model of the tracks that this one leaves unexplained, if they are many and it explains all
+// tracks better; none: it does not. So of two bodies that move on their own (a thing turned before
+// a wall) the one of most tracks is found, and no mixture of both.
+std::optional<WorkingModel> MapOtherBody(const WorkingModel& model,
+                                         const Camera& camera,
+                                         const GrowthOptions& growth,
+                                         const std::vector<int>& keyframes) {
+  constexpr double kManyUnexplained = 0.15;  // share of the observations; by eye
+  const WhitenedTracks& whitened = model.whitened();
+  const WhitenedTracks unexplained = whitened.Select(UnexplainedTracks(model));
+  if (static_cast<double>(CountObservations(unexplained, keyframes)) <
+      kManyUnexplained * static_cast<double>(CountObservations(whitened, keyframes))) {
+    return std::nullopt;
+  }
+  const PartResult body = MapBody(unexplained, camera, growth, keyframes);
+  if (!body.model) return std::nullopt;
+  WorkingModel other(whitened, *body.model);
+  other.SetMinRayAngle(kFarRayAngleDeg);
+  other.TriangulateAllTracks();
+  AdjustUntilSettled(other, 4, 5);
+  const auto [cost, other_cost] = CompareCosts(model, other, keyframes);
+  spdlog::debug("another body: {} tracks, {} frames; costs over all tracks {:.1f}, by it {:.1f}",
+                unexplained.track_count(),
+                other.registered(),
+                cost,
+                other_cost);
+  if (!IsWorse(cost, other_cost, other.noise())) return std::nullopt;
+  return other;
+}
+
+}  // namespace
+
+PartResult MapPart(const WhitenedTracks& whitened,
+                   const Camera& camera,
+                   const GrowthOptions& growth,
+                   const std::vector<int>& keyframes) {
+  PartResult part = MapBody(whitened, camera, growth, keyframes);
+  if (!part.model) return part;
+  if (auto other = MapOtherBody(*part.model, camera, growth, keyframes)) {
+    part.model = std::move(other);
+  }
+  return part;
+}
+
+std::vector<MappedPart> MapRemainingParts(PartResult first,
+                                          const Camera& camera,
+                                          const GrowthOptions& growth,
+                                          std::vector<int> keyframes) {
+  const WhitenedTracks& whitened = first.model->whitened();
+  std::vector<MappedPart> parts;
+  PartResult part = std::move(first);
+  while (part.model && parts.size() < kMaxParts) {
+    RegisterOtherFrames(*part.model);
+    std::vector<int> rest;
+    for (const int k : keyframes) {
+      if (!part.model->HasPose(k)) rest.push_back(k);
+    }
+    parts.push_back({std::move(*part.model), std::move(part.doubts)});
+    if (rest.size() < 2) break;
+    keyframes = std::move(rest);
+    part = MapPart(whitened, camera, growth, keyframes);
+  }
+  std::stable_sort(parts.begin(), parts.end(), [](const MappedPart& a, const MappedPart& b) {
+    return a.model.registered() > b.model.registered();
+  });
+  return parts;
+}
+
+}  // namespace cohort

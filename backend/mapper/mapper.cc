@@ -1,0 +1,570 @@
+#include "backend/mapper/mapper.h"
+
+#include <fmt/format.h>
+#include <spdlog/spdlog.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numeric>
+#include <optional>
+#include <span>
+#include <utility>
+
+#include "backend/adjust/lens_changes.h"
+#include "backend/adjust/rolling_shutter.h"
+#include "backend/grow/grown_parts.h"
+#include "backend/grow/parts.h"
+#include "backend/judge/judgement.h"
+#include "backend/mapper/camera_search.h"
+#include "backend/scene/near_world.h"
+#include "backend/scene/row_poses.h"
+#include "backend/scene/spread_tracks.h"
+#include "frontend/core/part_times.h"
+#include "frontend/core/stopwatch.h"
+#include "frontend/geometry/sim3.h"
+
+namespace cohort {
+namespace {
+
+// Parallax after which a frame takes part in growing the model [px], and how many are to do so at
+// least. Chosen by eye on the tuning clips.
+constexpr double kKeyframeParallaxPx = 10.0;
+constexpr int kMinKeyframes = 10;
+
+Camera CameraOrGuess(const TrackFile& file) {
+  if (file.width_px <= 0 || file.height_px <= 0) {
+    ThrowError("the tracks do not say the picture size ({} x {} px): import them with --images",
+               file.width_px,
+               file.height_px);
+  }
+  Camera c = file.camera.value_or(Camera::Guess(file.width_px, file.height_px));
+  c.row_order = RowOrderOf(file);
+  for (const double value :
+       {c.fx, c.fy, c.cx, c.cy, c.k1, c.k2, c.p1, c.p2, c.k3, c.k4, c.k5, c.k6}) {
+    if (!std::isfinite(value)) ThrowError("the tracks' camera has a parameter that is not finite");
+  }
+  if (!(c.fx > 0.0 && c.fy > 0.0)) {
+    ThrowError("the tracks' camera has focal lengths {}, {} px: they must be positive", c.fx, c.fy);
+  }
+  return c;
+}
+
+CameraRefinement RefinementOf(const Camera& camera, const MapperOptions& options) {
+  if (camera.known) return {};
+  return {options.refine_focal,
+          options.refine_radial,
+          options.refine_principal_point,
+          camera.fx,
+          camera.guess_log_sigma};
+}
+
+// Where the search begins; none where less is to be refined than when it was found.
+std::optional<Camera> FoundBefore(const TrackFile& file,
+                                  const Camera& given,
+                                  const CameraRefinement& refinement) {
+  if (!refinement.focal || !refinement.radial || !refinement.principal_point) return std::nullopt;
+  std::optional<Camera> found = file.found_camera;
+  if (found) found->row_order = given.row_order;
+  return found;
+}
+
+WhiteningOptions WhiteningOptionsFrom(const MapperOptions& options) {
+  WhiteningOptions result;
+  result.min_track_length = options.min_track_length;
+  result.use_covariances = options.use_covariances;
+  result.covariance_floor_px = options.covariance_floor_px;
+  result.include_predicted = options.include_predicted;
+  result.predicted_growth_px = options.predicted_growth_px;
+  return result;
+}
+
+// `observed`: the model's tracks as the pictures show them.
+Reconstruction ToReconstruction(const WorkingModel& model,
+                                const WhitenedTracks& observed,
+                                double readout) {
+  const WhitenedTracks& whitened = model.whitened();
+  Reconstruction result;
+  result.camera = model.camera();
+  result.readout = readout;
+  for (const int f : model.RegisteredFrames()) {
+    const FrameInfo& info = whitened.frames()[f];
+    result.cam_from_world[info.index] = model.Pose(f);
+    result.frame_names[info.index] = info.name;
+    result.timestamps_ns[info.index] = info.timestamp_ns;
+  }
+  for (int t = 0; t < whitened.track_count(); ++t) {
+    if (!model.HasPoint(t)) continue;
+    Point3D& point = result.points[whitened.features()[t]];
+    point.in_world = model.Point(t);
+    const auto [first, last] = whitened.TrackRange(t);
+    for (int o = first; o < last; ++o) {
+      if (!model.IsInlier(o)) continue;
+      const WhitenedObservation& observation = observed.observations()[o];
+      point.views.push_back({whitened.frames()[observation.frame].index, observation.xy});
+    }
+  }
+  UpdateReprojectionErrors(result);
+  return result;
+}
+
+MapperResult WithEnd(MapperResult result, const MapperEnd& end) {
+  result.termination = end.termination;
+  result.summary.termination = std::string(NameOf(kMapperTerminationNames, end.termination));
+  if (!end.detail.empty()) result.summary.termination += ": " + end.detail;
+  return result;
+}
+
+// With what follows from the reconstruction: the summary's figures and the tracks without a point.
+MapperResult WithSummary(MapperResult result, const TrackFile& file, const Stopwatch& stopwatch) {
+  const ReconstructionSummary ended = std::move(result.summary);
+  result.summary = Summarize(result.reconstruction, file.frames.size());
+  result.summary.termination = ended.termination;
+  result.summary.reasons.insert(
+      result.summary.reasons.end(), ended.reasons.begin(), ended.reasons.end());
+  result.summary.seconds = stopwatch.Seconds();
+  for (const FeatureId feature : file.tracks.features()) {
+    if (!result.reconstruction.points.contains(feature)) result.without_point.push_back(feature);
+  }
+  return result;
+}
+
+Doubt DescribeBetterCamera(const Camera& better, const Camera& given) {
+  std::string sentence = fmt::format(
+      "the tracks contradict the camera given: they ask for fx {:.1f} instead of {:.1f} px and k1 "
+      "{:.3f}, k2 {:.3f} instead of {:.3f}, {:.3f}: give another --camera, or none",
+      better.fx,
+      given.fx,
+      better.k1,
+      better.k2,
+      given.k1,
+      given.k2);
+  return {DoubtCode::kCameraContradicted,
+          std::move(sentence),
+          {{"fx", better.fx},
+           {"k1", better.k1},
+           {"k2", better.k2},
+           {"given_fx", given.fx},
+           {"given_k1", given.k1},
+           {"given_k2", given.k2}}};
+}
+
+// The parts of a clip and what is to be thought of them, in the same order.
+struct JudgedParts {
+  std::vector<MappedPart> parts;
+  std::vector<Judgement> judgements = {};
+  std::size_t chosen = 0;  // the largest of worth; if none is, the largest
+  double readout = 0.0;
+  std::vector<WhitenedTracks> corrected = {};  // the parts' tracks where the shutter rolls
+};
+
+// Adjusts the parts, all of one camera and so of one readout: the largest tells it. A guessed camera
+// is held until then: what bends a model (a rolling shutter, tracks that drift) bends the focal
+// length first, while it is small.
+void AdjustParts(const MapperOptions& options,
+                 const CameraRefinement& refinement,
+                 JudgedParts& judged) {
+  WorkingModel& largest = judged.parts.front().model;
+  const WhitenedTracks& observed = largest.whitened();
+  judged.corrected.assign(judged.parts.size(), observed);
+  judged.readout = options.readout;
+  std::optional<ReadoutEstimate> rolling;
+  if (options.readout == 0.0 && options.estimate_readout) {
+    const ReadoutEstimate estimate = EstimateReadout(observed, largest, judged.corrected.front());
+    if (estimate.IsRolling()) {
+      rolling = estimate;
+      judged.readout = estimate.readout;
+    }
+    spdlog::debug("readout {:.4f} +- {:.4f}", estimate.readout, estimate.sigma);
+  }
+  for (std::size_t i = 0; i < judged.parts.size(); ++i) {
+    WorkingModel& model = judged.parts[i].model;
+    if (judged.readout != 0.0) {
+      AdjustToReadout(observed, judged.readout, model, judged.corrected[i]);
+      AdjustUntilSettled(model, 3, 4);
+    }
+    // To predict where features are seen, the camera of the search does, but for a rolling shutter.
+    if (refinement.Any() && (!options.draft || judged.readout != 0.0)) {
+      AdjustCamera(model, refinement);
+      if (i == 0 && rolling) {
+        judged.readout = RefineReadout(observed, *rolling, model, judged.corrected[i]);
+      }
+    }
+    if (judged.readout != 0.0) {
+      AdjustToReadout(observed, judged.readout, model, judged.corrected[i]);
+    }
+    if (judged.readout != 0.0 && refinement.Any()) AdjustCamera(model, refinement);
+    if (!options.draft) AdjustToMinimum(model);
+    model.RemoveUnsupportedPoses();
+    model.Normalise();
+  }
+}
+
+JudgedParts JudgeParts(std::vector<MappedPart> parts,
+                       const Camera& camera,
+                       const MapperOptions& options,
+                       const CameraRefinement& refinement,
+                       const std::vector<int>& keyframes) {
+  JudgedParts judged{.parts = std::move(parts)};
+  AdjustParts(options, refinement, judged);
+  for (const MappedPart& part : judged.parts) {
+    judged.judgements.push_back(JudgeModel(part.model, camera, keyframes));
+  }
+  const auto worth = std::find_if(judged.judgements.begin(),
+                                  judged.judgements.end(),
+                                  [](const Judgement& j) { return !j.worthless; });
+  if (worth != judged.judgements.end()) {
+    judged.chosen = static_cast<std::size_t>(worth - judged.judgements.begin());
+  }
+  return judged;
+}
+
+// What there is to doubt of the model that is returned.
+std::vector<Doubt> DoubtModel(const MapperResult& result,
+                              const JudgedParts& judged,
+                              const Camera& camera) {
+  const WorkingModel& model = judged.parts[judged.chosen].model;
+  std::vector<Doubt> doubts = judged.parts[judged.chosen].doubts;
+  const std::vector<Doubt>& judged_doubts = judged.judgements[judged.chosen].doubts;
+  doubts.insert(doubts.end(), judged_doubts.begin(), judged_doubts.end());
+  if (judged.parts.size() > 1) {
+    doubts.push_back(
+        {DoubtCode::kParts,
+         fmt::format("the clip breaks into {} parts, this is the largest{}: film what lies between "
+                     "them slower or, where it is cut, give its scenes one by one",
+                     judged.parts.size(),
+                     judged.chosen > 0 ? " of worth" : ""),
+         {{"parts", static_cast<double>(judged.parts.size())}}});
+  }
+  if (result.better_camera) {
+    doubts.push_back(DescribeBetterCamera(*result.better_camera, camera));
+  } else if (camera.known) {
+    // Of a camera that was searched for (SearchCamera) there is no better one.
+    if (auto noise = DescribeExcessNoise(model)) doubts.push_back(std::move(*noise));
+  }
+  return doubts;
+}
+
+// What there is to say of the chosen part, the model itself included, whose tracks the pictures
+// show as `observed`.
+void Describe(const JudgedParts& judged,
+              const WhitenedTracks& observed,
+              const Camera& camera,
+              const CameraRefinement& refinement,
+              const MapperOptions& options,
+              const std::vector<int>& keyframes,
+              MapperResult& result) {
+  const WorkingModel& model = judged.parts[judged.chosen].model;
+  result.noise = model.noise();
+  if (refinement.Any() || !options.draft) {
+    result.lens_changes = MeasureLensChanges(model, refinement);
+  }
+  if (camera.known && !options.draft) result.better_camera = FindBetterCamera(model, keyframes);
+  result.summary.reasons = DoubtModel(result, judged, camera);
+  const auto add_doubt = [&result](std::optional<Doubt> doubt) {
+    if (doubt) result.summary.reasons.push_back(std::move(*doubt));
+  };
+  if (result.lens_changes) add_doubt(DescribeLensChanges(*result.lens_changes));
+  if (options.covariances) {
+    if (auto covariances = CovariancesAtOptimum(model, refinement)) {
+      if (covariances->focal) {
+        result.focal_sigma = kFocalErrorOverNoise * *covariances->focal;
+        add_doubt(DescribeUncertainFocal(*result.focal_sigma));
+      }
+      double sum = 0.0;
+      for (const auto& [frame, deviation] : covariances->centers) sum += deviation * deviation;
+      result.expected_error =
+          kCameraErrorOverNoise * std::sqrt(sum / static_cast<double>(std::max<std::size_t>(
+                                                      1, covariances->centers.size())));
+      add_doubt(DescribeExpectedError(*result.expected_error));
+      spdlog::debug("expected error: {:.4f} %, focal sigma {:.3f} %",
+                    100.0 * *result.expected_error,
+                    100.0 * result.focal_sigma.value_or(0.0));
+      result.camera_covariances = std::move(covariances->cameras);
+      result.point_covariances = std::move(covariances->points);
+    } else {
+      result.warnings.emplace_back(
+          "covariances could not be estimated: the problem is rank deficient");
+    }
+  }
+  result.reconstruction = ToReconstruction(model, observed, judged.readout);
+  add_doubt(DescribeLine(result.reconstruction));
+  add_doubt(DescribeFewPoints(result.reconstruction));
+}
+
+MapperResult WithEndOfModel(MapperResult described, std::size_t frames) {
+  const bool partial = TooFewRegistered(described.reconstruction.cam_from_world.size(), frames);
+  const MapperEnd end{partial ? MapperTermination::kPartial : MapperTermination::kSuccess,
+                      fmt::format("{}", fmt::join(SentencesOf(described.summary.reasons), "; "))};
+  return WithEnd(std::move(described), end);
+}
+
+bool HasNeighbours(const std::vector<FrameInfo>& frames) {
+  return std::ranges::adjacent_find(frames, [](const FrameInfo& a, const FrameInfo& b) {
+           return ToInt(b.index) - ToInt(a.index) <= kMostFramesApart;
+         }) != frames.end();
+}
+
+// All but the summary's figures, with one focal length for all frames.
+MapperResult MapAtOneFocalLength(const TrackFile& file, const MapperOptions& options) {
+  MapperResult result;
+  const Camera given = CameraOrGuess(file);
+  const auto least = static_cast<std::size_t>(std::max(2, options.min_track_length));
+  if (file.frames.size() < least) {
+    return WithEnd(std::move(result),
+                   {MapperTermination::kTooFewTracks,
+                    fmt::format("the clip has {} frame{}, at least {} are needed",
+                                file.frames.size(),
+                                file.frames.size() == 1 ? "" : "s",
+                                least)});
+  }
+  const WhitenedTracks whitened(file, WhiteningOptionsFrom(options));
+  if (whitened.track_count() == 0) {
+    return WithEnd(std::move(result),
+                   {MapperTermination::kTooFewTracks,
+                    fmt::format("none of {} tracks is observed in {} frames",
+                                file.tracks.features().size(),
+                                options.min_track_length)});
+  }
+
+  if (options.readout != 0.0 && !HasNeighbours(file.frames)) {
+    result.warnings.push_back(
+        fmt::format("the readout of {:g} changes nothing: no two frames lie {:g} or less apart, so "
+                    "that nothing is "
+                    "known of how the camera moves within one",
+                    options.readout,
+                    kMostFramesApart));
+  }
+  const CameraRefinement refinement = RefinementOf(given, options);
+  const std::optional<Camera> found_before = FoundBefore(file, given, refinement);
+  Camera camera = found_before.value_or(given);
+  std::vector<int> keyframes =
+      SelectKeyframes(whitened, camera, kKeyframeParallaxPx, kMinKeyframes);
+  std::optional<FoundCamera> found;
+  if (refinement.focal) {
+    if ((found = SearchCamera(whitened, given, found_before, refinement, keyframes))) {
+      camera = found->camera;
+      keyframes = SelectKeyframes(whitened, camera, kKeyframeParallaxPx, kMinKeyframes);
+    }
+  }
+  GrownParts grown = found && found->grown ? std::move(*found->grown)
+                                           : GrowPartsBySome(whitened, camera, keyframes);
+  if (grown.parts.empty()) return WithEnd(std::move(result), grown.end);
+  for (MappedPart& part : grown.parts) AdjustUntilSettled(part.model, 4, 4);
+  JudgedParts judged = JudgeParts(std::move(grown.parts), given, options, refinement, keyframes);
+  const Judgement& judgement = judged.judgements[judged.chosen];
+  result.depth_uncertainty = judgement.depth_uncertainty;
+  result.unexplained_parallax = judgement.unexplained_parallax;
+  if (judgement.worthless) return WithEnd(std::move(result), *judgement.worthless);
+  for (std::size_t i = judged.chosen + 1; i < judged.parts.size(); ++i) {
+    if (judged.judgements[i].worthless) continue;
+    result.other_parts.push_back(ToReconstruction(judged.parts[i].model, whitened, judged.readout));
+  }
+  Describe(judged, whitened, camera, refinement, options, keyframes, result);
+  if (found && found->rival) {
+    result.summary.reasons.push_back(DescribeRivalCamera(found->camera, *found->rival));
+  }
+  return WithEndOfModel(std::move(result), file.frames.size());
+}
+
+void SetPoses(const std::map<FrameIndex, Rigid3>& cam_from_world, WorkingModel& model) {
+  const std::vector<FrameInfo>& frames = model.whitened().frames();
+  for (std::size_t frame = 0; frame < frames.size(); ++frame) {
+    const auto pose = cam_from_world.find(frames[frame].index);
+    if (pose != cam_from_world.end()) model.SetPose(static_cast<int>(frame), pose->second);
+  }
+}
+
+// Poses of `start`, points anew, then all together but the camera.
+WorkingModel AdjustedModel(const WhitenedTracks& whitened, const Reconstruction& start) {
+  WorkingModel model(whitened, start.camera);
+  SetPoses(start.cam_from_world, model);
+  model.TriangulateAllTracks();
+  AdjustUntilSettled(model, 4, 5);
+  return model;
+}
+
+// All but the summary's figures, from a model of the clip, with one focal length for all frames.
+MapperResult AdjustAtOneFocalLength(const TrackFile& file,
+                                    const Reconstruction& start,
+                                    const CameraRefinement& refinement,
+                                    const MapperOptions& options) {
+  const WhitenedTracks whitened(file, WhiteningOptionsFrom(options));
+  const NearModel near(start);
+  JudgedParts judged{.parts = {{AdjustedModel(whitened, near.get()), {}}}};
+  AdjustParts(options, refinement, judged);
+  const WorkingModel& model = judged.parts.front().model;
+  const std::vector<int> keyframes =
+      SelectKeyframes(whitened, model.camera(), kKeyframeParallaxPx, kMinKeyframes);
+  judged.judgements = {JudgeModel(model, start.camera, keyframes)};
+
+  MapperResult result;
+  if (const auto& worthless = judged.judgements.front().worthless) {
+    judged.judgements.front().doubts.push_back(
+        {DoubtCode::kWorthless,
+         fmt::format("{}: {}",
+                     NameOf(kMapperTerminationNames, worthless->termination),
+                     worthless->detail)});
+  }
+  result.depth_uncertainty = judged.judgements.front().depth_uncertainty;
+  result.unexplained_parallax = judged.judgements.front().unexplained_parallax;
+  Describe(judged, whitened, start.camera, refinement, options, keyframes, result);
+  return WithEndOfModel(std::move(result), file.frames.size());
+}
+
+// The clip as a camera that does not zoom would have seen it.
+TrackFile AtOneFocalLength(const TrackFile& file, const Camera& camera, const FocalScales& scales) {
+  TrackFile at_one = file;
+  at_one.tracks = AtOneFocalLength(file.tracks, camera, scales);
+  return at_one;
+}
+
+// A model of the tracks at one focal length becomes one of `file`.
+MapperResult WithFocalScales(MapperResult result,
+                             const FocalScales& scales,
+                             const TrackFile& file) {
+  result.reconstruction.focal_scale = scales;
+  MoveViewsToTracks(file.tracks, result.reconstruction.readout, result.reconstruction);
+  result.summary.reasons.push_back(DescribeFoundZoom(ZoomOf(scales)));
+  return WithEndOfModel(std::move(result), file.frames.size());
+}
+
+// The model with the poses, the camera and the focal lengths that its tracks ask for.
+Reconstruction FollowLens(const LensChanges& changes, const FocalScales& before) {
+  Reconstruction model;
+  model.camera = changes.camera;
+  model.cam_from_world = changes.cam_from_world;
+  for (const auto& [frame, scale] : changes.focal) {
+    model.focal_scale[frame] = FocalScaleOf(before, frame) * scale;
+  }
+  return model;
+}
+
+// A model of a clip that zooms, adjusted in turns: everything but the focal lengths with all tracks, and
+// everything with some (MeasureLensChanges), until the noise stays.
+MapperResult AdjustWithZoom(const TrackFile& file,
+                            Reconstruction model,
+                            const CameraRefinement& refinement,
+                            const MapperOptions& options) {
+  constexpr int kMostRounds = 10;
+  // The way to the minimum may lead along a valley, where a round takes little of the noise away.
+  constexpr double kStays = 0.99;
+  MapperResult adjusted;
+  double noise = kInfinity;  // of the round before
+  for (int round = 0; round < kMostRounds; ++round) {
+    if (round > 0) model = FollowLens(*adjusted.lens_changes, model.focal_scale);
+    const FocalScales scales = std::exchange(model.focal_scale, {});
+    adjusted = AdjustAtOneFocalLength(
+        AtOneFocalLength(file, model.camera, scales), model, refinement, options);
+    model.focal_scale = scales;
+    if (!refinement.focal || !adjusted.lens_changes) break;
+    spdlog::debug("zoom: f {:.1f}, noise {:.4f}, a zoom of {:.4f} is left",
+                  adjusted.reconstruction.camera.fx,
+                  adjusted.noise,
+                  ZoomOf(adjusted.lens_changes->focal));
+    if (adjusted.noise > kStays * noise) break;
+    noise = adjusted.noise;
+  }
+  return WithFocalScales(std::move(adjusted), model.focal_scale, file);
+}
+
+bool Has(const ReconstructionSummary& summary, DoubtCode code) {
+  return std::ranges::any_of(summary.reasons, [&](const Doubt& d) { return d.code == code; });
+}
+
+// All but the summary's figures. Where the tracks ask for a lens that changes, and ask for no more once
+// every frame has its own focal length, it has.
+MapperResult MapTracks(const TrackFile& file, const MapperOptions& options) {
+  MapperResult result = MapAtOneFocalLength(file, options);
+  const CameraRefinement refinement = RefinementOf(CameraOrGuess(file), options);
+  if (!refinement.focal || !result.lens_changes || !result.lens_changes->IsChanging()) {
+    return result;
+  }
+  MapperResult zoomed =
+      AdjustWithZoom(file, FollowLens(*result.lens_changes, {}), refinement, options);
+  const bool explained =
+      zoomed.lens_changes && !zoomed.lens_changes->IsChanging() &&
+      !Has(zoomed.summary, DoubtCode::kWorthless) &&
+      zoomed.reconstruction.cam_from_world.size() >= result.reconstruction.cam_from_world.size();
+  if (!explained) return result;
+  // What an adjustment of one model cannot find.
+  zoomed.other_parts = std::move(result.other_parts);
+  for (Doubt& doubt : result.summary.reasons) {
+    if (doubt.code == DoubtCode::kParts || doubt.code == DoubtCode::kTwoScenes) {
+      zoomed.summary.reasons.push_back(std::move(doubt));
+    }
+  }
+  return WithEndOfModel(std::move(zoomed), file.frames.size());
+}
+
+}  // namespace
+
+MapperResult ReconstructWithCeres(const TrackFile& file, const MapperOptions& options) {
+  const TimedPart part("reconstruction");
+  ValidateOptions(options);
+  const Stopwatch stopwatch;
+  return WithSummary(MapTracks(file, options), file, stopwatch);
+}
+
+Reconstruction AdjustWithCeres(const TrackFile& file, const Reconstruction& start) {
+  const TimedPart part("reconstruction");
+  const WhitenedTracks whitened(file, WhiteningOptionsFrom({}));
+  const NearModel near(start);
+  return near.InWorldOfModel(ToReconstruction(AdjustedModel(whitened, near.get()), whitened, 0.0));
+}
+
+MapperResult AdjustAndJudgeWithCeres(const TrackFile& file,
+                                     const Reconstruction& start,
+                                     const MapperOptions& options) {
+  ValidateOptions(options);
+  const TimedPart part("reconstruction");
+  const Stopwatch stopwatch;
+  const CameraRefinement refinement = RefinementOf(start.camera, options);
+  return WithSummary(start.focal_scale.empty()
+                         ? AdjustAtOneFocalLength(file, start, refinement, options)
+                         : AdjustWithZoom(file, start, refinement, options),
+                     file,
+                     stopwatch);
+}
+
+MapperResult TriangulateWithCeres(const TrackFile& file,
+                                  const std::map<FrameIndex, Rigid3>& cam_from_world,
+                                  const MapperOptions& options) {
+  ValidateOptions(options);
+  if (!file.KnowsCamera()) {
+    ThrowError("triangulation with given poses needs a known camera: give --camera");
+  }
+  constexpr int kRounds = 3;
+  const Stopwatch stopwatch;
+  const WhitenedTracks whitened(file, WhiteningOptionsFrom(options));
+  WorkingModel model(whitened, CameraOrGuess(file));
+  Reconstruction given;
+  given.cam_from_world = cam_from_world;
+  const NearModel near(given);
+  SetPoses(near.get().cam_from_world, model);
+  model.TriangulateAllTracks();
+  model.UpdateAllInliers(std::numeric_limits<double>::infinity());
+  for (int round = 0; round < kRounds; ++round) {
+    AdjustPoints(model);
+    model.UpdateAllInliers(model.ErrorBound());
+    model.TriangulateAllTracks();
+  }
+
+  MapperResult result;
+  result.reconstruction = ToReconstruction(model, whitened, 0.0);
+  if (near.IsMoved()) {
+    result.reconstruction = near.InWorldOfModel(std::move(result.reconstruction));
+    // Kept: not even rounded by the way there and back.
+    for (auto& [frame, pose] : result.reconstruction.cam_from_world) {
+      pose = cam_from_world.at(frame);
+    }
+  }
+  result.noise = model.noise();
+  result.summary.termination = "triangulated with given poses";
+  result = WithSummary(std::move(result), file, stopwatch);
+  result.termination =
+      result.summary.Failed() ? MapperTermination::kPartial : MapperTermination::kSuccess;
+  return result;
+}
+
+}  // namespace cohort

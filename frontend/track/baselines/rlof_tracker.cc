@@ -1,0 +1,49 @@
+#include "frontend/track/baselines/rlof_tracker.h"
+
+#include <opencv2/optflow/rlofflow.hpp>
+
+#include "frontend/track/baselines/frame_to_frame.h"
+
+namespace cohort {
+namespace {
+
+class RlofMover final : public FrameToFrameMover {
+ public:
+  explicit RlofMover(const RlofOptions& options)
+      : FrameToFrameMover({.px = options.forward_backward_px}),
+        parameters_(cv::optflow::RLOFOpticalFlowParameter::create()) {
+    // The adaptive window (SR_CROSS) segments by colour; on noise it only shrinks the window.
+    parameters_->setSupportRegionType(cv::optflow::SR_FIXED);
+    parameters_->setLargeWinSize(options.window_px);
+    parameters_->setMaxLevel(options.max_level);
+    parameters_->setUseMEstimator(true);  // Hampel's norm in place of least squares
+    // Gain and offset of every patch are two more unknowns for what little a dark patch tells.
+    parameters_->setUseIlluminationModel(false);
+  }
+
+ private:
+  std::vector<Step> Flow(const std::vector<cv::Mat>& from,
+                         const std::vector<cv::Mat>& to,
+                         const std::vector<cv::Point2f>& starts) const override {
+    // In narrower pictures OpenCV's takes memory without end.
+    constexpr int kLeastWidthPx = 64;
+    parameters_->setUseGlobalMotionPrior(from[0].cols >= kLeastWidthPx);
+    std::vector<cv::Point2f> ends;
+    std::vector<std::uint8_t> found;
+    cv::optflow::calcOpticalFlowSparseRLOF(
+        from[0], to[0], starts, ends, found, cv::noArray(), parameters_);
+    std::vector<Step> steps;
+    for (std::size_t f = 0; f < starts.size(); ++f) steps.push_back({ends[f], found[f] != 0});
+    return steps;
+  }
+
+  cv::Ptr<cv::optflow::RLOFOpticalFlowParameter> parameters_;
+};
+
+}  // namespace
+
+std::unique_ptr<FeatureMover> MakeRlofMover(const RlofOptions& options) {
+  return std::make_unique<RlofMover>(options);
+}
+
+}  // namespace cohort

@@ -1,0 +1,44 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "frontend/image/pyramid.h"
+#include "frontend/track/measure/measurement.h"
+
+namespace cohort {
+
+// The appearance of a feature at its birth, n x n row by row on each level of a pyramid: T of the
+// single-feature energy, paper equation (1).
+using Templates = std::vector<std::vector<float>>;
+Templates TakeTemplates(const Pyramid& pyramid, const Eigen::Vector2d& xy, int n);
+
+// All that the subspace tracker stores of one feature, except its positions (JointGuide) and its
+// trajectory's model (TrajectoryModel).
+struct Feature {
+  Templates templates;         // for the energy
+  AnchorPatch anchor;          // for the measurement
+  int window_px = 0;           // side of the measured patch; narrower once it is measured well
+  double light = 0.0;          // change of its brightness since its birth; running mean
+  double change = 1.0;         // of its innermost pixels, relative to the noise; running mean
+  bool open = true;            // the other features could not predict its position
+  bool confirmed = true;       // the image confirmed it in the last frame
+  int unexplained_frames = 0;  // in a row: neither confirmed nor hidden
+  // Where Lucas-Kanade finds it in this frame; set only if the way back returns to the start.
+  std::optional<Eigen::Vector2d> returned_xy;
+};
+
+// A feature born at `xy`. `smooth` is the picture denoised for measuring.
+Feature TakeFeature(const Pyramid& picture,
+                    const Pyramid& smooth,
+                    const Eigen::Vector2d& xy,
+                    int template_px,
+                    const PatchOptions& patch);
+
+// Removes the features with keep[f] == 0.
+void KeepFeatures(std::span<const std::uint8_t> keep, std::vector<Feature>& features);
+
+}  // namespace cohort

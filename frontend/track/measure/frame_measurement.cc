@@ -1,0 +1,132 @@
+#include "frontend/track/measure/frame_measurement.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "frontend/core/in_parallel.h"
+#include "frontend/core/part_times.h"
+
+namespace cohort {
+namespace {
+
+// The prior of a small patch is wide, so that it guides and does not decide: this many deviations
+// of the prediction, and no less than some of a pixel. By eye on the tuning clips.
+constexpr int kSmallWindowPx = 11;
+constexpr double kPriorFactor = 3.0;
+constexpr double kLeastPriorPx = 0.3;
+
+std::vector<Eigen::Vector2d> StartsOf(std::span<const Feature> features,
+                                      const Eigen::Matrix2Xd& given) {
+  std::vector<Eigen::Vector2d> starts;
+  for (std::size_t f = 0; f < features.size(); ++f) {
+    const Eigen::Vector2d start = given.col(static_cast<Eigen::Index>(f));
+    starts.push_back(features[f].open ? features[f].returned_xy.value_or(start) : start);
+  }
+  return starts;
+}
+
+}  // namespace
+
+FrameMeasurement::FrameMeasurement(const Pyramid& smooth,
+                                   std::span<const Feature> features,
+                                   const PatchOptions& patch,
+                                   const ThereAndBack& there_and_back,
+                                   const CovarianceCalibration& calibration,
+                                   const Eigen::Matrix2Xd& starts)
+    : smooth_(smooth),
+      features_(features),
+      calibration_(calibration),
+      starts_(StartsOf(features, starts)),
+      measured_(MeasureFrom(starts_)),
+      confirmation_(smooth, patch, there_and_back, calibration, features, measured_),
+      verdicts_(features.size(), Verdict::kNotMeasured),
+      observed_(features.size()) {
+  const TimedPart part("measurement");
+  for (std::size_t f = 0; f < features.size(); ++f) {
+    if (!features[f].confirmed) continue;
+    Judge(f, confirmation_.TestPatch(features[f], measured_[f], starts_[f]));
+  }
+}
+
+std::vector<Measurement> FrameMeasurement::MeasureFrom(
+    const std::vector<Eigen::Vector2d>& starts) const {
+  const TimedPart part("measurement");
+  std::vector<Measurement> measured(features_.size());
+  ForEachInParallel(features_.size(), [&](std::size_t f) {
+    if (features_[f].confirmed) measured[f] = MeasureFrom(f, starts[f]);
+  });
+  return measured;
+}
+
+Measurement FrameMeasurement::MeasureFrom(std::size_t f, const Eigen::Vector2d& start) const {
+  const Feature& feature = features_[f];
+  return MeasurePatch(smooth_, feature.anchor, start, feature.window_px, calibration_.scale());
+}
+
+void FrameMeasurement::MeasureFromBetter(std::span<const std::size_t> which,
+                                         const Eigen::Matrix2Xd& starts) {
+  const TimedPart part("measurement");
+  const std::vector<Eigen::Vector2d> better = StartsOf(features_, starts);
+  ForEachInParallel(which.size(), [&](std::size_t i) {
+    const std::size_t f = which[i];
+    if (better[f] == starts_[f]) return;
+    measured_[f] = MeasureFrom(f, better[f]);
+    Judge(f, confirmation_.TestPatch(features_[f], measured_[f], better[f]));
+  });
+}
+
+void FrameMeasurement::Judge(std::size_t f, Verdict verdict) {
+  verdicts_[f] = verdict;
+  observed_[f] = {};
+  if (verdict == Verdict::kObserved) observed_[f] = calibration_.ForModel(measured_[f]);
+}
+
+std::vector<CovarianceCalibration::Sample> FrameMeasurement::Residuals(
+    std::span<const TrajectoryModel::Estimate> predicted) const {
+  std::vector<CovarianceCalibration::Sample> samples;
+  for (std::size_t f = 0; f < features_.size(); ++f) {
+    if (!IsObserved(f)) continue;
+    samples.push_back({measured_[f].xy - predicted[f].expected_xy,
+                       predicted[f].measured_covariance,
+                       measured_[f].shape});
+  }
+  return samples;
+}
+
+void FrameMeasurement::TestPositions(std::span<const TrajectoryModel::Estimate> predicted) {
+  const TimedPart part("measurement");
+  ForEachInParallel(features_.size(), [&](std::size_t f) {
+    if (!IsObserved(f)) return;
+    Judge(f, confirmation_.TestPosition(features_[f], measured_[f], predicted[f]));
+  });
+}
+
+void FrameMeasurement::MeasureAtPredictions(std::span<const TrajectoryModel::Estimate> predicted,
+                                            bool strong) {
+  const TimedPart part("measurement");
+  ForEachInParallel(predicted.size(), [&](std::size_t f) {
+    if (!IsObserved(f)) MeasureAtPrediction(f, predicted[f], strong);
+  });
+}
+
+void FrameMeasurement::MeasureAtPrediction(std::size_t f,
+                                           const TrajectoryModel::Estimate& predicted,
+                                           bool strong) {
+  const Feature& feature = features_[f];
+  const Eigen::Vector2d& start = predicted.expected_xy;
+  measured_[f] = MeasureFrom(f, start);
+  Judge(f, confirmation_.TestPatchAtPrediction(feature, measured_[f], predicted, strong));
+  if (IsObserved(f)) return;
+  const double sigma_px = std::sqrt(0.5 * predicted.measured_covariance.trace());
+  const double prior_px = std::max(kPriorFactor * sigma_px, kLeastPriorPx);
+  measured_[f] = MeasurePatch(smooth_,
+                              feature.anchor,
+                              start,
+                              kSmallWindowPx,
+                              calibration_.scale(),
+                              confirmation_.noise_variance(),
+                              Eigen::Matrix2d::Identity() / (prior_px * prior_px));
+  Judge(f, confirmation_.TestSmallPatchAtPrediction(feature, measured_[f], predicted, strong));
+}
+
+}  // namespace cohort

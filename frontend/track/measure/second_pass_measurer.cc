@@ -1,0 +1,252 @@
+#include "frontend/track/measure/second_pass_measurer.h"
+
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <opencv2/core.hpp>
+#include <set>
+
+#include "frontend/core/in_parallel.h"
+#include "frontend/core/part_times.h"
+#include "frontend/core/statistics.h"
+#include "frontend/image/pyramid.h"
+
+namespace cohort {
+namespace {
+
+// How much less a blurred window's pixels say than as many independent ones: rough, as only the
+// prior of the warp depends on it.
+constexpr double kNoiseFactor = 10.0;
+
+constexpr double kWarpNoisePerFrame = PatchOptions{}.warp_noise;  // as the tracker's
+
+// A feature is taken for itself where it correlates with its template at least by this share of
+// what it has where the first pass saw it; chosen by eye on the tuning clips with an occluder.
+constexpr double kLeastRelativeCorrelation = 0.7;
+
+Pyramid SmoothPyramidOf(const Frame& frame, double sigma_px) {
+  constexpr int kLevels = 2;
+  return SmoothPyramid(BuildPyramid(frame, kLevels), sigma_px);
+}
+
+// Of the middle of a template.
+double SignalVariance(const cv::Mat& patch, int window_px) {
+  const int margin = (patch.cols - window_px) / 2;
+  cv::Scalar average;
+  cv::Scalar deviation;
+  cv::meanStdDev(patch({margin, margin, window_px, window_px}), average, deviation);
+  return deviation[0] * deviation[0];
+}
+
+// A mean of few values is drawn to `expected`, which counts as so many.
+double DrawnMean(double sum, double count, double expected) {
+  constexpr double kPrior = 6.0;
+  return (sum + kPrior * expected) / (count + kPrior);
+}
+
+}  // namespace
+
+SecondPassMeasurer::SecondPassMeasurer(const SecondPassMeasurementOptions& options)
+    : options_(options) {
+  ValidateOptions(options);
+  for (const int px : std::set{options.patch.window_px, options.patch.wide_window_px}) {
+    windows_.emplace_back().px = px;
+  }
+}
+
+void SecondPassMeasurer::Learn(const Frame& frame, std::span<const ModelPrediction> predictions) {
+  if (predictions.empty()) return;
+  const TimedPart part("templates");
+  const Pyramid pyramid = SmoothPyramidOf(frame, options_.patch.denoise_sigma_px);
+  const int largest_px = windows_.back().px;
+  std::vector<Template*> templates;
+  for (const ModelPrediction& prediction : predictions) {
+    templates.push_back(&templates_[prediction.feature]);
+  }
+  ForEachInParallel(predictions.size(), [&](std::size_t i) {
+    const ModelPrediction& prediction = predictions[i];
+    const AnchorPatch patch = CopyAnchor(pyramid, prediction.xy, largest_px, prediction.warp);
+    Template& t = *templates[i];
+    if (t.frames == 0) {
+      t.sum = patch;
+    } else {
+      t.sum.full += patch.full;
+      if (!t.sum.half.empty()) t.sum.half += patch.half;
+    }
+    ++t.frames;
+  });
+}
+
+void SecondPassMeasurer::FinishTemplates() {
+  if (learnt_) return;
+  learnt_ = true;
+  for (auto& [feature, t] : templates_) {
+    t.mean.full = t.sum.full / t.frames;
+    if (!t.sum.half.empty()) t.mean.half = t.sum.half / t.frames;
+    for (const Window& window : windows_) {
+      t.signal_variances.push_back(SignalVariance(t.mean.full, window.px));
+    }
+    t.sum = {};
+  }
+}
+
+void SecondPassMeasurer::Measure(const Frame& frame, std::span<const ModelPrediction> predictions) {
+  const TimedPart part("measurement");
+  FinishTemplates();
+  const Pyramid pyramid = SmoothPyramidOf(frame, options_.patch.denoise_sigma_px);
+  for (Window& window : windows_) MeasureWith(window, frame, predictions, pyramid);
+  CompareWindows(frame.index, predictions);
+}
+
+void SecondPassMeasurer::MeasureWith(Window& window,
+                                     const Frame& frame,
+                                     std::span<const ModelPrediction> predictions,
+                                     const Pyramid& pyramid) const {
+  struct Task {
+    const ModelPrediction* prediction;
+    const Template* of_feature;
+    Deformation* deformation;
+    Measurement measured = {};
+  };
+  const auto of_window = static_cast<std::size_t>(&window - windows_.data());
+  std::vector<Task> tasks;
+  for (const ModelPrediction& prediction : predictions) {
+    const auto it = templates_.find(prediction.feature);
+    if (it == templates_.end()) continue;
+    const auto contest = contests_.find(prediction.feature);
+    if (contest != contests_.end() && contest->second.winner.value_or(of_window) != of_window) {
+      continue;
+    }
+    const auto [known, first] = window.deformations.try_emplace(prediction.feature);
+    const double noise = first ? options_.patch.warp_noise : kWarpNoisePerFrame;
+    known->second.covariance.diagonal().array() += noise * noise;
+    tasks.push_back({&prediction, &it->second, &known->second});
+  }
+  ForEachInParallel(tasks.size(), [&](std::size_t i) {
+    auto& [prediction, of_feature, deformation, m] = tasks[i];
+    AnchorPatch anchor = of_feature->mean;
+    anchor.warp = deformation->beyond_prediction * prediction->warp;
+    anchor.warp_covariance = deformation->covariance;
+    m = MeasurePatch(pyramid, anchor, prediction->xy, window.px, kNoiseFactor);
+    if (m.converged && (m.xy - prediction->xy).norm() <= options_.patch.max_distance_px &&
+        m.correlation >= options_.patch.min_correlation) {
+      deformation->beyond_prediction = m.warp * prediction->warp.inverse();
+      deformation->covariance = m.warp_covariance;
+    }
+  });
+  std::erase_if(tasks, [](const Task& task) { return !task.measured.converged; });
+  std::vector<double> variances;
+  for (const Task& task : tasks) {
+    if (task.prediction->observed_in_first_pass) {
+      variances.push_back(task.measured.residual_variance);
+    }
+  }
+  constexpr std::size_t kEnough = 8;  // for a median; with fewer, that of the frame before stays
+  if (variances.size() >= kEnough || window.noise_variance == 0.0) {
+    window.noise_variance = Median(std::move(variances));
+  }
+  for (const auto& [prediction, of_feature, deformation, m] : tasks) {
+    const Eigen::Vector2d d = m.xy - prediction->xy;
+    Sighting s;
+    s.frame = frame.index;
+    s.observed_before = prediction->observed_in_first_pass;
+    s.distance_px = d.norm();
+    s.mahalanobis2 = d.dot(m.shape.inverse() * d);
+    s.correlation = m.correlation;
+    // Noise, and what the small errors of warp and interpolation leave of the pattern.
+    s.residual_variance_ratio =
+        m.residual_variance /
+        std::max(window.noise_variance + kPatternShare * of_feature->signal_variances[of_window],
+                 1e-12);
+    s.residual = m.residual;
+    s.xy = m.xy;
+    s.shape = m.shape;
+    window.sightings[prediction->feature].push_back(s);
+  }
+}
+
+void SecondPassMeasurer::CompareWindows(FrameIndex frame,
+                                        std::span<const ModelPrediction> predictions) {
+  constexpr double kEnough = 12.0;
+  all_contests_.squares.resize(windows_.size(), 0.0);
+  for (const ModelPrediction& prediction : predictions) {
+    if (!prediction.observed_in_first_pass || !templates_.contains(prediction.feature)) continue;
+    Contest& contest = contests_[prediction.feature];
+    if (contest.winner) continue;
+    contest.squares.resize(windows_.size(), 0.0);
+    for (std::size_t w = 0; w < windows_.size(); ++w) {
+      const auto it = windows_[w].sightings.find(prediction.feature);
+      double distance_px = options_.patch.max_distance_px;
+      if (it != windows_[w].sightings.end() && it->second.back().frame == frame) {
+        distance_px = std::min(distance_px, it->second.back().distance_px);
+      }
+      contest.squares[w] += distance_px * distance_px;
+      all_contests_.squares[w] += distance_px * distance_px;
+    }
+    all_contests_.count += 1.0;
+    contest.count += 1.0;
+    if (contest.count >= kEnough) contest.winner = NearestWindow(contest, all_contests_);
+  }
+}
+
+std::size_t SecondPassMeasurer::NearestWindow(const Contest& contest, const Contest& all) const {
+  std::size_t nearest = 0;
+  double least = 0.0;
+  for (std::size_t w = 0; w < windows_.size(); ++w) {
+    const double mean =
+        DrawnMean(contest.squares[w], contest.count, all.squares[w] / std::max(all.count, 1.0));
+    if (w > 0 && mean >= least) continue;
+    least = mean;
+    nearest = w;
+  }
+  return nearest;
+}
+
+std::map<FeatureId, const SecondPassMeasurer::Window*> SecondPassMeasurer::ChosenWindows() const {
+  std::map<FeatureId, const Window*> chosen;
+  for (const auto& [feature, contest] : contests_) {
+    const Window& window =
+        windows_[contest.winner ? *contest.winner : NearestWindow(contest, all_contests_)];
+    if (window.sightings.contains(feature)) chosen[feature] = &window;
+  }
+  return chosen;
+}
+
+std::vector<Observation> SecondPassMeasurer::Finish() const {
+  const std::map<FeatureId, const Window*> chosen = ChosenWindows();
+  std::vector<double> squares;
+  for (const auto& [feature, window] : chosen) {
+    for (const Sighting& s : window->sightings.at(feature)) {
+      if (s.observed_before && s.distance_px <= options_.patch.max_distance_px) {
+        squares.push_back(s.mahalanobis2);
+      }
+    }
+  }
+  const double scale = std::max(Median(std::move(squares)) / (2.0 * std::log(2.0)), 1e-6);
+
+  std::vector<Observation> observations;
+  for (const auto& [feature, window] : chosen) {
+    const std::vector<Sighting>& sightings = window->sightings.at(feature);
+    std::vector<double> correlations;
+    for (const Sighting& s : sightings) {
+      if (s.observed_before) correlations.push_back(s.correlation);
+    }
+    const double least = std::max(options_.patch.min_correlation,
+                                  kLeastRelativeCorrelation * Median(std::move(correlations)));
+    for (const Sighting& s : sightings) {
+      if (s.distance_px > options_.patch.max_distance_px || s.correlation < least ||
+          s.residual_variance_ratio > options_.patch.max_residual_ratio) {
+        continue;
+      }
+      Observation& o = observations.emplace_back();
+      o.feature = feature;
+      o.frame = s.frame;
+      o.xy = s.xy;
+      o.residual = s.residual;
+      o.covariance = PixelCovariance::From(scale * s.shape);
+    }
+  }
+  return observations;
+}
+
+}  // namespace cohort

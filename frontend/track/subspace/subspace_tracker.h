@@ -1,0 +1,67 @@
+#pragma once
+
+#include <memory>
+
+#include "frontend/core/options.h"
+#include "frontend/track/loop/feature_mover.h"
+#include "frontend/track/measure/measurement.h"
+#include "frontend/track/subspace/joint_guide.h"
+
+namespace cohort {
+
+// Guide, then measure: one unconstrained alignment of a larger patch with the feature's anchor
+// starts at the guided position. A feature that the image does not confirm stays predicted.
+struct MeasurementOptions {
+  bool enabled = true;
+  PatchOptions patch;
+  double max_open_px = 1.5;
+  int max_rank = 8;
+  bool perspective = true;
+  int max_unexplained_frames = 4;
+  bool fuse = false;
+
+  template <typename Self, typename Visitor>
+  static void Visit(Self& o, Visitor& v) {
+    v.Flag("enabled", o.enabled, "measure every guided position against the feature's anchor");
+    PatchOptions::Visit(o.patch, v);
+    v.Number(
+        "max_open_px",
+        o.max_open_px,
+        0.0,
+        1000.0,
+        "how uncertain the others may leave a feature's position [px]; beyond, it must (strong "
+        "mode) be found by Lucas-Kanade there and back; 0: never");
+    v.Number("max_rank",
+             o.max_rank,
+             2,
+             8,
+             "most rank of the trajectory model, which starts at 2 and grows where the residuals "
+             "ask for "
+             "it; 3: one rigid body");
+    v.Flag("perspective",
+           o.perspective,
+           "the trajectory model has projective cameras; off: affine ones");
+    v.Number("max_unexplained_frames",
+             o.max_unexplained_frames,
+             0,
+             100000,
+             "a feature ends that for more frames in a row is not confirmed although nothing hides "
+             "it, or that changes slowly; 0: no check");
+    v.Flag(
+        "fuse",
+        o.fuse,
+        "write the most probable positions, of the measurement and the other features: nearer to "
+        "the truth, but no longer independent of each other, as bundle adjustment expects");
+  }
+};
+
+// The paper's tracker: all features move together, from frame to frame, to the minimum of the total
+// energy (joint_guide.h), with the trajectories of the last L frames as history. Each position is
+// then measured (frame_measurement.h). A position that the image confirms is observed. Otherwise
+// the feature is predicted from its own past and the other features until it is seen again or is
+// lost (predicted_or_ended.h). The history holds the most probable positions. docs/how_it_works.md
+// lists the steps. guide_mover.h is the tracker without measuring.
+std::unique_ptr<FeatureMover> MakeSubspaceMover(const SubspaceOptions& options,
+                                                const MeasurementOptions& measurement);
+
+}  // namespace cohort
