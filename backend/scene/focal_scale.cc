@@ -1,7 +1,6 @@
 #include "backend/scene/focal_scale.h"
 
 #include <algorithm>
-#include <ranges>
 #include <utility>
 #include <vector>
 
@@ -14,9 +13,9 @@ double FocalScaleOf(const FocalScales& scales, FrameIndex frame) {
 
 double ZoomOf(const FocalScales& scales) {
   if (scales.empty()) return 1.0;
-  const auto values = std::views::values(scales);
-  const auto [shortest, longest] = std::ranges::minmax(values);
-  return longest / shortest;
+  const auto [shortest, longest] = std::ranges::minmax_element(
+      scales, {}, [](const auto& frame_and_scale) { return frame_and_scale.second; });
+  return longest->second / shortest->second;
 }
 
 Camera CameraOf(const Camera& camera, const FocalScales& scales, FrameIndex frame) {
