@@ -53,6 +53,24 @@ TEST(TurnsByAnotherCamera, IsSaidOfARotationWhoseLensIsAnotherAndOfNoPath) {
   }
 }
 
+// A rotation explains how nearly all points move, if the focal length is long: 36 px on the wall, 50 px on
+// the ball, which has a sixth of them.
+TEST(ClassifyMotion, AWallWithABallBeforeItIsNoRotation) {
+  Camera camera = test::SyntheticTracksOptions::DefaultCamera();
+  WidestPairs widest{.pairs = {{}}, .motion_px = 36.0, .quantile = 0.5};
+  const auto add = [&](const Eigen::Vector3d& point) {
+    const auto a = camera.Project(point);
+    const auto b = camera.Project(point - Eigen::Vector3d(0.575, 0.0, 0.0));
+    if (a && b) widest.pairs.front().emplace_back(*a, *b);
+  };
+  for (int i = 0; i < 200; ++i) add({-2.0 + 0.2 * (i % 20), -1.35 + 0.3 * (i / 20), 8.0});
+  for (int i = 0; i < 40; ++i) add({0.1 * (i % 8), -0.2 + 0.1 * (i / 8), 5.75});
+  camera.known = false;
+  EXPECT_EQ(ClassifyMotion(widest, camera, 0.2), ClipMotion::kRotation);
+  widest.quantile = 0.9;
+  EXPECT_EQ(ClassifyMotion(widest, camera, 0.2), ClipMotion::kParallax);
+}
+
 // As of a clip of 15 frames a second in a video of 60.
 TEST(EstimateNoise, IsThatOfTheTracksWherePicturesAreRepeated) {
   test::SyntheticTracksOptions options;

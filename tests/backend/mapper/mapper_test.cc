@@ -191,16 +191,6 @@ std::vector<Eigen::Vector3d> PointsInBox(int count, double near, double far) {
   return points;
 }
 
-// A rotation explains how nearly all tracks move, if the focal length is long.
-TEST(IncrementalMapper, AWallWithABallBeforeItIsNoRotation) {
-  std::vector<Eigen::Vector3d> points = PointsInBox(200, 8.0, 8.05);
-  for (const Eigen::Vector3d& p : PointsInBox(40, 5.5, 6.0)) {
-    points.emplace_back(0.5 + 0.2 * p.x(), 0.2 * p.y(), p.z());
-  }
-  const MapperResult result = ReconstructWithCeres(StraightPath(points, 0.025, 0.05));
-  EXPECT_EQ(result.termination, MapperTermination::kSuccess) << result.summary.termination;
-}
-
 // Of a path without a turn all focal lengths fit, each with depths of its own.
 TEST(IncrementalMapper, SaysWhenTheFocalLengthIsAsGoodAsUnknown) {
   MapperOptions options;
