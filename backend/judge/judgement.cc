@@ -108,6 +108,7 @@ Judgement JudgeModel(const WorkingModel& model,
   Judgement judgement{uncertainty, unexplained, std::nullopt, {}};
   // Of a guessed camera a focal length can be found that makes parallax of a rotation.
   const std::vector<FramePairMotion> pairs = RankPairs(model.whitened(), camera, keyframes);
+  // A known camera is never refused for turning here; whether it is doubted goes by all tracks.
   const WidestPairs widest =
       camera.known ? WidestPairsOf(model.whitened(), pairs) : WidestPairsOf(model, pairs);
   const double noise_px = EstimateNoise(model.whitened());

@@ -487,7 +487,8 @@ std::string Page(const Benchmark& b) {
       R"(# Two optimisers for one energy
 
 The total energy (eq. 3 of the paper) is minimised by the paper's Algorithm 1 (`--subspace.optimizer algorithm-1`) or
-by Newton steps that move all features together (`joint-newton`, the default; `frontend/track/subspace/optimizer.h` says how).
+by Newton steps that move all features together (`joint-newton`, the default;
+`frontend/track/subspace/optimizer.h` says how).
 This page is written by
 
 ```console
