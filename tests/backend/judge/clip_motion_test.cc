@@ -63,8 +63,12 @@ TEST(ClassifyMotion, AWallWithABallBeforeItIsNoRotation) {
     const auto b = camera.Project(point - Eigen::Vector3d(0.575, 0.0, 0.0));
     if (a && b) widest.pairs.front().emplace_back(*a, *b);
   };
-  for (int i = 0; i < 200; ++i) add({-2.0 + 0.2 * (i % 20), -1.35 + 0.3 * (i / 20), 8.0});
-  for (int i = 0; i < 40; ++i) add({0.1 * (i % 8), -0.2 + 0.1 * (i / 8), 5.75});
+  for (int row = 0; row < 10; ++row) {
+    for (int column = 0; column < 20; ++column) add({-2.0 + 0.2 * column, -1.35 + 0.3 * row, 8.0});
+  }
+  for (int row = 0; row < 5; ++row) {
+    for (int column = 0; column < 8; ++column) add({0.1 * column, -0.2 + 0.1 * row, 5.75});
+  }
   camera.known = false;
   EXPECT_EQ(ClassifyMotion(widest, camera, 0.2), ClipMotion::kRotation);
   widest.quantile = 0.9;
