@@ -70,7 +70,7 @@ struct Workspace {
 double MedianFeatures(const TrackSet& tracks) {
   std::vector<double> counts;
   for (const FrameIndex frame : tracks.frames()) {
-    counts.push_back(static_cast<double>(ColmapKeypoints(tracks, frame, false).size()));
+    counts.push_back(static_cast<double>(ColmapKeypoints(tracks, frame).size()));
   }
   return Median(std::move(counts));
 }
@@ -198,10 +198,8 @@ void RemoveOutliers(const TrackFile& file, Reconstruction& reconstruction) {
   UpdateReprojectionErrors(reconstruction);  // bundle_adjuster leaves the old ones
 }
 
-Reconstruction ToReconstruction(const ColmapModel& model,
-                                const TrackFile& file,
-                                const ColmapOptions& options) {
-  Reconstruction reconstruction = FromColmapModel(model, file, options.database.include_predicted);
+Reconstruction ToReconstruction(const ColmapModel& model, const TrackFile& file) {
+  Reconstruction reconstruction = FromColmapModel(model, file);
   RemoveOutliers(file, reconstruction);
   return reconstruction;
 }
@@ -404,7 +402,7 @@ ColmapResult ReconstructWithColmap(const TrackFile& tracked,
   result.colmap_seconds = runs.seconds;
   std::string died = runs.died + runs.damaged;
   if (runs.best) {
-    result.reconstruction = ToReconstruction(*runs.best, file, options);
+    result.reconstruction = ToReconstruction(*runs.best, file);
     if (options.final_adjustment) {
       const Stopwatch adjuster;
       auto adjusted = RunAdjuster(program, file, options, workspace, result.reconstruction);
@@ -447,7 +445,7 @@ ColmapResult AdjustWithColmap(const TrackFile& tracked,
     std::vector<PointView> views;
     for (const PointView& view : point.views) {
       const Observation* o = file.tracks.Find(feature, view.frame);
-      if (o == nullptr || (!IsObserved(*o) && !options.database.include_predicted)) continue;
+      if (o == nullptr || !IsObserved(*o)) continue;
       views.push_back({view.frame, o->xy});
     }
     point.views = std::move(views);
@@ -499,7 +497,7 @@ ColmapResult TriangulateWithColmap(const TrackFile& tracked,
   const ProgramEnd end = program.Run("point_triangulator", arguments, workspace.log);
   result.colmap_seconds = triangulator.Seconds();
   const std::optional<ColmapModel> written = ReadWritten(output, end);
-  result.reconstruction = ToReconstruction(written.value_or(poses), file, options);
+  result.reconstruction = ToReconstruction(written.value_or(poses), file);
   result.summary = Summarize(result.reconstruction, file.frames.size());
   result.summary.seconds = total.Seconds();
   result.summary.termination =

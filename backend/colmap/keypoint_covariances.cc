@@ -97,8 +97,7 @@ CovarianceCounts WriteKeypointCovariances(const fs::path& path,
   CovarianceCounts counts;
   for (const FrameInfo& frame : strong.frames) {
     std::uint32_t index = 0;
-    for (const Observation* o :
-         ColmapKeypoints(strong.tracks, frame.index, options.include_predicted)) {
+    for (const Observation* o : ColmapKeypoints(strong.tracks, frame.index)) {
       keypoints.push_back({&frame, index++, o});
       if (!o->covariance) ++counts.without;
     }

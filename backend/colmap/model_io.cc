@@ -648,9 +648,7 @@ Reconstruction FromColmapModel(const ColmapModel& model) {
   return reconstruction;
 }
 
-Reconstruction FromColmapModel(const ColmapModel& model,
-                               const TrackFile& file,
-                               bool include_predicted) {
+Reconstruction FromColmapModel(const ColmapModel& model, const TrackFile& file) {
   Reconstruction reconstruction = CamerasOf(model);
   for (const FrameInfo& frame : file.frames) {
     if (reconstruction.cam_from_world.contains(frame.index)) {
@@ -659,7 +657,7 @@ Reconstruction FromColmapModel(const ColmapModel& model,
   }
   std::map<ColmapImageId, std::vector<const Observation*>> keypoints;
   for (const auto& [id, image] : model.images) {
-    keypoints[id] = ColmapKeypoints(file.tracks, FrameOfColmapImage(id), include_predicted);
+    keypoints[id] = ColmapKeypoints(file.tracks, FrameOfColmapImage(id));
   }
   for (const auto& [id, point] : model.points) {
     Point3D read;

@@ -71,9 +71,7 @@ ColmapModel ToColmapModel(const Reconstruction& reconstruction);
 Reconstruction FromColmapModel(const ColmapModel& model);
 // Reads a model that COLMAP made of BuildColmapDatabase(file): point -> keypoint index -> feature.
 // Of two points of one feature the one with more views is kept.
-Reconstruction FromColmapModel(const ColmapModel& model,
-                               const TrackFile& file,
-                               bool include_predicted);
+Reconstruction FromColmapModel(const ColmapModel& model, const TrackFile& file);
 
 // The cameras of a model's images as a single one with a changing focal length.
 struct SharedCamera {

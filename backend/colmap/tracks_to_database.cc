@@ -47,24 +47,24 @@ ColmapTwoViewGeometry InColmapPixels(const TwoViewGeometry& geometry, bool camer
 // The index of every feature's keypoint in an image.
 using KeypointIndex = std::map<FeatureId, std::uint32_t>;
 
-KeypointIndex IndexKeypoints(const TrackFile& file, FrameIndex frame, bool include_predicted) {
+KeypointIndex IndexKeypoints(const TrackFile& file, FrameIndex frame) {
   KeypointIndex index;
-  for (const Observation* o : ColmapKeypoints(file.tracks, frame, include_predicted)) {
+  for (const Observation* o : ColmapKeypoints(file.tracks, frame)) {
     const auto next = static_cast<std::uint32_t>(index.size());
     index[o->feature] = next;
   }
   return index;
 }
 
-ColmapImage ToColmapImage(const TrackFile& file, const FrameInfo& frame, bool include_predicted) {
+ColmapImage ToColmapImage(const TrackFile& file, const FrameInfo& frame) {
   ColmapImage image;
   image.name = frame.name;
-  for (const Observation* o : ColmapKeypoints(file.tracks, frame.index, include_predicted)) {
+  for (const Observation* o : ColmapKeypoints(file.tracks, frame.index)) {
     const Eigen::Vector2d xy = o->xy + Eigen::Vector2d::Constant(kColmapPixelShift);
     if (xy.cwiseAbs().maxCoeff() > double{std::numeric_limits<float>::max()}) {
       ThrowError(
-          "track {} is at {:.1e}, {:.1e} in frame {}, which COLMAP cannot hold: leave out "
-          "predicted positions",
+          "track {} is at {:.1e}, {:.1e} in frame {}, which COLMAP cannot hold: leave the track "
+          "out",
           ToInt(o->feature),
           o->xy.x(),
           o->xy.y(),
@@ -177,11 +177,6 @@ TrackFile WithoutWeakObservations(const TrackFile& file, const ColmapDatabaseOpt
     return o.state == ObservationState::kObserved && o.covariance && variance(o) > most.at(o.frame);
   };
   TrackFile strong = file;
-  if (options.include_predicted) {
-    std::erase_if(observations, is_weak);
-    strong.tracks = TrackSet::Build(std::move(observations));  // ends may have gone with them
-    return strong;
-  }
   for (Observation& o : observations) {
     if (is_weak(o)) o.state = ObservationState::kPredicted;
   }
@@ -190,12 +185,10 @@ TrackFile WithoutWeakObservations(const TrackFile& file, const ColmapDatabaseOpt
   return strong;
 }
 
-std::vector<const Observation*> ColmapKeypoints(const TrackSet& tracks,
-                                                FrameIndex frame,
-                                                bool include_predicted) {
+std::vector<const Observation*> ColmapKeypoints(const TrackSet& tracks, FrameIndex frame) {
   std::vector<const Observation*> keypoints;
   for (const Observation* o : tracks.InFrame(frame)) {
-    if (include_predicted || o->state == ObservationState::kObserved) keypoints.push_back(o);
+    if (IsObserved(*o)) keypoints.push_back(o);
   }
   return keypoints;
 }
@@ -212,9 +205,8 @@ ColmapDatabase BuildColmapDatabase(
   database.camera = ToColmapCamera(camera);
   std::map<FrameIndex, KeypointIndex> keypoints;
   for (const FrameInfo& frame : file.frames) {
-    keypoints[frame.index] = IndexKeypoints(file, frame.index, options.include_predicted);
-    database.images[ColmapImageIdOf(frame.index)] =
-        ToColmapImage(file, frame, options.include_predicted);
+    keypoints[frame.index] = IndexKeypoints(file, frame.index);
+    database.images[ColmapImageIdOf(frame.index)] = ToColmapImage(file, frame);
     if (focal_scale.empty()) continue;
     database.camera_of_image[ColmapImageIdOf(frame.index)] =
         ToColmapCamera(CameraOf(camera, focal_scale, frame.index));
@@ -223,7 +215,7 @@ ColmapDatabase BuildColmapDatabase(
   auto frame_pairs = PairFrames(file.frames, options.max_stride);
   frame_pairs.insert(extra_pairs.begin(), extra_pairs.end());
   for (const auto& [frame1, frame2] : frame_pairs) {
-    const FramePairMatches shared = MatchFrames(tracks, frame1, frame2, options.include_predicted);
+    const FramePairMatches shared = MatchFrames(tracks, frame1, frame2);
     if (shared.features.size() < static_cast<std::size_t>(options.two_view.min_inliers)) continue;
     database.AddPair(ColmapImageIdOf(frame1),
                      ColmapImageIdOf(frame2),

@@ -14,18 +14,12 @@ namespace cohort {
 
 struct ColmapDatabaseOptions {
   TwoViewOptions two_view;
-  bool include_predicted = false;
   double max_relative_sigma = 1.5;
   int max_stride = 1024;
 
   template <typename Self, typename Visitor>
   static void Visit(Self& o, Visitor& v) {
     v.Group("two_view", o.two_view, "when two frames have a geometry");
-    v.Flag("include_predicted",
-           o.include_predicted,
-           "Take positions that no image confirmed too, as if they were measured. They "
-           "hold on to the other features alone, so a model of them confirms itself.",
-           Tier::kCommon);
     v.Number("max_relative_sigma",
              o.max_relative_sigma,
              0.0,
@@ -42,15 +36,13 @@ struct ColmapDatabaseOptions {
 
 // COLMAP weighs all observations equally, so weak ones are better left out: those with a deviation
 // sqrt(trace(covariance) / 2) above `max_relative_sigma` times the median of the clip, or of their
-// frame if that is larger (a blurred frame must keep its connections). They are marked predicted,
-// or dropped if predicted ones are included too. Observations without a covariance stay.
+// frame if that is larger (a blurred frame must keep its connections). They are marked predicted.
+// Observations without a covariance stay.
 TrackFile WithoutWeakObservations(const TrackFile& file, const ColmapDatabaseOptions& options);
 
-// The keypoints of a frame in the database's order: ascending features, only observed ones unless
-// predicted ones are requested. It maps the keypoint indices of a mapper's model to features.
-std::vector<const Observation*> ColmapKeypoints(const TrackSet& tracks,
-                                                FrameIndex frame,
-                                                bool include_predicted);
+// The keypoints of a frame in the database's order: its observed positions, ascending features. It
+// maps the keypoint indices of a mapper's model to features.
+std::vector<const Observation*> ColmapKeypoints(const TrackSet& tracks, FrameIndex frame);
 
 // Tracks as pairs of frames s apart for s = 1, 2, 4, 8 ..., starting every max(1, s/2) frames. This
 // costs three pairs per frame and gives COLMAP as much as all pairs. A pair with fewer common

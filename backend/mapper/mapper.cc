@@ -39,7 +39,7 @@ Camera CameraOrGuess(const TrackFile& file) {
                file.height_px);
   }
   Camera c = file.camera.value_or(Camera::Guess(file.width_px, file.height_px));
-  c.row_order = RowOrderOf(file);
+  c.row_order = file.meta.row_order;
   for (const double value :
        {c.fx, c.fy, c.cx, c.cy, c.k1, c.k2, c.p1, c.p2, c.k3, c.k4, c.k5, c.k6}) {
     if (!std::isfinite(value)) ThrowError("the tracks' camera has a parameter that is not finite");
@@ -67,16 +67,6 @@ std::optional<Camera> FoundBefore(const TrackFile& file,
   std::optional<Camera> found = file.found_camera;
   if (found) found->row_order = given.row_order;
   return found;
-}
-
-WhiteningOptions WhiteningOptionsFrom(const MapperOptions& options) {
-  WhiteningOptions result;
-  result.min_track_length = options.min_track_length;
-  result.use_covariances = options.use_covariances;
-  result.covariance_floor_px = options.covariance_floor_px;
-  result.include_predicted = options.include_predicted;
-  result.predicted_growth_px = options.predicted_growth_px;
-  return result;
 }
 
 // `observed`: the model's tracks as the pictures show them.
@@ -309,7 +299,7 @@ bool HasNeighbours(const std::vector<FrameInfo>& frames) {
 MapperResult MapAtOneFocalLength(const TrackFile& file, const MapperOptions& options) {
   MapperResult result;
   const Camera given = CameraOrGuess(file);
-  const auto least = static_cast<std::size_t>(std::max(2, options.min_track_length));
+  const auto least = static_cast<std::size_t>(std::max(2, options.whitening.min_track_length));
   if (file.frames.size() < least) {
     return WithEnd(std::move(result),
                    {MapperTermination::kTooFewTracks,
@@ -318,13 +308,13 @@ MapperResult MapAtOneFocalLength(const TrackFile& file, const MapperOptions& opt
                                 file.frames.size() == 1 ? "" : "s",
                                 least)});
   }
-  const WhitenedTracks whitened(file, WhiteningOptionsFrom(options));
+  const WhitenedTracks whitened(file, options.whitening);
   if (whitened.track_count() == 0) {
     return WithEnd(std::move(result),
                    {MapperTermination::kTooFewTracks,
                     fmt::format("none of {} tracks is observed in {} frames",
                                 file.tracks.features().size(),
-                                options.min_track_length)});
+                                options.whitening.min_track_length)});
   }
 
   if (options.readout != 0.0 && !HasNeighbours(file.frames)) {
@@ -389,7 +379,7 @@ MapperResult AdjustAtOneFocalLength(const TrackFile& file,
                                     const Reconstruction& start,
                                     const CameraRefinement& refinement,
                                     const MapperOptions& options) {
-  const WhitenedTracks whitened(file, WhiteningOptionsFrom(options));
+  const WhitenedTracks whitened(file, options.whitening);
   const NearModel near(start);
   JudgedParts judged{.parts = {{AdjustedModel(whitened, near.get()), {}}}};
   AdjustParts(options, refinement, judged);
@@ -508,7 +498,7 @@ MapperResult ReconstructWithCeres(const TrackFile& file, const MapperOptions& op
 
 Reconstruction AdjustWithCeres(const TrackFile& file, const Reconstruction& start) {
   const TimedPart part("reconstruction");
-  const WhitenedTracks whitened(file, WhiteningOptionsFrom({}));
+  const WhitenedTracks whitened(file, WhiteningOptions{});
   const NearModel near(start);
   return near.InWorldOfModel(ToReconstruction(AdjustedModel(whitened, near.get()), whitened, 0.0));
 }
@@ -536,7 +526,7 @@ MapperResult TriangulateWithCeres(const TrackFile& file,
   }
   constexpr int kRounds = 3;
   const Stopwatch stopwatch;
-  const WhitenedTracks whitened(file, WhiteningOptionsFrom(options));
+  const WhitenedTracks whitened(file, options.whitening);
   WorkingModel model(whitened, CameraOrGuess(file));
   Reconstruction given;
   given.cam_from_world = cam_from_world;

@@ -8,16 +8,13 @@
 #include "backend/adjust/lens_changes.h"
 #include "backend/scene/mapper_termination.h"
 #include "backend/scene/reconstruction.h"
+#include "backend/scene/whitened_tracks.h"
 #include "frontend/tracks/track_store.h"
 
 namespace cohort {
 
 struct MapperOptions {
-  int min_track_length = 3;
-  bool use_covariances = true;
-  double covariance_floor_px = 0.1;
-  bool include_predicted = false;
-  double predicted_growth_px = 1.0;
+  WhiteningOptions whitening = {};
   bool refine_focal = true;
   bool refine_radial = true;
   bool refine_principal_point = true;
@@ -31,30 +28,20 @@ struct MapperOptions {
   template <typename Self, typename Visitor>
   static void Visit(Self& o, Visitor& v) {
     v.Number("min_track_length",
-             o.min_track_length,
+             o.whitening.min_track_length,
              2,
              1000,
              "tracks observed in fewer frames are not used [frames]");
     v.Flag("use_covariances",
-           o.use_covariances,
+           o.whitening.use_covariances,
            "Weigh every observation by how sure the tracker is of it; off: all alike.",
            Tier::kCommon);
     v.Number("covariance_floor_px",
-             o.covariance_floor_px,
+             o.whitening.covariance_floor_px,
              0.0,
              10.0,
              "added in quadrature to a tracker's standard deviation, so that no observation claims "
              "to be exact [px]");
-    v.Flag("include_predicted",
-           o.include_predicted,
-           "Use positions that no image confirmed too, with less weight. They hold on to "
-           "the other features alone, so a model of them confirms itself.",
-           Tier::kCommon);
-    v.Number("predicted_growth_px",
-             o.predicted_growth_px,
-             0.01,
-             100.0,
-             "standard deviation that a predicted position gains with every frame [px]");
     v.Flag("refine_focal",
            o.refine_focal,
            "Refine the focal length of a guessed camera; off: the guess is taken as true.",
@@ -86,10 +73,8 @@ struct MapperOptions {
   }
 };
 
-struct MapperResult {
-  MapperTermination termination = MapperTermination::kTooFewTracks;
-  Reconstruction reconstruction;         // empty unless kSuccess or kPartial
-  ReconstructionSummary summary;         // its termination says in words how it ended
+// What a reconstruction by Ceres finds beside the model.
+struct CeresFindings {
   std::vector<FeatureId> without_point;  // observed features that have no point in the model
   // Parts of the clip that could not be tied to the model returned, most frames first.
   std::vector<Reconstruction> other_parts;
@@ -108,12 +93,18 @@ struct MapperResult {
   // refined focal length (judgement.h states how both follow from the covariances).
   std::optional<double> expected_error;
   std::optional<double> focal_sigma;
-  std::optional<LensChanges> lens_changes;  // of the model returned
   // With MapperOptions::covariances, scaled by noise^2. The cameras' are those of (omega [rad],
   // centre), see CameraPose.
   std::map<FrameIndex, Eigen::Matrix<double, 6, 6>> camera_covariances;
   std::map<FeatureId, Eigen::Matrix3d> point_covariances;
-  std::vector<std::string> warnings;  // requests that could not be met, a line each
+};
+
+struct MapperResult : CeresFindings {
+  MapperTermination termination = MapperTermination::kTooFewTracks;
+  Reconstruction reconstruction;            // empty unless kSuccess or kPartial
+  ReconstructionSummary summary;            // its termination says in words how it ended
+  std::optional<LensChanges> lens_changes;  // of the model returned
+  std::vector<std::string> warnings;        // requests that could not be met, a line each
 };
 
 // Reconstructs cameras and points from tracks alone. The camera is the file's; it is refined if it

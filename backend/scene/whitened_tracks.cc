@@ -12,7 +12,6 @@ namespace cohort {
 namespace {
 
 Eigen::Matrix2d ObservationCovariance(const Observation& observation,
-                                      std::uint32_t frames_since_observed,
                                       const WhiteningOptions& options) {
   Eigen::Matrix2d covariance = Eigen::Matrix2d::Identity();
   if (options.use_covariances && observation.covariance) {
@@ -22,10 +21,6 @@ Eigen::Matrix2d ObservationCovariance(const Observation& observation,
     if (measured.allFinite() && measured(0, 0) > 0.0 && measured.determinant() > 0.0) {
       covariance = measured;
     }
-  }
-  if (observation.state == ObservationState::kPredicted) {
-    const double sigma = options.predicted_growth_px * std::max(1u, frames_since_observed);
-    covariance += sigma * sigma * Eigen::Matrix2d::Identity();
   }
   return covariance;
 }
@@ -44,23 +39,17 @@ WhitenedTracks::WhitenedTracks(const TrackFile& file, const WhiteningOptions& op
   in_frame_.resize(frames_.size());
   for (const FeatureId feature : file.tracks.features()) {
     const auto track = file.tracks.Track(feature);
-    const auto used = [&](const Observation& o) {
-      return o.state == ObservationState::kObserved || options.include_predicted;
-    };
-    if (std::count_if(track.begin(), track.end(), used) < options.min_track_length) continue;
+    if (std::count_if(track.begin(), track.end(), IsObserved) < options.min_track_length) continue;
     const int number = track_count();
     features_.push_back(feature);
     first_of_track_.push_back(static_cast<int>(observations_.size()));
-    FrameIndex last_observed = track.front().frame;
     for (const Observation& o : track) {
-      if (o.state == ObservationState::kObserved) last_observed = o.frame;
-      if (!used(o)) continue;
+      if (!IsObserved(o)) continue;
       WhitenedObservation& observation = observations_.emplace_back();
       observation.frame = frame_number.at(o.frame);
       observation.track = number;
       observation.xy = o.xy;
-      observation.covariance_px2 =
-          ObservationCovariance(o, ToInt(o.frame) - ToInt(last_observed), options);
+      observation.covariance_px2 = ObservationCovariance(o, options);
       observation.whitening = Eigen::LLT<Eigen::Matrix2d>(observation.covariance_px2)
                                   .matrixL()
                                   .solve(Eigen::Matrix2d::Identity());

@@ -23,13 +23,11 @@ struct WhiteningOptions {
   int min_track_length = 3;
   bool use_covariances = true;
   double covariance_floor_px = 0.1;  // added in quadrature to a measured covariance
-  bool include_predicted = false;
-  double predicted_growth_px = 1.0;  // standard deviation gained per frame since it was observed
 };
 
 class WhitenedTracks {
  public:
-  // Observed positions (and predicted ones, if asked) of tracks with at least min_track_length.
+  // Observed positions of tracks with at least min_track_length of them.
   WhitenedTracks(const TrackFile& file, const WhiteningOptions& options);
 
   // The same observations at other positions, in the order of observations().

@@ -373,15 +373,9 @@ TwoViewGeometry AsPanoramic(TwoViewGeometry geometry,
 
 }  // namespace
 
-FramePairMatches MatchFrames(const TrackSet& tracks,
-                             FrameIndex frame1,
-                             FrameIndex frame2,
-                             bool include_predicted) {
+FramePairMatches MatchFrames(const TrackSet& tracks, FrameIndex frame1, FrameIndex frame2) {
   const auto in1 = tracks.InFrame(frame1);
   const auto in2 = tracks.InFrame(frame2);
-  const auto counts = [&](const Observation* o) {
-    return include_predicted || o->state == ObservationState::kObserved;
-  };
   FramePairMatches matches;
   for (auto a = in1.begin(), b = in2.begin(); a != in1.end() && b != in2.end();) {
     if ((*a)->feature < (*b)->feature) {
@@ -389,7 +383,7 @@ FramePairMatches MatchFrames(const TrackSet& tracks,
     } else if ((*b)->feature < (*a)->feature) {
       ++b;
     } else {
-      if (counts(*a) && counts(*b)) {
+      if (IsObserved(**a) && IsObserved(**b)) {
         matches.features.push_back((*a)->feature);
         matches.xy1.push_back((*a)->xy);
         matches.xy2.push_back((*b)->xy);

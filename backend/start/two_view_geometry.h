@@ -21,11 +21,8 @@ struct FramePairMatches {
   std::vector<Eigen::Vector2d> xy2;
 };
 
-// Observed positions only, unless predicted ones are asked for.
-FramePairMatches MatchFrames(const TrackSet& tracks,
-                             FrameIndex frame1,
-                             FrameIndex frame2,
-                             bool include_predicted = false);
+// Observed positions only.
+FramePairMatches MatchFrames(const TrackSet& tracks, FrameIndex frame1, FrameIndex frame2);
 
 enum class TwoViewKind {
   kCalibrated,    // an essential matrix, and enough depth to exclude a homography

@@ -12,8 +12,6 @@
 
 #include "frontend/core/error.h"
 #include "frontend/storage/input_file.h"
-#include "frontend/storage/input_record.h"
-#include "frontend/storage/sqlite_journal.h"
 
 namespace cohort {
 namespace {
@@ -231,26 +229,17 @@ SqliteDatabase SqliteDatabase::Open(const fs::path& path, Mode mode) {
   const fs::path file = WithoutLinks(path);
   const fs::path log = Beside(file, "-wal");
   std::string uri = UriOf(file);
-  int flags = SQLITE_OPEN_URI | SQLITE_OPEN_READWRITE;
-  const char* vfs = nullptr;
-  const bool may_be_foreign = mode != Mode::kCreate || BytesOf(file) > 0;
-  if (may_be_foreign) {
-    CheckInputFile(path);
-    CheckIfThere(log);
-    CheckJournal(path, Beside(file, "-journal"));
-  }
   const bool has_log = BytesOf(log) > 0;
-  if (mode == Mode::kCreate) flags |= SQLITE_OPEN_CREATE;
+  int flags = SQLITE_OPEN_URI | SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE;
+  const char* vfs = nullptr;
   if (mode == Mode::kRead) {
+    CheckInputFile(path);
+    for (const char* suffix : {"-wal", "-journal"}) CheckIfThere(Beside(file, suffix));
     flags = SQLITE_OPEN_URI | SQLITE_OPEN_READONLY;
     // SQLite shares its index of a log by a file beside it, unless it has the database for itself, by
     // locks that take the right to write. Without locks the index is in memory.
     if (has_log) vfs = "unix-none";
     if (!has_log && SaysItHasALog(path)) uri += "?immutable=1";
-  } else if (may_be_foreign && (has_log || SaysItHasALog(path))) {
-    // SQLite would write beside it and clear it up. What cohort writes has none.
-    ThrowError("database {} has a write-ahead log, which cohort writes to none: it is not ours",
-               path.string());
   }
   const std::uint64_t bytes = BytesOf(file) + BytesOf(log);  // it may be renamed once it is open
   sqlite3* raw = nullptr;
@@ -265,7 +254,7 @@ SqliteDatabase SqliteDatabase::Open(const fs::path& path, Mode mode) {
                     raw != nullptr ? WhatSqliteSays(raw) : sqlite3_errstr(result),
                     too_long ? "; its path is longer than SQLite takes, 500 bytes" : "");
     const bool gone = raw != nullptr && sqlite3_system_errno(raw) == ENOENT;  // by now
-    if (gone && mode != Mode::kCreate) throw MissingFileError(what);
+    if (gone && mode == Mode::kRead) throw MissingFileError(what);
     throw Error(what);
   }
   sqlite3_busy_timeout(raw, kPatienceMs);
@@ -279,10 +268,10 @@ SqliteDatabase SqliteDatabase::Open(const fs::path& path, Mode mode) {
   sqlite3_db_config(raw, SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, 1, nullptr);
   if (has_log) db.Execute("PRAGMA locking_mode = EXCLUSIVE");
   db.Execute("PRAGMA cell_size_check = ON");
-  if (may_be_foreign) db.LimitWork(bytes);
+  if (mode == Mode::kRead) db.LimitWork(bytes);
   // Opening reads nothing: this says at once that the file is no database, or damaged.
   db.Execute("PRAGMA schema_version");
-  if (may_be_foreign) db.CheckTables();
+  if (mode == Mode::kRead) db.CheckTables();
   return db;
 }
 
@@ -337,13 +326,6 @@ std::int64_t SqliteDatabase::UserVersion() {
 }
 
 void RemoveJournals(const fs::path& path) {
-  if (BytesOf(Beside(path, "-journal")) > 0 && BytesOf(path) > 0) {
-    const OwnFile own(path);
-    try {
-      SqliteDatabase::Open(path, SqliteDatabase::Mode::kWrite);
-    } catch (const Error&) {  // no database, a damaged one, or not the journal's
-    }
-  }
   for (const char* suffix : {"-wal", "-shm", "-journal"}) {
     const fs::path journal = Beside(path, suffix);
     std::error_code error;

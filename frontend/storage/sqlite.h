@@ -70,9 +70,9 @@ class SqliteStatement {
 class SqliteDatabase {
  public:
   // kRead: writes nothing, neither in the file nor beside it, and reads a write-ahead log in place.
-  // kWrite: the file must exist; a transaction that a crashed program left half written is rolled
-  // back. kCreate: kWrite, and creates a missing file. Throws Error naming the path.
-  enum class Mode { kRead, kWrite, kCreate };
+  // kCreate: a file of ours, created if missing. Throws Error naming the path, also if a crashed
+  // program left a transaction half written.
+  enum class Mode { kRead, kCreate };
   static SqliteDatabase Open(const std::filesystem::path& path, Mode mode);
 
   void Execute(const std::string& sql);  // one or more statements without results
@@ -96,8 +96,8 @@ class SqliteDatabase {
 };
 
 // Call this before placing a file at PATH: SQLite would play a journal or log that a crashed
-// program left beside PATH into the next file of that name. First rolls the journal back, so that
-// PATH itself is whole until it is replaced. Throws Error naming what cannot be removed.
+// program left beside PATH into the next file of that name. Throws Error naming what cannot be
+// removed.
 void RemoveJournals(const std::filesystem::path& path);
 
 // BEGIN ... COMMIT; rolls back at the end of the scope unless committed.

@@ -27,9 +27,7 @@ std::vector<std::string_view> SplitAtTabs(std::string_view line) {
 
 }  // namespace
 
-std::size_t WriteOpenSfmTracks(const fs::path& path,
-                               const TrackFile& file,
-                               bool include_predicted) {
+std::size_t WriteOpenSfmTracks(const fs::path& path, const TrackFile& file) {
   Check(file.width_px > 0 && file.height_px > 0, "the image size is known");
   const double longer_px = std::max(file.width_px, file.height_px);
   std::set<FeatureId> written;
@@ -38,7 +36,7 @@ std::size_t WriteOpenSfmTracks(const fs::path& path,
   for (const FrameInfo& frame : file.frames) {
     int feature_in_image = 0;
     for (const Observation* o : file.tracks.InFrame(frame.index)) {
-      if (o->state != ObservationState::kObserved && !include_predicted) continue;
+      if (!IsObserved(*o)) continue;
       written.insert(o->feature);
       out.Text(frame.name).Text("\t").Number(ToInt(o->feature)).Text("\t");
       out.Number(feature_in_image++).Text("\t");

@@ -14,11 +14,9 @@ namespace cohort {
 //   version 1: without the last two; version 0: without scale too, and without a first line
 //   OPENSFM_TRACKS_VERSION_v1 that names the version.
 
-// Writes version 2, scale = 1 px / D. Colours are black, segmentation and instance -1 (none). Whole
-// or not at all. Returns how many tracks have a row.
-std::size_t WriteOpenSfmTracks(const std::filesystem::path& path,
-                               const TrackFile& file,
-                               bool include_predicted = false);
+// Writes the observed positions in version 2, scale = 1 px / D. Colours are black, segmentation and
+// instance -1 (none). Whole or not at all. Returns how many tracks have a row.
+std::size_t WriteOpenSfmTracks(const std::filesystem::path& path, const TrackFile& file);
 
 // Reads all versions. Images are matched to frames by name; all frames have the same size. Rows of
 // unknown images are skipped and counted. Throws Error naming path and line.

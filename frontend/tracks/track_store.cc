@@ -5,7 +5,9 @@
 #include <charconv>
 #include <climits>
 #include <cmath>
+#include <map>
 #include <string_view>
+#include <utility>
 
 #include "frontend/core/error.h"
 #include "frontend/geometry/camera_fault.h"
@@ -46,8 +48,7 @@ constexpr const char* kSchema = R"(
 // The keys of table meta that are fields of TrackFile.
 constexpr std::array<std::string_view, 5> kFieldKeys{
     "source", "image_root", "width_px", "height_px", "status"};
-constexpr std::string_view kRunning = "running";
-constexpr std::string_view kComplete = "complete";
+constexpr std::string_view kComplete = "complete";  // version 0.1 had others while it tracked
 
 bool IsFieldKey(std::string_view key) {
   return std::find(kFieldKeys.begin(), kFieldKeys.end(), key) != kFieldKeys.end();
@@ -55,11 +56,6 @@ bool IsFieldKey(std::string_view key) {
 
 void PutMeta(SqliteDatabase& db, std::string_view key, std::string_view value) {
   db.Prepare("INSERT OR REPLACE INTO meta VALUES(?, ?)").Bind(1, key).Bind(2, value).Run();
-}
-
-std::string GetMeta(SqliteDatabase& db, std::string_view key) {
-  auto select = db.Prepare("SELECT value FROM meta WHERE key = ?");
-  return select.Bind(1, key).Step() ? std::string(select.Text(0)) : std::string();
 }
 
 void PutCamera(SqliteDatabase& db, std::string_view table, const Camera& camera) {
@@ -74,13 +70,13 @@ void PutCamera(SqliteDatabase& db, std::string_view table, const Camera& camera)
   insert.Bind(17, camera.guess_log_sigma).Run();
 }
 
-void CreateSchema(SqliteDatabase& db, const TrackFile& header, std::string_view status) {
+void CreateSchema(SqliteDatabase& db, const TrackFile& header) {
   const bool more = header.camera && !header.camera->HasAtMostFourCoefficients();
   db.Execute(fmt::format("PRAGMA application_id = {}; PRAGMA user_version = {};{}",
                          kApplicationId,
                          more ? kNewestStore : kVersion,
                          kSchema));
-  for (const auto& [key, value] : header.meta) {
+  for (const auto& [key, value] : RowsOf(header.meta)) {
     Check(!IsFieldKey(key), "meta keys of a .tracks file are not its fields' names");
     PutMeta(db, key, value);
   }
@@ -88,7 +84,7 @@ void CreateSchema(SqliteDatabase& db, const TrackFile& header, std::string_view 
   PutMeta(db, "image_root", header.image_root);
   PutMeta(db, "width_px", std::to_string(header.width_px));
   PutMeta(db, "height_px", std::to_string(header.height_px));
-  PutMeta(db, "status", status);
+  PutMeta(db, "status", kComplete);
   if (header.camera) PutCamera(db, "camera", *header.camera);
   if (header.found_camera) {
     db.Execute("CREATE TABLE found_camera AS SELECT * FROM camera WHERE 0");
@@ -125,39 +121,6 @@ struct Inserter {
 
   SqliteStatement frame, observation, end;
 };
-
-// With the journal that SQLite leaves beside it when it fails on a full disk.
-void RemoveDatabase(const fs::path& path) {
-  std::error_code ignored;
-  fs::remove(path, ignored);
-  fs::remove(path.string() + "-journal", ignored);
-}
-
-bool HoldsTracks(SqliteDatabase& db) {
-  auto select = db.Prepare("PRAGMA application_id");
-  return select.Step() && select.Int(0) == kApplicationId;
-}
-
-SqliteDatabase OpenToRead(const fs::path& path) {
-  // Where there is a journal SQLite may have to roll back what a kill left half done. It falls back to
-  // reading where the file is write-protected.
-  std::error_code error;
-  const fs::path file = fs::canonical(path, error);
-  const bool has_journal = !error && fs::exists(file.string() + "-journal");
-  return SqliteDatabase::Open(
-      path, has_journal ? SqliteDatabase::Mode::kWrite : SqliteDatabase::Mode::kRead);
-}
-
-// Whoever writes a file may rename it at any time.
-template <typename Holds>
-bool IsThereAnd(const fs::path& path, const Holds& holds) {
-  try {
-    auto db = OpenToRead(path);
-    return holds(db);
-  } catch (const MissingFileError&) {
-    return false;
-  }
-}
 
 [[noreturn]] void ThrowDamaged(const fs::path& path, std::string_view what) {
   ThrowError("{} is damaged: {}; make it again", path.string(), what);
@@ -236,8 +199,11 @@ std::optional<Camera> ReadCamera(SqliteDatabase& db, std::string_view table, con
 
 SqliteDatabase OpenTracks(const fs::path& path) {
   CheckInputFile(path);
-  auto db = OpenToRead(path);
-  if (!HoldsTracks(db)) ThrowError("{} is no .tracks file of cohort", path.string());
+  auto db = SqliteDatabase::Open(path, SqliteDatabase::Mode::kRead);
+  auto id = db.Prepare("PRAGMA application_id");
+  if (!id.Step() || id.Int(0) != kApplicationId) {
+    ThrowError("{} is no .tracks file of cohort", path.string());
+  }
   if (db.UserVersion() < kVersion || db.UserVersion() > kNewestStore) {
     ThrowError(
         "{} is a .tracks file of version {}, this program reads versions up to {}: make it again, "
@@ -310,178 +276,14 @@ std::vector<TrackEnd> ReadEnds(SqliteDatabase& db, const fs::path& path) {
 
 }  // namespace
 
-struct TrackWriter::Impl {
-  Impl(fs::path final_path,
-       fs::path working_path,
-       WriteLock held,
-       std::optional<WriteLock> of_path,
-       SqliteDatabase opened)
-      : path(std::move(final_path)),
-        working(std::move(working_path)),
-        lock(std::move(held)),
-        replaced(std::move(of_path)),
-        db(std::move(opened)) {
-    // A kill of the program loses nothing that was written, synced or not; only Finish syncs, so
-    // that a finished file survives the machine's end too.
-    db->Execute("PRAGMA synchronous = OFF");
-    // Who looks at a long clip while it is tracked reads for a while: that shall not end the run.
-    db->Execute("PRAGMA busy_timeout = 600000");
-  }
-
-  fs::path path;
-  fs::path working;
-  // Of `working`, and of the file at `path` where that is another: nobody else may be writing it. Before
-  // db: to close a file drops SQLite's own locks of it.
-  WriteLock lock;
-  std::optional<WriteLock> replaced;
-  std::optional<SqliteDatabase> db;  // none: finished
-  std::optional<Inserter> insert;    // after db: statements must not outlive it
-  std::optional<FrameIndex> last;
-};
-
-TrackWriter::TrackWriter(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
-TrackWriter::TrackWriter(TrackWriter&&) noexcept = default;
-TrackWriter& TrackWriter::operator=(TrackWriter&&) noexcept = default;
-TrackWriter::~TrackWriter() = default;
-
-TrackWriter TrackWriter::Create(const fs::path& path, const TrackFile& header) {
-  CheckOutputPath(path);
-  fs::path working = PartialOf(path);
-  WriteLock lock = WriteLock::OfNewFile(working);
-  std::optional<WriteLock> replaced;
-  try {
-    replaced = WriteLock::Of(path);
-    if (!fs::exists(path)) RemoveJournals(path);  // of one that was removed
-    RemoveJournals(working);
-    auto db = SqliteDatabase::Open(working, SqliteDatabase::Mode::kCreate);
-    SqliteTransaction transaction(db);
-    CreateSchema(db, header, kRunning);
-    transaction.Commit();
-  } catch (const Error&) {
-    RemoveDatabase(working);
-    throw;
-  }
-  // Renamed only now, so that a kill before leaves no file that cannot be read at PATH.
-  if (!fs::exists(path)) {
-    fs::rename(working, path);
-    working = path;
-  }
-  auto impl = std::make_unique<Impl>(path,
-                                     working,
-                                     std::move(lock),
-                                     std::move(replaced),
-                                     SqliteDatabase::Open(working, SqliteDatabase::Mode::kWrite));
-  impl->insert.emplace(*impl->db);
-  return TrackWriter(std::move(impl));
-}
-
-std::optional<TrackWriter> TrackWriter::Resume(const fs::path& path) {
-  auto working = FindUnfinishedTracks(path);
-  std::optional<WriteLock> lock;
-  std::optional<WriteLock> replaced;
-  if (working) {
-    lock = WriteLock::Of(*working);
-    if (*working != path) replaced = WriteLock::Of(path);
-    working = FindUnfinishedTracks(path);  // who held it may have finished it
-  }
-  if (!working) return std::nullopt;
-  auto impl = std::make_unique<Impl>(path,
-                                     *working,
-                                     std::move(*lock),
-                                     std::move(replaced),
-                                     SqliteDatabase::Open(*working, SqliteDatabase::Mode::kWrite));
-  impl->insert.emplace(*impl->db);
-  auto last = impl->db->Prepare("SELECT MAX(\"index\") FROM frames");
-  if (last.Step() && !last.IsNull(0)) {
-    impl->last = FrameIndex{ReadId(last.Int(0), *working, "frame")};
-  }
-  return TrackWriter(std::move(impl));
-}
-
-void TrackWriter::AppendFrame(const FrameInfo& frame,
-                              const std::vector<Observation>& observations,
-                              const std::vector<TrackEnd>& ends) {
-  Check(impl_->db.has_value(), "no frame is appended to a finished .tracks file");
-  Check(!impl_->last || *impl_->last < frame.index, "frames of a .tracks file ascend");
-  SqliteTransaction transaction(*impl_->db);
-  impl_->insert->Insert(frame);
-  for (const Observation& observation : observations) {
-    Check(observation.frame == frame.index, "observations are of the frame they come with");
-    Check(observation.xy.allFinite(), "positions are finite");
-    impl_->insert->Insert(observation);
-  }
-  for (const TrackEnd& end : ends) impl_->insert->Insert(end);
-  transaction.Commit();
-  impl_->last = frame.index;
-}
-
-std::optional<FrameIndex> TrackWriter::last_frame() const { return impl_->last; }
-
-void TrackWriter::SetMeta(const std::string& key, const std::string& value) {
-  Check(impl_->db.has_value(), "a finished .tracks file is not changed");
-  Check(!IsFieldKey(key), "meta keys of a .tracks file are not its fields' names");
-  PutMeta(*impl_->db, key, value);
-}
-
-void TrackWriter::Finish() {
-  Check(impl_->db.has_value(), "a .tracks file is finished once");
-  impl_->db->Execute("PRAGMA synchronous = FULL");
-  // One that was complete and only not renamed keeps its bytes.
-  if (GetMeta(*impl_->db, "status") != kComplete) PutMeta(*impl_->db, "status", kComplete);
-  impl_->insert.reset();
-  impl_->db.reset();
-  if (impl_->working == impl_->path) return;
-  RemoveJournals(impl_->path);
-  std::error_code error;
-  fs::rename(impl_->working, impl_->path, error);
-  if (error) {
-    ThrowError("cannot replace {}: {}; the tracks are in {}",
-               impl_->path.string(),
-               error.message(),
-               impl_->working.string());
-  }
-}
-
-std::optional<fs::path> FindUnfinishedTracks(const fs::path& path) {
-  const fs::path partial = PartialOf(path);
-  if (fs::is_regular_file(partial) && IsThereAnd(partial, HoldsTracks)) return partial;
-  if (fs::is_regular_file(path) &&
-      !fs::is_symlink(path) &&  // a link is replaced, not written through
-      IsThereAnd(path, [](SqliteDatabase& db) {
-        return HoldsTracks(db) && GetMeta(db, "status") == kRunning;
-      })) {
-    return path;
-  }
-  return std::nullopt;
-}
-
-TrackCounts CountTracks(const fs::path& path) {
-  auto db = OpenTracks(path);
-  const auto count = [&](std::string_view of) {
-    // Of columns, not of rows: rows alone SQLite counts without end where pages are damaged.
-    auto row = db.Prepare(fmt::format("SELECT COUNT({}", of));
-    return row.Step() ? static_cast<std::size_t>(row.Int(0)) : 0;
-  };
-  return {.frames = count("\"index\") FROM frames"),
-          .tracks = count("DISTINCT track_id) FROM observations"),
-          .observations = count("frame) FROM observations"),
-          .predicted = count("frame) FROM observations WHERE observed = 0")};
-}
-
-RowOrder RowOrderOf(const TrackFile& file) {
-  const auto order = file.meta.find(kRowOrderMeta);
-  if (order == file.meta.end()) return RowOrder::kDown;
-  return ValueOf(kRowOrderNames, order->second).value_or(RowOrder::kDown);
-}
-
 TrackFile ReadTrackFile(const fs::path& path) {
   auto db = OpenTracks(path);
-  const SqliteTransaction one_moment(db);  // of a file that may still be written
   TrackFile file;
   auto meta = db.Prepare("SELECT key, value FROM meta");
-  while (meta.Step()) file.meta.emplace(meta.Text(0), meta.Text(1));
+  std::map<std::string, std::string> rows;
+  while (meta.Step()) rows.emplace(meta.Text(0), meta.Text(1));
   const auto take = [&](const char* key) {
-    const auto node = file.meta.extract(key);
+    const auto node = rows.extract(key);
     if (node.empty()) ThrowDamaged(path, fmt::format("table meta has no {}", key));
     return node.mapped();
   };
@@ -489,7 +291,12 @@ TrackFile ReadTrackFile(const fs::path& path) {
   file.image_root = take("image_root");
   file.width_px = ReadSize(take("width_px"), path);
   file.height_px = ReadSize(take("height_px"), path);
-  file.complete = take("status") == kComplete;
+  if (take("status") != kComplete) {
+    ThrowError(
+        "{} is unfinished: version 0.1 left it so when it was interrupted; track the clip again",
+        path.string());
+  }
+  file.meta = MetaOfRows(std::move(rows));
   file.camera = ReadCamera(db, "camera", path);
   if (HasColumn(db, "found_camera", "fx")) file.found_camera = ReadCamera(db, "found_camera", path);
   if (file.found_camera &&
@@ -526,15 +333,14 @@ TrackFile ReadTrackFile(const fs::path& path) {
   return file;
 }
 
-TrackFileOutput::TrackFileOutput(const fs::path& path)
-    : path_(path), out_(path), replaced_(WriteLock::Of(path)) {}
-
-void TrackFileOutput::Write(const TrackFile& file) {
-  RemoveJournals(out_.partial());
-  try {
-    auto db = SqliteDatabase::Open(out_.partial(), SqliteDatabase::Mode::kCreate);
+void WriteTrackFile(const fs::path& path, const TrackFile& file) {
+  OutputFile out(path);
+  {
+    auto db = SqliteDatabase::Open(out.partial(), SqliteDatabase::Mode::kCreate);
+    // The file is thrown away if anything fails: no journal needed.
+    db.Execute("PRAGMA journal_mode = OFF");
     SqliteTransaction transaction(db);
-    CreateSchema(db, file, file.complete ? kComplete : kRunning);
+    CreateSchema(db, file);
     Inserter insert(db);
     std::size_t inserted = 0;
     for (const FrameInfo& frame : file.frames) {
@@ -546,20 +352,13 @@ void TrackFileOutput::Write(const TrackFile& file) {
     }
     if (inserted != file.tracks.observations().size()) {
       ThrowError("cannot write {}: it has observations in frames that its list of frames lacks",
-                 path_.string());
+                 path.string());
     }
     for (const TrackEnd& end : file.tracks.ends()) insert.Insert(end);
     transaction.Commit();
-  } catch (const Error&) {
-    RemoveDatabase(out_.partial());
-    throw;
   }
-  RemoveJournals(path_);
-  out_.Commit();
-}
-
-void WriteTrackFile(const fs::path& path, const TrackFile& file) {
-  TrackFileOutput(path).Write(file);
+  RemoveJournals(path);  // of version 0.1, whose runs could be killed while they wrote
+  out.Commit();
 }
 
 }  // namespace cohort

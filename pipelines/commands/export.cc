@@ -65,7 +65,6 @@ void ExportColmapDatabase(TrackFile file,
 TrackFile TracksToExport(TrackFile file,
                          const ExportCommandOptions& options,
                          const std::optional<Reconstruction>& given) {
-  WarnIfUnfinished(file, options.tracks);
   if (file.tracks.observations().empty()) {
     spdlog::warn("{} has no observation of any track: there is nothing in it to export",
                  options.tracks);
@@ -131,8 +130,7 @@ void RunExport(const ExportCommandOptions& options) {
               counts.keypoints);
   }
   if (!options.opensfm.empty()) {
-    const std::size_t tracks =
-        WriteOpenSfmTracks(options.opensfm, file, options.database.include_predicted);
+    const std::size_t tracks = WriteOpenSfmTracks(options.opensfm, file);
     PrintLine("{}: {} tracks", options.opensfm, tracks);
   }
   if (!options.bal.empty()) {
@@ -157,8 +155,7 @@ Command ExportCommand() {
                                "[--model DIR --bal F.txt] [options]",
                       .summary = "Write tracks as other programs read them",
                       .positionals = {"tracks"},
-                      .required = {"tracks"},
-                      .short_flags = {{"include-predicted", {"database.include_predicted"}}}},
+                      .required = {"tracks"}},
                      RunExport);
 }
 

@@ -165,9 +165,9 @@ void RunImport(const ImportCommandOptions& options) {
                  observations.size());
   }
   file.tracks = std::move(imported.tracks);
-  file.meta["program"] = fmt::format("cohort {}", kVersion);
-  file.meta["tracker"] = "import";
-  file.meta["imported_from"] = AbsolutePath(options.tracks);
+  file.meta.program = fmt::format("cohort {}", kVersion);
+  file.meta.tracker = "import";
+  file.meta.imported_from = AbsolutePath(options.tracks);
   WriteTrackFile(options.out, file);
   PrintLine("{}: {} tracks, {} observations in {} frames",
             options.out,

@@ -34,7 +34,6 @@ void RefineTracks(const RefineCommandOptions& options) {
   CheckNoneIsOfModels(options.of_model);
   CheckDistinctOutputs({{"--out", options.out}, {"--json", options.json}});
   const TrackFile file = ReadTrackFile(options.tracks);
-  WarnIfUnfinished(file, options.tracks);
   const Reconstruction model = ReadModelFolder(options.model);
   // In the place of the old ones, where the same name is given.
   if (CanonicalPath(options.out) == CanonicalPath(options.tracks)) InputRecord::Forget(options.out);
@@ -46,9 +45,7 @@ void RefineTracks(const RefineCommandOptions& options) {
   const auto sequence =
       options.images.empty() ? OpenSource(file, options.tracks) : OpenSequence(options.images);
   if (options.images.empty()) WarnIfClipChanged(file, options.tracks, *sequence);
-  const auto of_tracks = file.meta.find("mask");  // that they were made with
-  const std::string mask =
-      options.mask.empty() && of_tracks != file.meta.end() ? of_tracks->second : options.mask;
+  const std::string mask = options.mask.empty() ? file.meta.mask : options.mask;
   if (options.mask.empty()) WarnOf(DoubtOfMask(file, options.tracks));
   SecondPass second = MeasureAgain(
       file, model, *sequence, ReadMask(mask), options.of_model.second_pass, ProgressBars());
@@ -59,7 +56,7 @@ void RefineTracks(const RefineCommandOptions& options) {
         mask,
         second.figures.masked);
   }
-  second.file.meta["refined_from"] = AbsolutePath(options.tracks);
+  second.file.meta.refined_from = AbsolutePath(options.tracks);
   NoteMask(mask, second.file);
   WriteTrackFile(options.out, second.file);
 

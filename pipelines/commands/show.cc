@@ -16,11 +16,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-std::string FingerprintOf(const TrackFile& file) {
-  const auto found = file.meta.find("fingerprint");
-  return found != file.meta.end() ? found->second : "";
-}
-
 // Throws Error where the files are of two clips, as far as they know.
 void CheckOneClip(const ShowOptions& options, const std::vector<TrackFile>& files) {
   const TrackFile& a = files.front();
@@ -33,8 +28,8 @@ void CheckOneClip(const ShowOptions& options, const std::vector<TrackFile>& file
                b.height_px);
   }
   if (!options.images.empty()) return;  // whoever gives them knows
-  const bool both_tell = !FingerprintOf(a).empty() && !FingerprintOf(b).empty();
-  if (both_tell ? FingerprintOf(a) == FingerprintOf(b) : a.source == b.source) return;
+  const bool both_tell = !a.meta.fingerprint.empty() && !b.meta.fingerprint.empty();
+  if (both_tell ? a.meta.fingerprint == b.meta.fingerprint : a.source == b.source) return;
   if (a.source != b.source) {
     ThrowError(
         "{} is of {}, {} of {}: give tracks of one clip, or with --images the clip to show both on",
@@ -75,7 +70,6 @@ void RunShow(const ShowOptions& options) {
   std::vector<TrackFile> files;
   for (const std::string& tracks : options.tracks) {
     files.push_back(ReadTrackFile(tracks));
-    WarnIfUnfinished(files.back(), tracks);
   }
   const bool is_page = fs::path(options.out).extension() == ".html";
   if (is_page && files.size() > 1) ThrowUsageError("a page shows one .tracks file: give one");

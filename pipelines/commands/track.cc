@@ -24,9 +24,7 @@ void PrintFigures(const TrackFigures& figures, const std::string& out) {
             fmt::format("{:.2f}", figures.PerFrame(figures.second_pass_ms))}}));
 }
 
-void RunTrack(const TrackJobOptions& options) {
-  if (const auto figures = RunTrackJob(options)) PrintFigures(*figures, options.out);
-}
+void RunTrack(const TrackJobOptions& options) { PrintFigures(RunTrackJob(options), options.out); }
 
 }  // namespace
 

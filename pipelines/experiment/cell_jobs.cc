@@ -43,7 +43,6 @@ TrackJobOptions TrackOf(const ExperimentOptions& options, const TrackCell& cell)
   track.input = cell.frames;
   track.mask = options.mask;
   track.out = cell.Tracks().string();
-  track.seed = cell.condition.seed;
   track.threads = ThreadsOfCell(options);
   track.json = (cell.folder / "track.json").string();
   track.tracker = cell.tracker.options;
@@ -71,7 +70,7 @@ Json TrackCeiling(const ExperimentOptions& options, const TrackCell& cell) {
                                      cell.tracker.options,
                                      ReadMask(options.mask));
   DescribeInput(frames, *dark, file);
-  file.meta = {{"tracker", cell.tracker.name}};
+  file.meta = {.tracker = cell.tracker.name};
   WriteTrackFile(cell.Tracks(), file);
   const Json track{{"tracks", file.tracks.features().size()},
                    {"observations", file.tracks.observations().size()},

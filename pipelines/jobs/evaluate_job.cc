@@ -186,7 +186,6 @@ Json EvaluateTrackFile(const std::string& path,
         sequence.Name());
   }
   const TrackFile file = ReadTrackFile(path);
-  WarnIfUnfinished(file, path);
   CheckIsClipOf(file, path, sequence);
   ReinitializationOptions options;
   options.width_px = file.width_px;

@@ -17,7 +17,6 @@ namespace cohort {
 ReconstructionSummary RunReconstructJob(const ReconstructJobOptions& options) {
   const TrackFile file = ReadTrackFile(options.tracks);
   CheckOutputsGiven({options.json});
-  WarnIfUnfinished(file, options.tracks);
   WarnOfIdleOptions(options.reconstruct);
   if (options.reconstruct.backend == BackendKind::kColmap && options.reconstruct.write_frames) {
     WarnIfVideoChanged(file, options.tracks);

@@ -31,8 +31,6 @@ TrackJobOptions TrackOptionsOf(const SfmJobOptions& options) {
   track.input = options.input;
   track.out = (fs::path(options.out) / "clip.tracks").string();
   track.mask = options.mask;
-  track.resume = options.resume;
-  track.seed = options.seed;
   track.threads = options.threads;
   track.tracker = options.tracker;
   track.second_pass = options.second_pass;
@@ -56,7 +54,7 @@ Json SceneMadeOf(SfmJobOptions options, const Sequence& sequence) {
 }
 
 // The same of the model, which knows nothing of the scene's options. What the tracks are of stands
-// in clip.tracks, and RunTrackJob compares it.
+// in clip.tracks, and HasTracksOfJob compares it.
 Json ModelMadeOf(Json made_of) {
   const Json of_scene = ToJson(SceneOptions{});
   for (const auto& [name, value] : of_scene.items()) made_of["options"].erase(name);
@@ -246,7 +244,12 @@ SfmFigures RunSfmJob(const SfmJobOptions& options) {
   }
   CheckSceneFolder(folder);
 
-  RunTrackJob(TrackOptionsOf(options));
+  const TrackJobOptions track = TrackOptionsOf(options);
+  if (options.resume && HasTracksOfJob(track)) {
+    spdlog::info("{} is complete already", track.out);
+  } else {
+    RunTrackJob(track);
+  }
   for (const fs::path& old : {summary, folder / "report.html"}) fs::remove(old, error);
   const TrackFile file = ReadTrackFile(folder / "clip.tracks");
   SfmFigures figures = FiguresOf(MakeModel(options, file.frames.size(), model_made_of));
@@ -274,7 +277,7 @@ SfmFigures RunSfmJob(const SfmJobOptions& options) {
       .other_parts = OtherPartsOf(folder / "model" / "summary.json")};
   const ClipMeasures measures = MeasureClip(clip);
   figures.film_better = FilmAdvice(clip, measures);
-  WriteJsonFile(summary, SummaryOf(figures, CutsOf(file), measures, made_of, files));
+  WriteJsonFile(summary, SummaryOf(figures, file.meta.cuts, measures, made_of, files));
   WarnIfClipChanged(file, "clip.tracks", *sequence);
   figures.lock = std::move(lock);
   return figures;

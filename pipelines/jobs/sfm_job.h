@@ -21,7 +21,6 @@ struct SfmJobOptions {
   std::string out;
   std::string mask;
   bool resume = false;
-  unsigned seed = 0;
   int threads = 0;
   SceneOptions scene;
   TrackerOptions tracker;
@@ -43,11 +42,6 @@ struct SfmJobOptions {
            "Go on where an interrupted run with the same options ended, instead of "
            "beginning anew.",
            Tier::kCommon);
-    v.Number("seed",
-             o.seed,
-             0U,
-             4294967295U,
-             "of random draws; none of the trackers there are makes any");
     v.Number("threads",
              o.threads,
              0,

@@ -14,11 +14,6 @@ void WarnOf(const std::string& doubt) {
   if (!doubt.empty()) spdlog::warn("{}", doubt);
 }
 
-void WarnIfUnfinished(const TrackFile& file, const std::string& tracks) {
-  if (file.complete) return;
-  spdlog::warn("{}: tracking was interrupted; it holds {} frames", tracks, file.frames.size());
-}
-
 void WarnIfClipChanged(const TrackFile& file, const std::string& tracks, const Sequence& clip) {
   WarnOf(DoubtOfClip(file, tracks, clip));
 }

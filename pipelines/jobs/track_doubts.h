@@ -15,8 +15,6 @@ namespace cohort {
 // Does nothing if the text is empty.
 void WarnOf(const std::string& doubt);
 
-// The run that wrote them did not finish.
-void WarnIfUnfinished(const TrackFile& file, const std::string& tracks);
 void WarnIfClipChanged(const TrackFile& file, const std::string& tracks, const Sequence& clip);
 // The same for tracks of a video whose frames are to be written as pictures.
 void WarnIfVideoChanged(const TrackFile& file, const std::string& tracks);

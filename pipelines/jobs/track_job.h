@@ -1,6 +1,5 @@
 #pragma once
 
-#include <optional>
 #include <string>
 #include <vector>
 
@@ -15,8 +14,6 @@ struct TrackJobOptions {
   InputOptions input;
   std::string out;
   std::string mask;
-  bool resume = false;
-  unsigned seed = 0;
   int threads = 0;
   std::string json;
   TrackerOptions tracker;
@@ -31,16 +28,6 @@ struct TrackJobOptions {
            "A picture of the frames' size, black where no feature may be, such as the "
            "bonnet of a car.",
            Tier::kCommon);
-    v.Flag("resume",
-           o.resume,
-           "Go on where an interrupted run with the same options ended, instead of "
-           "beginning anew.",
-           Tier::kCommon);
-    v.Number("seed",
-             o.seed,
-             0U,
-             4294967295U,
-             "of random draws; none of the trackers there are makes any");
     v.Number("threads",
              o.threads,
              0,
@@ -70,13 +57,16 @@ struct TrackFigures {
   double PerFrame(double ms) const { return frames == 0 ? 0.0 : ms / static_cast<double>(frames); }
 };
 
-// Repeats the warnings if the work is done already.
+// Makes .tracks from INPUT: tracks all frames, then runs the second pass, whose tracks replace the
+// first's if a reconstruction with Ceres succeeds.
+TrackFigures RunTrackJob(const TrackJobOptions& options);
+
+// Repeats the warning of tracks that are kept.
 void WarnAgain(const TrackFile& tracks);
 
-// Makes .tracks from INPUT, frame by frame: a kill loses only the current frame. Then runs the
-// second pass, whose tracks replace the first's if a reconstruction with Ceres succeeds. Returns
-// nullopt if an earlier run that was to be resumed was complete already.
-std::optional<TrackFigures> RunTrackJob(const TrackJobOptions& options);
+// For a job that goes on after an interruption: whether the file at options.out is there; it is
+// warned of again. Throws Error if it was made of another input or with other options.
+bool HasTracksOfJob(const TrackJobOptions& options);
 
 // WithSecondPass, with a progress bar and its outcome in the log.
 TrackFile RunSecondPass(TrackFile file,

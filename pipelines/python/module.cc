@@ -56,7 +56,6 @@ using Json = nlohmann::ordered_json;
 struct TrackArguments {
   InputOptions input;
   std::string mask;
-  unsigned seed = 0;
   int threads = 0;
   TrackerOptions tracker;
   SecondPassOptions second_pass;
@@ -65,7 +64,6 @@ struct TrackArguments {
   static void Visit(Self& o, Visitor& v) {
     InputOptions::Visit(o.input, v);
     v.Text("mask", o.mask, "as of `cohort track`");
-    v.Number("seed", o.seed, 0U, 4294967295U, "as of `cohort track`");
     v.Number("threads", o.threads, 0, 1024, "as of `cohort track`");
     TrackerOptions::Visit(o.tracker, v);
     v.Group("second_pass", o.second_pass, "the second pass");
@@ -209,14 +207,13 @@ TrackFile Track(const ClipArgument& clip,
                                    .source = arguments.input.input},
                                   progress);
   DescribeInput(arguments.input, *opened, file);
-  file.meta["program"] = fmt::format("cohort {}", kVersion);
+  file.meta.program = fmt::format("cohort {}", kVersion);
   NoteMask(arguments.mask, file);
   if (camera) NoteCamera(camera, file);  // and not what the clip says
   if (second_pass) {
     file = WithSecondPass(std::move(file), *opened, mask, arguments.second_pass, progress).file;
   }
-  const std::string warning = WarningOfClip(*opened, file, arguments.input.input);
-  if (!warning.empty()) file.meta[kWarningMeta] = warning;
+  file.meta.warning = WarningOfClip(*opened, file, arguments.input.input);
   return file;
 }
 
@@ -231,9 +228,9 @@ std::pair<TrackFile, std::vector<std::string>> Refine(const TrackFile& file,
                                                       const py::object& callback) {
   constexpr const char* kTracks = "this Tracks object";
   const auto arguments = FromJsonText<RefineArguments>(options, "refine()");
-  const auto of_tracks = file.meta.find("mask");  // that they were made with
-  const bool as_before = mask_path.empty() && of_tracks != file.meta.end();
-  const cv::Mat mask = MaskOf(mask_array, as_before ? of_tracks->second : mask_path.string());
+  const bool as_before = mask_path.empty();
+  const std::string mask_name = as_before ? file.meta.mask : mask_path.string();
+  const cv::Mat mask = MaskOf(mask_array, mask_name);
   std::unique_ptr<Sequence> sequence = clip ? OpenArrays(*clip, rgb, true) : nullptr;
   const StageProgress progress = ProgressTo(callback);
 
@@ -248,7 +245,7 @@ std::pair<TrackFile, std::vector<std::string>> Refine(const TrackFile& file,
   SecondPass second = MeasureAgain(file, model, *opened, mask, arguments.second_pass, progress);
   doubts.push_back(DoubtOfMeasuring(second.figures));
   std::erase(doubts, "");
-  if (!mask_array) NoteMask(as_before ? of_tracks->second : mask_path.string(), second.file);
+  if (!mask_array) NoteMask(mask_name, second.file);
   return {std::move(second.file), std::move(doubts)};
 }
 
@@ -337,7 +334,7 @@ std::pair<TrackFile, std::string> MakeTracks(const py::array_t<ObservationRow>& 
   file.height_px = height_px;
   if (camera) CheckCameraSize(*camera, width_px, height_px);
   file.camera = camera;
-  file.meta = {{"program", fmt::format("cohort {}", kVersion)}, {"tracker", "import"}};
+  file.meta = {.program = fmt::format("cohort {}", kVersion), .tracker = "import"};
   file.tracks = ToTracks(rows);
   file.frames = FramesNumbered(frames, file.tracks);
   std::string doubt = PredictOutside(file, "the tracks", "that size", file.tracks);
@@ -367,9 +364,9 @@ std::pair<TrackFile, std::string> ReadDatabaseTracks(const fs::path& path) {
   file.width_px = imported.camera->width_px;
   file.height_px = imported.camera->height_px;
   file.camera = imported.camera;
-  file.meta = {{"program", fmt::format("cohort {}", kVersion)},
-               {"tracker", "import"},
-               {"imported_from", AbsolutePath(path)}};
+  file.meta = {.program = fmt::format("cohort {}", kVersion),
+               .tracker = "import",
+               .imported_from = AbsolutePath(path)};
   file.tracks = std::move(imported.tracks);
   return {std::move(file), DoubtOfOrder(database, path)};
 }
@@ -505,12 +502,11 @@ void BindTrackFile(py::module_& module) {
       .def_property_readonly("meta",
                              [](const TrackFile& file) {
                                py::dict meta;
-                               for (const auto& [name, text] : file.meta) {
+                               for (const auto& [name, text] : RowsOf(file.meta)) {
                                  meta[ToStr(name)] = ToStr(text);
                                }
                                return meta;
                              })
-      .def_readonly("complete", &TrackFile::complete)
       .def_property_readonly("frames",
                              [](const TrackFile& file) {
                                std::vector<std::uint32_t> indices;

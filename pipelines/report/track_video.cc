@@ -19,7 +19,7 @@
 #include "frontend/storage/output.h"
 #include "pipelines/report/brightening.h"
 #include "pipelines/report/track_picture.h"
-#include "pipelines/sfm/input.h"
+#include "pipelines/sfm/for_each_frame.h"
 
 namespace cohort {
 namespace {
@@ -30,11 +30,8 @@ constexpr int kCaptionPx = 44;
 constexpr int kMostSidePx = 16384;  // of H.264
 
 std::string TrackerOf(const TrackFile& file) {
-  const auto tracker = file.meta.find("tracker");
-  if (tracker == file.meta.end()) return "tracks";
-  const auto second = file.meta.find("second_pass");
-  const bool refined = second != file.meta.end() && second->second == "done";
-  return tracker->second + (refined ? ", both passes" : "");
+  if (file.meta.tracker.empty()) return "tracks";
+  return file.meta.tracker + (file.meta.second_pass ? ", both passes" : "");
 }
 
 // Noise hides from people what they look for, and takes most of a video's bytes.
@@ -85,35 +82,15 @@ cv::Mat Panel(const TrackFile& file, const cv::Mat& picture, FrameIndex frame, i
   return panel;
 }
 
-std::set<FrameIndex> FramesOfAll(const std::vector<TrackFile>& files) {
-  std::set<FrameIndex> common;
-  for (const FrameInfo& frame : files.front().frames) common.insert(frame.index);
+std::vector<FrameInfo> FramesOfAll(const std::vector<TrackFile>& files) {
+  std::vector<FrameInfo> common = files.front().frames;
   for (const TrackFile& file : files) {
     std::set<FrameIndex> own;
     for (const FrameInfo& frame : file.frames) own.insert(frame.index);
-    std::erase_if(common, [&](FrameIndex frame) { return !own.contains(frame); });
+    std::erase_if(common, [&](const FrameInfo& frame) { return !own.contains(frame.index); });
   }
   if (common.empty()) ThrowError("the tracks have no frame in common: give tracks of one clip");
   return common;
-}
-
-// Calls back for every wanted frame of the clip, in order, with how many came before.
-template <typename Use>
-void ForEachFrame(const std::set<FrameIndex>& wanted,
-                  const TrackFile& file,
-                  Sequence& sequence,
-                  const Use& use) {
-  std::size_t done = 0;
-  sequence.Rewind();
-  while (const auto frame = sequence.Next()) {
-    if (!wanted.contains(frame->index)) continue;
-    CheckPictureSize(file, *frame, sequence.Name());
-    use(*frame, done++);
-  }
-  if (done < wanted.size()) {
-    ThrowError(
-        "the clip has {} of the {} frames of the tracks: give --images", done, wanted.size());
-  }
 }
 
 // cv::VideoWriter says nothing of a disk that is full. `name`, here and below: what is said to the user.
@@ -138,16 +115,16 @@ void WriteMp4(const fs::path& path,
               double frames_per_second,
               int width_px,
               const StageProgress& progress) {
-  const std::set<FrameIndex> wanted = FramesOfAll(files);
+  const std::vector<FrameInfo> wanted = FramesOfAll(files);
   std::vector<IntensityRange> ranges;
-  ForEachFrame(wanted, files.front(), sequence, [&](const Frame& frame, std::size_t i) {
+  ForEachFrame(files.front(), wanted, sequence, "look", progress, [&](const Frame& frame) {
     ranges.push_back(IntensityRangeOf(Smooth(frame.gray)));
-    if (progress) progress("look", i + 1, wanted.size());
   });
   ranges = Steadied(ranges, kSteadyFrames);
   cv::VideoWriter writer;
-  ForEachFrame(wanted, files.front(), sequence, [&](const Frame& frame, std::size_t i) {
-    const cv::Mat bright = Brightened(Smooth(frame.gray), ranges[i]);
+  auto range = ranges.begin();
+  ForEachFrame(files.front(), wanted, sequence, "show", progress, [&](const Frame& frame) {
+    const cv::Mat bright = Brightened(Smooth(frame.gray), *range++);
     std::vector<cv::Mat> panels;
     for (const TrackFile& file : files) {
       panels.push_back(Panel(file, bright, frame.index, width_px));
@@ -174,7 +151,6 @@ void WriteMp4(const fs::path& path,
           name);
     }
     writer.write(picture);
-    if (progress) progress("show", i + 1, wanted.size());
   });
   writer.release();
   CheckVideo(path, name, wanted.size());

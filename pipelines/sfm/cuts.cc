@@ -3,26 +3,8 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <sstream>
 
 namespace cohort {
-
-void NoteCuts(const std::vector<FrameIndex>& cuts, std::map<std::string, std::string>& meta) {
-  if (cuts.empty()) return;
-  std::string text;
-  for (const FrameIndex cut : cuts)
-    text += fmt::format("{}{}", text.empty() ? "" : " ", ToInt(cut));
-  meta[kCutsMeta] = text;
-}
-
-std::vector<FrameIndex> CutsOf(const TrackFile& file) {
-  std::vector<FrameIndex> cuts;
-  const auto noted = file.meta.find(kCutsMeta);
-  if (noted == file.meta.end()) return cuts;
-  std::istringstream words(noted->second);
-  for (std::uint32_t frame = 0; words >> frame;) cuts.push_back(FrameIndex{frame});
-  return cuts;
-}
 
 std::vector<std::uint32_t> NumbersOf(const std::vector<FrameIndex>& frames) {
   std::vector<std::uint32_t> numbers;

@@ -70,12 +70,10 @@ std::string DoubtOfClip(const TrackFile& file,
 }
 
 std::string DoubtOfMask(const TrackFile& file, const std::string& tracks_name) {
-  const auto mask = file.meta.find("mask");
-  const auto was = file.meta.find("mask_fingerprint");
-  if (mask == file.meta.end() || mask->second.empty() || was == file.meta.end()) return "";
-  if (FingerprintOfBytes(mask->second) == was->second) return "";
-  return fmt::format(
-      "the mask {} is not what it was when {} was made with it", mask->second, tracks_name);
+  const std::string& mask = file.meta.mask;
+  if (mask.empty() || file.meta.mask_fingerprint.empty()) return "";
+  if (FingerprintOfBytes(mask) == file.meta.mask_fingerprint) return "";
+  return fmt::format("the mask {} is not what it was when {} was made with it", mask, tracks_name);
 }
 
 std::string DoubtOfModel(const Reconstruction& model,

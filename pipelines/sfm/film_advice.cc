@@ -243,7 +243,7 @@ ClipMeasures MeasureClip(const FilmedClip& clip) {
 std::vector<std::string> FilmAdvice(const FilmedClip& clip, const ClipMeasures& measures) {
   std::vector<std::string> advice;
   const TrackFile& file = clip.file;
-  const std::vector<FrameIndex> cuts = CutsOf(file);
+  const std::vector<FrameIndex>& cuts = file.meta.cuts;
   const std::vector<Stretch> without_pose = Runs(file, [&](std::size_t i) {
     const FrameIndex frame = file.frames[i].index;
     return !clip.model.cam_from_world.contains(frame) &&

@@ -81,14 +81,10 @@ std::unique_ptr<Sequence> OpenSource(const TrackFile& file, const std::string& t
   if (file.source.empty()) {
     ThrowError("{}: the tracks' pictures came from no file: give them by --images", tracks);
   }
-  const auto meta = [&file](const char* key) {
-    const auto found = file.meta.find(key);
-    return found != file.meta.end() ? found->second : "";
-  };
   InputOptions input;
   input.input = file.source;
-  input.frames = meta("frames");
-  input.layout = ValueOf(kLayoutNames, meta("layout")).value_or(Layout::kAuto);
+  input.frames = file.meta.frames;
+  input.layout = ValueOf(kLayoutNames, file.meta.layout).value_or(Layout::kAuto);
   return OpenInput(input);
 }
 
@@ -119,32 +115,30 @@ void NoteCamera(const Sequence& sequence, TrackFile& file) {
   if (file.camera) return;
   if (const auto guess = sequence.FocalGuessOfFile()) {
     file.camera = Camera::Guess(file.width_px, file.height_px, guess->focal_px, guess->log_sigma);
-    file.meta[kFocalSourceMeta] = guess->source;
+    file.meta.focal_source = guess->source;
   }
 }
 
 void NoteCamera(const std::optional<Camera>& camera, TrackFile& file) {
   file.camera = camera;
   file.found_camera.reset();
-  file.meta.erase(kFocalSourceMeta);
+  file.meta.focal_source.clear();
 }
 
 std::string DescribeFocalGuess(const TrackFile& file) {
-  const auto source = file.meta.find(kFocalSourceMeta);
-  if (source == file.meta.end() || !file.camera) return "";
+  if (file.meta.focal_source.empty() || !file.camera) return "";
   return fmt::format(
       "the camera is not known; {} gives a focal length of about {:.0f} px: taken as a start",
-      source->second,
+      file.meta.focal_source,
       file.camera->fx);
 }
 
 void DescribeInput(const InputOptions& options, const Sequence& sequence, TrackFile& file) {
   file.source = AbsolutePath(options.input);
   file.image_root = AbsolutePath(sequence.ImageRoot());
-  const std::string fingerprint = FingerprintOfFrames(sequence);
-  if (!fingerprint.empty()) file.meta["fingerprint"] = fingerprint;
-  file.meta["frames"] = options.frames;
-  file.meta["layout"] = NameOf(kLayoutNames, options.layout);
+  file.meta.fingerprint = FingerprintOfFrames(sequence);
+  file.meta.frames = options.frames;
+  file.meta.layout = NameOf(kLayoutNames, options.layout);
   if (const auto given = GivenCamera(options, file.width_px, file.height_px)) {
     NoteCamera(given, file);
   } else {
@@ -154,22 +148,17 @@ void DescribeInput(const InputOptions& options, const Sequence& sequence, TrackF
 }
 
 void NoteMask(const std::string& mask, TrackFile& file) {
-  file.meta["mask"] = AbsolutePath(mask);
-  if (mask.empty()) {
-    file.meta.erase("mask_fingerprint");
-  } else {
-    file.meta["mask_fingerprint"] = FingerprintOfBytes(mask);
-  }
+  file.meta.mask = AbsolutePath(mask);
+  file.meta.mask_fingerprint = mask.empty() ? "" : FingerprintOfBytes(mask);
 }
 
 void NoteSensorRows(const Sequence& sequence, TrackFile& file) {
-  if (sequence.SensorRows() == RowOrder::kDown) return;
-  file.meta[kRowOrderMeta] = NameOf(kRowOrderNames, sequence.SensorRows());
+  file.meta.row_order = sequence.SensorRows();
 }
 
 bool IsStillTheClip(const TrackFile& file, const Sequence& sequence) {
-  const auto was = file.meta.find("fingerprint");
-  return was == file.meta.end() || was->second == FingerprintOfFrames(sequence);
+  const std::string& was = file.meta.fingerprint;
+  return was.empty() || was == FingerprintOfFrames(sequence);
 }
 
 void CheckCameraSize(const Camera& camera, int width_px, int height_px) {

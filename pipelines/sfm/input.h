@@ -69,9 +69,7 @@ std::optional<Camera> KnownCamera(const InputOptions& options,
                                   int width_px,
                                   int height_px);
 
-// Key in .tracks: which entry of the clip's files gave the focal length of a guessed camera.
-inline constexpr const char* kFocalSourceMeta = "focal_source";
-// Sets camera and meta[kFocalSourceMeta] of `file`, whose picture size is set, from the sequence:
+// Sets camera and meta.focal_source of `file`, whose picture size is set, from the sequence:
 // its calibration, else a guess by its files, else nullopt.
 void NoteCamera(const Sequence& sequence, TrackFile& file);
 // Sets a camera that comes from elsewhere, or none.
@@ -80,15 +78,15 @@ void NoteCamera(const std::optional<Camera>& camera, TrackFile& file);
 std::string DescribeFocalGuess(const TrackFile& file);
 
 // Fills in where the frames of `file`, whose picture size is set, come from: source, image_root,
-// camera (the one or the prior given, else NoteCamera), meta["frames"], meta["layout"] and, for
-// files, meta["fingerprint"] (FingerprintOfFrames).
+// camera (the one or the prior given, else NoteCamera), meta.frames, meta.layout and, for
+// files, meta.fingerprint (FingerprintOfFrames).
 void DescribeInput(const InputOptions& options, const Sequence& sequence, TrackFile& file);
 
 // Notes the path of the tracks' mask, which is also the default for the tracks of a refined file.
 // Empty if there is none.
 void NoteMask(const std::string& mask, TrackFile& file);
 
-// Notes how the clip's pictures were turned (RowOrderOf), as DescribeInput does.
+// Notes how the clip's pictures were turned (TrackMeta::row_order), as DescribeInput does.
 void NoteSensorRows(const Sequence& sequence, TrackFile& file);
 
 // Whether the files of the clip are those that `file` was made from. True if it has no record.
@@ -104,10 +102,8 @@ std::string PredictOutside(const TrackFile& file,
                            const std::string& name,
                            const std::string& clip,
                            TrackSet& tracks);
-// Key in .tracks: a defect of the clip, such as an end before its last frame.
-inline constexpr const char* kWarningMeta = "warning";
-// The same for a clip that was read, with DescribeInput's entries in `file`; empty if there is
-// none.
+// TrackMeta::warning of a clip that was read, with DescribeInput's entries in `file`; empty if
+// there is none.
 std::string WarningOfClip(const Sequence& sequence,
                           const TrackFile& file,
                           const std::string& input);

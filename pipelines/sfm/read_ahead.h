@@ -11,7 +11,6 @@ namespace cohort {
 // Decodes the next frame on its own thread while the caller works on the last one, but not if
 // OpenCV has one thread (cv::setNumThreads). No other code may read the sequence while a frame is
 // awaited.
-// read the sequence.
 class ReadAhead {
  public:
   // `sequence` must outlive this.

@@ -279,16 +279,7 @@ ReconstructResult ToReconstructResult(MapperResult model) {
   return {std::move(model.reconstruction),
           std::move(model.summary),
           std::move(model.warnings),
-          CeresFindings{std::move(model.without_point),
-                        std::move(model.other_parts),
-                        model.noise,
-                        model.depth_uncertainty,
-                        model.unexplained_parallax,
-                        model.better_camera,
-                        model.expected_error,
-                        model.focal_sigma,
-                        std::move(model.camera_covariances),
-                        std::move(model.point_covariances)}};
+          static_cast<CeresFindings&&>(model)};
 }
 
 void WriteCeresFindings(const CeresFindings& findings,

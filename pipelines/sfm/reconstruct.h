@@ -53,20 +53,6 @@ struct ReconstructOptions {
   }
 };
 
-// Results of Ceres alone beside the model, as in MapperResult.
-struct CeresFindings {
-  std::vector<FeatureId> without_point;
-  std::vector<Reconstruction> other_parts;
-  double noise = 0.0;
-  double depth_uncertainty = 0.0;
-  double unexplained_parallax = 0.0;
-  std::optional<Camera> better_camera;
-  std::optional<double> expected_error;
-  std::optional<double> focal_sigma;
-  std::map<FrameIndex, Eigen::Matrix<double, 6, 6>> camera_covariances;
-  std::map<FeatureId, Eigen::Matrix3d> point_covariances;
-};
-
 struct ReconstructResult {
   Reconstruction reconstruction;      // empty if there is none; the summary states why
   ReconstructionSummary summary;      // summary.Failed(): fewer than 80 % of the frames registered

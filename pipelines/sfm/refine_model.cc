@@ -304,8 +304,8 @@ RefinedModel RefineModelIntoFolder(const fs::path& model,
   NoteMask(mask, refined.file);
   refined.file.source = AbsolutePath(source);
   refined.file.image_root = AbsolutePath(sequence.ImageRoot());
-  refined.file.meta["imported_from"] = AbsolutePath(model);
-  refined.file.meta["tracker"] = "import";
+  refined.file.meta.imported_from = AbsolutePath(model);
+  refined.file.meta.tracker = "import";
   WriteReconstructionFiles(out.partial(), refined.adjusted.reconstruction, refined.model);
   WriteCeresFindings(*refined.adjusted.ceres, refined.file, out.partial());
   WriteTrackFile(out.partial() / kTracksName, refined.file);

@@ -19,6 +19,7 @@
 #include "frontend/image/write_image.h"
 #include "frontend/storage/output.h"
 #include "pipelines/json/json_file.h"
+#include "pipelines/sfm/for_each_frame.h"
 
 namespace cohort {
 namespace {
@@ -153,28 +154,6 @@ void AddColours(const cv::Mat& bgr, const Views& views, Survey& survey) {
   }
 }
 
-// Calls back for every frame of the tracks.
-template <typename Use>
-void ForEachFrameOf(const TrackFile& file,
-                    Sequence& sequence,
-                    std::string_view stage,
-                    const StageProgress& progress,
-                    const Use& use) {
-  sequence.Rewind();
-  std::size_t done = 0;
-  for (const FrameInfo& wanted : file.frames) {
-    std::optional<Frame> frame = sequence.Next();
-    while (frame && frame->index < wanted.index) frame = sequence.Next();
-    if (!frame || frame->index != wanted.index) {
-      ThrowError("{} has no frame {} any more, of which there are tracks: track it again",
-                 file.source,
-                 ToInt(wanted.index));
-    }
-    use(*frame);
-    if (progress) progress(stage, ++done, file.frames.size());
-  }
-}
-
 Survey SurveyClip(const TrackFile& file,
                   const Reconstruction& model,
                   Sequence& sequence,
@@ -184,7 +163,7 @@ Survey SurveyClip(const TrackFile& file,
   const Views none;
   const double diagonal_px = std::hypot(model.camera.width_px, model.camera.height_px);
   const Views* before = nullptr;
-  ForEachFrameOf(file, sequence, "look", progress, [&](const Frame& frame) {
+  ForEachFrame(file, sequence, "look", progress, [&](const Frame& frame) {
     const cv::Mat bgr = BgrOf(frame);
     if (bgr.cols != model.camera.width_px || bgr.rows != model.camera.height_px) {
       ThrowError("{} is {}x{}, the model's camera {}x{}: they do not belong together",
@@ -402,7 +381,7 @@ void WriteImages(const TrackFile& file,
   Undistorter undistorter;
   const cv::Mat table = figures.tone ? TableOf(*figures.tone) : cv::Mat();
   const std::set<FrameIndex> chosen(figures.images.begin(), figures.images.end());
-  ForEachFrameOf(file, sequence, "write pictures", progress, [&](const Frame& frame) {
+  ForEachFrame(file, sequence, "write pictures", progress, [&](const Frame& frame) {
     if (!chosen.contains(frame.index)) return;
     cv::Mat picture =
         undistorter.Undistort(BgrOf(frame),
@@ -547,7 +526,7 @@ std::vector<double> BrightnessOfFrames(const TrackFile& file,
                                        Sequence& sequence,
                                        const StageProgress& progress) {
   std::vector<double> brightness;
-  ForEachFrameOf(file, sequence, "look", progress, [&](const Frame& frame) {
+  ForEachFrame(file, sequence, "look", progress, [&](const Frame& frame) {
     brightness.push_back(BrightnessOf(BgrOf(frame)));
   });
   return brightness;

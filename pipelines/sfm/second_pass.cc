@@ -22,39 +22,12 @@
 #include "frontend/track/tracker.h"
 #include "frontend/tracks/companions.h"
 #include "pipelines/json/option_list.h"
+#include "pipelines/sfm/for_each_frame.h"
 #include "pipelines/sfm/input.h"
 #include "pipelines/sfm/model_predictions.h"
-#include "pipelines/sfm/read_ahead.h"
 
 namespace cohort {
 namespace {
-
-// Calls `use` with every frame of the tracks.
-template <typename Use>
-void ForEachFrame(const TrackFile& file,
-                  Sequence& sequence,
-                  std::string_view stage,
-                  const StageProgress& progress,
-                  const Use& use) {
-  sequence.Rewind();
-  ReadAhead frames(sequence);
-  std::size_t done = 0;
-  if (progress) progress(stage, done, file.frames.size());
-  std::optional<Frame> frame = frames.Next();
-  for (const FrameInfo& wanted : file.frames) {
-    while (frame && frame->index < wanted.index) frame = frames.Next();
-    if (!frame || frame->index != wanted.index) {
-      ThrowError("{}: has no frame {} ({}), which the tracks are of: give the same clip",
-                 sequence.Name(),
-                 ToInt(wanted.index),
-                 wanted.name);
-    }
-    CheckPictureSize(file, *frame, sequence.Name());
-    if (&wanted != &file.frames.back()) frames.Begin();
-    use(*frame);
-    if (progress) progress(stage, ++done, file.frames.size());
-  }
-}
 
 // Of a feature whose every sighting has one.
 PixelCovariance MeanCovariance(const std::vector<Observation>& sightings) {
@@ -228,11 +201,11 @@ struct Pictures {
 TrackerOptions CompanionOptions(const TrackFile& file) {
   constexpr int kWindowPx = 31;
   TrackerOptions of_first;
-  if (const auto options = file.meta.find("options"); options != file.meta.end()) {
+  if (!file.meta.options.empty()) {
     OptionLister lister;
     TrackerOptions::Visit(of_first, lister);
     SetFromJson(lister.Take(),
-                ParseWithoutTwins<nlohmann::ordered_json>(options->second),
+                ParseWithoutTwins<nlohmann::ordered_json>(file.meta.options),
                 "options of the tracks");
   }
   TrackerOptions klt;
@@ -293,7 +266,7 @@ std::optional<FeatureId> JoinTracks(const Pictures& pictures,
   // More, as how many KLT would have is not known before.
   constexpr double kWeakShare = 0.7;
   constexpr std::size_t kReach = 15;  // at 5 a fast clip broke at its seam in some seeds
-  if (!file.meta.contains("companion")) return std::nullopt;
+  if (!file.meta.companion) return std::nullopt;
   const std::vector<Stretch> stretches = WeakStretches(file.tracks, kWeakShare, kReach);
   if (stretches.empty()) return std::nullopt;
   TrackCompanion(stretches, pictures, progress, file);
@@ -402,8 +375,8 @@ SecondPass MeasureInLight(const TrackFile& file,
     second.file.tracks = WithoutMovers(
         second.file.tracks, models, options.measurement.patch.max_distance_px, second.figures);
   }
-  second.file.meta["second_pass"] = "done";
-  second.file.meta["second_pass_options"] = SecondPassOptionsText(options);
+  second.file.meta.second_pass = true;
+  second.file.meta.second_pass_options = SecondPassOptionsText(options);
   return second;
 }
 
@@ -483,7 +456,7 @@ bool HaveMoved(std::span<const Reconstruction> models,
 TrackFile JoinCompanion(TrackFile first_pass, Sequence& sequence, const cv::Mat& mask) {
   LightsOfClip lights;
   JoinTracks({sequence, mask, lights}, {}, first_pass);
-  first_pass.meta.erase("companion");
+  first_pass.meta.companion = false;
   return first_pass;
 }
 
@@ -512,7 +485,8 @@ SecondPass WithSecondPass(TrackFile file,
       second.file.tracks = std::move(first_pass);
       second.file.found_camera.reset();
       second.none_because = "the tracks do not reconstruct: " + result.summary.termination;
-      second.file.meta["second_pass"] = "none: " + second.none_because;
+      second.file.meta.second_pass = false;
+      second.file.meta.no_second_pass = second.none_because;
       break;
     }
     if (round > 0 && !HaveMoved(models, result.reconstruction, options)) break;

@@ -83,14 +83,9 @@ struct SecondPass {
   std::string none_because;  // of WithSecondPass: why `file` is the first pass's; else empty
 };
 
-// TrackFile::meta["second_pass_options"]: all but mode and companion, so that a file begun with
-// `auto` can be resumed with `on`.
+// TrackMeta::second_pass_options: all but mode and companion, so that what `auto` made is what `on`
+// asks for.
 std::string SecondPassOptionsText(const SecondPassOptions& options);
-
-// TrackFile::meta["second_pass"]: not requested, or still to come; then "done", or "none: " and
-// why.
-inline constexpr const char* kSecondPassOff = "off";
-inline constexpr const char* kSecondPassAsked = "asked";
 
 // Whether no point of the scene, near or infinitely far, explains half of the track's observed
 // positions to within `max_error_px`. False with fewer than ten frames with a pose.
@@ -123,7 +118,8 @@ bool HaveMoved(std::span<const Reconstruction> models,
 TrackFile JoinCompanion(TrackFile first_pass, Sequence& sequence, const cv::Mat& mask);
 
 // Runs the second pass with its own model by Ceres, or one for each part of a broken clip. If there
-// is no model, returns `file` itself, with the reason in meta["second_pass"].
+// is no model, returns `file` itself, with the reason in
+// meta.no_second_pass.
 SecondPass WithSecondPass(TrackFile file,
                           Sequence& sequence,
                           const cv::Mat& mask,

@@ -41,7 +41,7 @@ bool WantsCompanion(const SecondPassOptions& second_pass, const TrackerOptions& 
 }
 
 SequenceTracker::SequenceTracker(Sequence& sequence, const TrackSequenceOptions& options)
-    : frames_(sequence), tracker_(MakeSteadyTracker(options)) {
+    : promised_(sequence.FrameCount()), frames_(sequence), tracker_(MakeSteadyTracker(options)) {
   if (!HasNext()) {
     const std::string name = options.source.empty() ? sequence.Name() : options.source.string();
     ThrowError("{}: no frame to track. {}", name, sequence.Warning());
@@ -51,17 +51,17 @@ SequenceTracker::SequenceTracker(Sequence& sequence, const TrackSequenceOptions&
   header_.width_px = next_->gray.cols;
   header_.height_px = next_->gray.rows;
   if (options.camera) CheckCameraSize(*options.camera, header_.width_px, header_.height_px);
-  const bool second_pass = WantsSecondPass(options.second_pass.mode, options.tracker);
-  header_.meta = {{"tracker", std::string(NameOf(kTrackerNames, options.tracker.tracker))},
-                  {"second_pass", second_pass ? kSecondPassAsked : kSecondPassOff},
-                  {"options", ToJson(options.tracker).dump()}};
+  header_.meta.tracker = NameOf(kTrackerNames, options.tracker.tracker);
+  header_.meta.options = ToJson(options.tracker).dump();
   if (options.camera) {
     NoteCamera(options.camera, header_);
   } else {
     NoteCamera(sequence, header_);
   }
-  if (WantsCompanion(options.second_pass, options.tracker)) header_.meta["companion"] = "klt";
-  if (second_pass) header_.meta["second_pass_options"] = SecondPassOptionsText(options.second_pass);
+  header_.meta.companion = WantsCompanion(options.second_pass, options.tracker);
+  if (WantsSecondPass(options.second_pass.mode, options.tracker)) {
+    header_.meta.second_pass_options = SecondPassOptionsText(options.second_pass);
+  }
   NoteSensorRows(sequence, header_);
 }
 
@@ -86,38 +86,38 @@ TrackedFrame SequenceTracker::TrackNext() {
   return frame;
 }
 
-TrackFile TrackFirstPass(Sequence& sequence,
-                         const TrackSequenceOptions& options,
-                         const StageProgress& progress) {
-  SequenceTracker tracker(sequence, options);
-  TrackFile file = tracker.Header();
+TrackFile SequenceTracker::TrackAll(TrackFile header, const StageProgress& progress) {
+  TrackFile file = std::move(header);
   std::vector<Observation> observations;
   std::vector<TrackEnd> ends;
-  std::vector<FrameIndex> cuts;
-  // Asked before the frames are read ahead by another thread.
-  const std::optional<std::size_t> promised = sequence.FrameCount();
-  if (progress) progress("track", 0, promised);
-  while (tracker.HasNext()) {
-    TrackedFrame frame = tracker.TrackNext();
-    if (frame.result.cut) cuts.push_back(frame.info.index);
+  if (progress) progress("track", 0, promised_);
+  while (HasNext()) {
+    TrackedFrame frame = TrackNext();
+    if (frame.result.cut) file.meta.cuts.push_back(frame.info.index);
     file.frames.push_back(std::move(frame.info));
     observations.insert(
         observations.end(), frame.result.observations.begin(), frame.result.observations.end());
     ends.insert(ends.end(), frame.result.ends.begin(), frame.result.ends.end());
-    if (progress) progress("track", file.frames.size(), promised);
+    if (progress) progress("track", file.frames.size(), promised_);
   }
   const std::size_t count = file.frames.size();
-  if (progress && promised != count) progress("track", count, count);
+  if (progress && promised_ != count) progress("track", count, count);
   file.tracks = TrackSet::Build(std::move(observations), std::move(ends));
-  NoteCuts(cuts, file.meta);
   return file;
+}
+
+TrackFile TrackFirstPass(Sequence& sequence,
+                         const TrackSequenceOptions& options,
+                         const StageProgress& progress) {
+  SequenceTracker tracker(sequence, options);
+  return tracker.TrackAll(tracker.Header(), progress);
 }
 
 TrackFile TrackSequence(Sequence& sequence,
                         const TrackSequenceOptions& options,
                         const StageProgress& progress) {
   TrackFile file = TrackFirstPass(sequence, options, progress);
-  if (file.meta.at("second_pass") != kSecondPassAsked) return file;
+  if (!WantsSecondPass(options.second_pass.mode, options.tracker)) return file;
   return WithSecondPass(std::move(file), sequence, options.mask, options.second_pass, progress)
       .file;
 }

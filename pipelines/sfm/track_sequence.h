@@ -26,8 +26,7 @@ struct TrackSequenceOptions {
 };
 
 // Tracks a clip: the whole job of `cohort track` in memory. With a second pass (WantsSecondPass),
-// its tracks replace the first's if a reconstruction by Ceres succeeds; meta["second_pass"] states
-// the outcome. Throws Error on a clip without frames or with a camera for other pictures.
+// its tracks replace the first's if a reconstruction by Ceres succeeds; meta states the outcome. Throws Error on a clip without frames or with a camera for other pictures.
 //
 //   const auto clip = OpenSequence("night.mp4");
 //   const TrackFile file = TrackSequence(*clip, {.source = "night.mp4"});
@@ -36,7 +35,7 @@ TrackFile TrackSequence(Sequence& sequence,
                         const TrackSequenceOptions& options = {},
                         const StageProgress& progress = {});
 
-// The first pass alone: a requested second pass is still to come (WithSecondPass).
+// The first pass alone; WithSecondPass runs the second.
 TrackFile TrackFirstPass(Sequence& sequence,
                          const TrackSequenceOptions& options = {},
                          const StageProgress& progress = {});
@@ -47,16 +46,13 @@ struct TrackedFrame {
   FrameResult result;
 };
 
-// The first pass frame by frame, for callers that need each frame's tracks at once, or on disk
-// before the next frame is read: a kill then loses only the current frame.
+// The first pass frame by frame, for callers that need each frame's tracks at once.
 //
 //   SequenceTracker tracker(*clip, {.source = "night.mp4"});
-//   auto writer = TrackWriter::Create("night.tracks", tracker.Header());
 //   while (tracker.HasNext()) {
 //     const TrackedFrame frame = tracker.TrackNext();
-//     writer.AppendFrame(frame.info, frame.result.observations, frame.result.ends);
+//     Show(frame.info, frame.result.observations);
 //   }
-//   writer.Finish();
 //
 // If frames do not come from a Sequence, use MakeTracker (frontend/track/tracker.h).
 class SequenceTracker {
@@ -64,11 +60,13 @@ class SequenceTracker {
   // Reads the first frame; throws Error without one. `sequence` must outlive this.
   SequenceTracker(Sequence& sequence, const TrackSequenceOptions& options);
 
-  // Everything in the file but frames and tracks, and where the clip is cut (cuts.h). meta: the
-  // tracker's name, its options as JSON, and whether a second pass is to come.
+  // Everything in the file but frames and tracks, and where the clip is cut. meta: the
+  // tracker's name, its options as JSON, and those of a second pass that is to come.
   const TrackFile& Header() const { return header_; }
   bool HasNext();  // reads the next frame, if not done yet
   TrackedFrame TrackNext();
+  // The header with all frames from the next on, their tracks, and the cuts.
+  TrackFile TrackAll(TrackFile header, const StageProgress& progress = {});
 
   // Time so far over all frames.
   double decode_ms() const { return decode_ms_; }
@@ -76,6 +74,7 @@ class SequenceTracker {
   double track_ms() const { return track_ms_; }  // without detection
 
  private:
+  std::optional<std::size_t> promised_;  // asked before another thread reads ahead
   ReadAhead frames_;
   std::optional<Frame> next_;  // unset: not read yet, or the end
   bool ended_ = false;

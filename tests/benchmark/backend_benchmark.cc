@@ -61,7 +61,7 @@ double Error(const Reconstruction& reconstruction, const Poses& truth) {
 
 Run RunCeres(const TrackFile& file, const Poses& truth, bool covariances) {
   MapperOptions options;
-  options.use_covariances = covariances;
+  options.whitening.use_covariances = covariances;
   const double start = CpuSeconds(RUSAGE_SELF);
   const MapperResult result = ReconstructWithCeres(file, options);
   const double seconds = CpuSeconds(RUSAGE_SELF) - start;

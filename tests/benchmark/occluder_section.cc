@@ -170,7 +170,7 @@ features; seeds of noise and bar: {}. For the room and seed 1:
 ```console
 $ cohort synth room --scene room --motion lateral --frames {}
 $ cohort degrade room dark --level medium --occluder {:.0f} --seed 1
-$ cohort track dark --detector.max-features {} --seed 1 --out dark.tracks
+$ cohort track dark --detector.max-features {} --out dark.tracks
 $ cohort evaluate dark.tracks --truth dark --edge-px {:.0f}
 ```
 

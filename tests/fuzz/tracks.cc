@@ -6,8 +6,6 @@ namespace cohort::fuzz {
 
 void Run(std::string_view bytes) {
   const auto path = File("a.tracks", bytes);
-  Try([&] { FindUnfinishedTracks(path); });
-  Try([&] { CountTracks(path); });
   Try([&] {
     const TrackFile file = ReadTrackFile(path);
     WriteTrackFile(Folder() / "b.tracks", file);

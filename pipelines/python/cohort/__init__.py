@@ -264,11 +264,6 @@ class Tracks:
         return self._file.meta
 
     @property
-    def complete(self) -> bool:
-        """False: tracking was interrupted."""
-        return self._file.complete
-
-    @property
     def frames(self) -> Array:
         """(T,) which frames of the clip, counted from 0."""
         return self._file.frames
@@ -572,8 +567,6 @@ def _plain(value: Any) -> Any:
 def _tracks(tracks: Tracks) -> Tracks:
     if not isinstance(tracks, Tracks):
         raise TypeError(f"tracks is a {type(tracks).__name__}: give cohort.Tracks (Tracks.read)")
-    if not tracks.complete:
-        _log.warning("tracking was interrupted; it holds %d frames", len(tracks.frames))
     return tracks
 
 

@@ -145,7 +145,7 @@ TEST(RollingShutter, IsFoundInPicturesThatWereTurnedUpright) {
     pose = {turn * pose.rotation, turn * pose.translation};
   }
   const double not_said = Ate(ReconstructWithCeres(scene.file), scene);
-  scene.file.meta[kRowOrderMeta] = "left";
+  scene.file.meta.row_order = RowOrder::kLeft;
   const MapperResult result = ReconstructWithCeres(scene.file);
   EXPECT_NEAR(result.reconstruction.readout, 0.7, 0.05);
   EXPECT_EQ(result.reconstruction.camera.row_order, RowOrder::kLeft);

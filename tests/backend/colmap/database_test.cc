@@ -30,7 +30,7 @@ using testing::HasSubstr;
 using testing::ThrowsMessage;
 
 SqliteDatabase Open(const std::filesystem::path& path) {
-  return SqliteDatabase::Open(path, SqliteDatabase::Mode::kWrite);
+  return SqliteDatabase::Open(path, SqliteDatabase::Mode::kCreate);
 }
 
 std::vector<std::string> Columns(SqliteDatabase& db, const std::string& table) {
@@ -121,18 +121,11 @@ TEST(ColmapDatabase, KeypointBytesAreOurPixelsPlusAHalf) {
   EXPECT_FALSE(select.IsNull(2));
 }
 
-TEST(ColmapDatabase, TakesPredictedPositionsWhenAskedFor) {
-  ColmapDatabaseOptions options;
-  options.include_predicted = true;
-  const ColmapDatabase database = BuildColmapDatabase(ThreeFrames(), options);
-  EXPECT_EQ(database.images.at(2).keypoints.size(), 2u);
-
+TEST(ColmapDatabase, NamesATrackThatColmapCannotHold) {
   TrackFile far_off = ThreeFrames();
-  far_off.tracks = TrackSet::Build({{.feature = FeatureId{0},
-                                     .frame = FrameIndex{1},
-                                     .xy = {1e200, 4.0},
-                                     .state = ObservationState::kPredicted}});
-  EXPECT_THAT([&] { BuildColmapDatabase(far_off, options); },
+  far_off.tracks =
+      TrackSet::Build({{.feature = FeatureId{0}, .frame = FrameIndex{1}, .xy = {1e200, 4.0}}});
+  EXPECT_THAT([&] { BuildColmapDatabase(far_off); },
               ThrowsMessage<Error>(HasSubstr("track 0 is at 1.0e+200, 4.0e+00 in frame 1")));
 }
 
@@ -160,11 +153,6 @@ TEST(ColmapDatabase, LeavesOutWhatIsMeasuredMuchWorseThanTheRest) {
   const TempDir dir;
   WriteColmapDatabase(dir / "a.db", file);
   EXPECT_EQ(ReadColmapDatabase(dir / "a.db").images.at(1).keypoints.size(), 8u);
-  ColmapDatabaseOptions with_predicted;
-  with_predicted.include_predicted = true;
-  WriteColmapDatabase(dir / "b.db", file, with_predicted);
-  EXPECT_EQ(ReadColmapDatabase(dir / "b.db").images.at(1).keypoints.size(), 9u)
-      << "9, which is predicted, but 7 is as weak as before";
 }
 
 TEST(ColmapDatabase, ABlurredFrameKeepsWhatTiesItToTheOthers) {
@@ -182,7 +170,7 @@ TEST(ColmapDatabase, ABlurredFrameKeepsWhatTiesItToTheOthers) {
   file.tracks = TrackSet::Build(observations);
   const TrackFile strong = WithoutWeakObservations(file, {});
   for (std::uint32_t frame = 0; frame < 3; ++frame) {
-    EXPECT_EQ(ColmapKeypoints(strong.tracks, FrameIndex{frame}, false).size(), 9u) << frame;
+    EXPECT_EQ(ColmapKeypoints(strong.tracks, FrameIndex{frame}).size(), 9u) << frame;
   }
 }
 
@@ -462,8 +450,8 @@ TEST(ColmapDatabase, AContradictedMatchIsAMatchButNoInlier) {
     ASSERT_TRUE(pair.geometry);
     const std::set<ColmapMatch> inliers(pair.geometry->inliers.begin(),
                                         pair.geometry->inliers.end());
-    const auto keypoints1 = ColmapKeypoints(scene.file.tracks, frame1, false);
-    const auto keypoints2 = ColmapKeypoints(scene.file.tracks, frame2, false);
+    const auto keypoints1 = ColmapKeypoints(scene.file.tracks, frame1);
+    const auto keypoints2 = ColmapKeypoints(scene.file.tracks, frame2);
     for (const ColmapMatch& match : pair.matches) {
       const FeatureId feature = keypoints1[match[0]]->feature;
       ASSERT_EQ(keypoints2[match[1]]->feature, feature);

@@ -192,7 +192,7 @@ TEST(ColmapModel, MapsAMappersPointsToFeatures) {
     ColmapModelImage& image = model.images[ColmapImageIdOf(frame)];
     image.cam_from_world = pose;
     image.name = truth.frame_names.at(frame);
-    for (const Observation* o : ColmapKeypoints(scene.file.tracks, frame, false)) {
+    for (const Observation* o : ColmapKeypoints(scene.file.tracks, frame)) {
       const std::uint64_t id = 1000 - ToInt(o->feature);
       model.points[id].xyz = truth.points.at(o->feature).in_world;
       model.points[id].error_px = truth.points.at(o->feature).mean_reprojection_px;
@@ -201,7 +201,7 @@ TEST(ColmapModel, MapsAMappersPointsToFeatures) {
       image.points2d.push_back({o->xy + Eigen::Vector2d(0.5, 0.5), id});
     }
   }
-  const Reconstruction read = FromColmapModel(model, scene.file, false);
+  const Reconstruction read = FromColmapModel(model, scene.file);
   ExpectSame(read, truth);
   EXPECT_EQ(read.timestamps_ns.at(FrameIndex{9}), scene.file.frames[1].timestamp_ns);
 
@@ -210,10 +210,10 @@ TEST(ColmapModel, MapsAMappersPointsToFeatures) {
   split.points[5000] = model.points.begin()->second;
   split.points[5000].track.resize(2);
   split.points[5000].xyz.setZero();
-  ExpectSame(FromColmapModel(split, scene.file, false), truth);
+  ExpectSame(FromColmapModel(split, scene.file), truth);
 
   model.points.begin()->second.track[0].second += 1;
-  EXPECT_THAT([&] { FromColmapModel(model, scene.file, false); },
+  EXPECT_THAT([&] { FromColmapModel(model, scene.file); },
               ThrowsMessage<Error>(HasSubstr("not of these tracks")));
 }
 

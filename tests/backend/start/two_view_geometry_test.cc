@@ -175,7 +175,7 @@ TEST(TwoViewGeometry, RepeatsExactly) {
   EXPECT_EQ(a.geometry.cam2_from_cam1->translation, b.geometry.cam2_from_cam1->translation);
 }
 
-TEST(MatchFrames, LeavesPredictedPositionsOutUnlessAskedFor) {
+TEST(MatchFrames, LeavesPredictedPositionsOut) {
   const auto at = [](std::uint32_t feature, std::uint32_t frame, ObservationState state) {
     Observation o;
     o.feature = FeatureId{feature};
@@ -188,7 +188,6 @@ TEST(MatchFrames, LeavesPredictedPositionsOutUnlessAskedFor) {
       {at(1, 0, kSeen), at(1, 4, kSeen), at(2, 0, ObservationState::kPredicted), at(2, 4, kSeen)});
   EXPECT_THAT(MatchFrames(tracks, FrameIndex{0}, FrameIndex{4}).features,
               testing::ElementsAre(FeatureId{1}));
-  EXPECT_EQ(MatchFrames(tracks, FrameIndex{0}, FrameIndex{4}, true).features.size(), 2u);
 }
 
 }  // namespace

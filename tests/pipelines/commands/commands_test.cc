@@ -24,7 +24,9 @@
 #include "frontend/storage/sqlite.h"
 #include "frontend/storage/write_lock.h"
 #include "frontend/tracks/track_store.h"
+#include "pipelines/sfm/input.h"
 #include "pipelines/sfm/reconstruct.h"
+#include "pipelines/sfm/track_sequence.h"
 #include "tests/support/bal_errors.h"
 #include "tests/support/child_process.h"
 #include "tests/support/program.h"
@@ -137,7 +139,6 @@ TEST_F(Commands, HelpNamesEveryOptionWithDefaultAndRange) {
                     HasSubstr("default 1000)"),
                     HasSubstr("descent, klt, anchored-klt, rlof, dis,"),
                     HasSubstr("--window"),
-                    HasSubstr("--seed"),
                     HasSubstr("--camera"),
                     HasSubstr("--mask")));
   const ProgramEnd all = RunCohort("--help");
@@ -173,7 +174,7 @@ TEST_F(Commands, AFullOrClosedStdoutIsAFailureThatIsSaid) {
   const std::string track = Track(WriteImages(Path("clip"), 8).string());
   for (const char* to : {">/dev/full", ">&-"}) {
     ExpectFailure(RunCohort(track + to), 1, HasSubstr("cannot write to standard output"));
-    EXPECT_TRUE(ReadTrackFile(Path("a.tracks")).complete) << to;
+    EXPECT_EQ(ReadTrackFile(Path("a.tracks")).frames.size(), 8U) << to;
     ExpectFailure(
         RunCohort(std::string("--help") + to), 1, HasSubstr("cannot write to standard output"));
     // Longer than a buffer, so that it fails while it is printed.
@@ -184,7 +185,7 @@ TEST_F(Commands, AFullOrClosedStdoutIsAFailureThatIsSaid) {
   // A reader who leaves, with work to be done.
   const ProgramEnd left =
       RunShell("bash -c '" + ProgramPath() + " " + track + " > >(exit); echo $?'");
-  EXPECT_TRUE(ReadTrackFile(Path("a.tracks")).complete);
+  EXPECT_EQ(ReadTrackFile(Path("a.tracks")).frames.size(), 8U);
   EXPECT_THAT(left.out, testing::AnyOf("0\n", "1\n"));
 }
 
@@ -258,7 +259,7 @@ TEST_F(Commands, NamesOfFramesLeadOutOfNoFolder) {
                                           {"/tmp/cohort-evil.png", "is an absolute path"},
                                           {"evil", "has no frame evil"}}) {
     WriteBytes(Path("a.tracks"), good);
-    SqliteDatabase::Open(Path("a.tracks"), SqliteDatabase::Mode::kWrite)
+    SqliteDatabase::Open(Path("a.tracks"), SqliteDatabase::Mode::kCreate)
         .Execute("UPDATE frames SET name = '" + name + "' WHERE \"index\" = 2");
     ExpectFailure(RunCohort(export_it), 1, AllOf(HasSubstr(name), HasSubstr(why)));
     EXPECT_FALSE(fs::exists(Path("out/a_images")));
@@ -385,7 +386,6 @@ TEST_F(Commands, TracksAClipAndReportsItsFigures) {
   EXPECT_EQ(end.err, "");
   EXPECT_THAT(end.out, HasSubstr("mean observed track length"));
   const TrackFile file = ReadTrackFile(Path("a.tracks"));
-  EXPECT_TRUE(file.complete);
   ASSERT_EQ(file.frames.size(), 4u);
   EXPECT_EQ(file.frames[1].index, FrameIndex{3});
   EXPECT_EQ(file.frames[1].name, "003.png");
@@ -443,7 +443,6 @@ TEST_F(Commands, ATruncatedVideoKeepsWhatCanBeDecodedAndSaysSo) {
   EXPECT_THAT(end.err, AllOf(StartsWith("cohort: warning: "), HasSubstr("of about 20")));
   EXPECT_EQ(std::count(end.err.begin(), end.err.end(), '\n'), 1) << end.err;
   const TrackFile file = ReadTrackFile(Path("a.tracks"));
-  EXPECT_TRUE(file.complete);
   EXPECT_GT(file.frames.size(), 5u);
   EXPECT_LT(file.frames.size(), 20u);
 }
@@ -529,7 +528,7 @@ TEST_F(Commands, ImportsWhateverFormItExports) {
   EXPECT_GT(database.tracks.features().size(), file.tracks.features().size() / 2);
   ASSERT_TRUE(database.KnowsCamera());
   EXPECT_EQ(database.camera->fx, 150.0);
-  EXPECT_EQ(database.meta.at("imported_from"), Path("a.db"));
+  EXPECT_EQ(database.meta.imported_from, Path("a.db"));
 }
 
 TEST_F(Commands, ImportsTheTracksOfAModelFolder) {
@@ -679,12 +678,7 @@ TEST_F(Commands, WhatExifSaysOfTheCameraIsAGuess) {
   EXPECT_FALSE(file.camera->known);
   EXPECT_NEAR(file.camera->fx, 120.2, 0.05);
   EXPECT_EQ(file.camera->guess_log_sigma, 0.1);
-  EXPECT_EQ(file.meta.at("focal_source"), "EXIF FocalLengthIn35mmFilm 26 mm");
-  // The same job, not another.
-  EXPECT_EQ(RunCohort("track " + clip + options + " --resume").exit_code, 0);
-  ExpectFailure(RunCohort("track " + clip + options + " --quiet --resume --camera-prior 150"),
-                1,
-                HasSubstr("with other options"));
+  EXPECT_EQ(file.meta.focal_source, "EXIF FocalLengthIn35mmFilm 26 mm");
 
   // Tracks of others, and what the user thinks, which counts more.
   ASSERT_EQ(RunCohort("export " + Path("a.tracks") + " --csv " + Path("a.csv")).exit_code, 0);
@@ -696,7 +690,7 @@ TEST_F(Commands, WhatExifSaysOfTheCameraIsAGuess) {
   EXPECT_THAT(end.err, Not(HasSubstr("EXIF")));
   file = ReadTrackFile(Path("b.tracks"));
   EXPECT_EQ(file.camera->fx, 150.0);
-  EXPECT_FALSE(file.meta.contains("focal_source"));
+  EXPECT_EQ(file.meta.focal_source, "");
 }
 
 TEST_F(Commands, APriorTakesThePlaceOfACalibration) {
@@ -1093,7 +1087,7 @@ TEST_F(Commands, RefineMeasuresTracksAgainWhereTheModelSaysTheyAre) {
   Run("track " + path("dark") + " --features 150 --out " + path("c.tracks"));
   const TrackFile by_refine = ReadTrackFile(path("b.tracks"));
   const TrackFile by_track = ReadTrackFile(path("c.tracks"));
-  EXPECT_EQ(by_track.meta.at("second_pass"), "done");
+  EXPECT_TRUE(by_track.meta.second_pass);
   EXPECT_EQ(by_track.tracks.CountObserved(), by_refine.tracks.CountObserved());
   EXPECT_GT(by_track.tracks.CountPredicted(), 0u);
 
@@ -1130,7 +1124,7 @@ TEST_F(Commands, RefineDropsWhatTheMaskCoversAndNotesIt) {
   Run(refine + " --mask " + Path("half.png") + " --json " + Path("r.json") + " --out " +
       Path("b.tracks"));
   EXPECT_GT(ReadJson(Path("r.json"))["masked_tracks"], 10);
-  EXPECT_EQ(ReadTrackFile(Path("b.tracks")).meta.at("mask"), Path("half.png"));
+  EXPECT_EQ(ReadTrackFile(Path("b.tracks")).meta.mask, Path("half.png"));
   Run("reconstruct " + Path("b.tracks") + " --out " + Path("half"));
   Run("refine " + Path("b.tracks") + " --model " + Path("half") + " --out " + Path("c.tracks"));
   const TrackFile again = ReadTrackFile(Path("c.tracks"));
@@ -1144,7 +1138,7 @@ TEST_F(Commands, RefineDropsWhatTheMaskCoversAndNotesIt) {
   ExpectFailure(
       RunCohort(colmap + Path("corner.png")), 1, HasSubstr("the mask leaves none of its"));
   ASSERT_EQ(RunCohort(colmap + Path("half.png")).exit_code, 0);
-  EXPECT_EQ(ReadTrackFile(Path("refined/clip.tracks")).meta.at("mask"), Path("half.png"));
+  EXPECT_EQ(ReadTrackFile(Path("refined/clip.tracks")).meta.mask, Path("half.png"));
   EXPECT_GT(ReadJson(Path("refined/summary.json"))["masked_tracks"], 10);
 }
 
@@ -1155,7 +1149,7 @@ TEST_F(Commands, ExportReplacesNoDatabaseWithFeaturesOfColmaps) {
       "export " + Path("a.tracks") + " --quiet --colmap-database " + Path("a.db");
   ASSERT_EQ(RunCohort(to_database).exit_code, 0);
   ASSERT_EQ(RunCohort(to_database).exit_code, 0) << "its own is replaced";
-  SqliteDatabase::Open(Path("a.db"), SqliteDatabase::Mode::kWrite)
+  SqliteDatabase::Open(Path("a.db"), SqliteDatabase::Mode::kCreate)
       .Execute("INSERT INTO descriptors VALUES(1, 2, 128, zeroblob(256))");
   const std::string before = ReadBytes(Path("a.db"));
   ExpectFailure(RunCohort(to_database),
@@ -1277,25 +1271,27 @@ TEST_F(Commands, WhatTheModelDoesNotFindAgainStaysWhereTheSceneIsNotRigid) {
   EXPECT_EQ(RunCohort(track + Path("one.tracks") + " --second-pass off").exit_code, 0);
   const TrackFile kept = ReadTrackFile(Path("two.tracks"));
   const TrackFile first = ReadTrackFile(Path("one.tracks"));
-  EXPECT_EQ(kept.meta.at("second_pass"), "done");
+  EXPECT_TRUE(kept.meta.second_pass);
   EXPECT_GT(kept.tracks.CountObserved(), first.tracks.CountObserved() * 9 / 10);
 }
 
 TEST_F(Commands, FlagsAreOnOrOff) {
-  const auto resume = [&](const std::string& flag) {
+  const auto uncentered = [&](const std::string& flag) {
     const ProgramEnd end = RunCohort("track x --out y --dump-config " + flag);
     EXPECT_EQ(end.exit_code, 0) << end.err;
-    return nlohmann::json::parse(end.out).at("resume").get<bool>();
+    return nlohmann::json::parse(end.out).at("subspace").at("uncentered").get<bool>();
   };
-  for (const char* flag : {"--resume", "--resume=on", "--resume=1", "--no-resume=off"}) {
-    EXPECT_TRUE(resume(flag)) << flag;
+  for (const char* flag :
+       {"--uncentered", "--uncentered=on", "--uncentered=1", "--no-uncentered=off"}) {
+    EXPECT_TRUE(uncentered(flag)) << flag;
   }
-  for (const char* flag : {"--no-resume", "--resume=off", "--resume=no", "--no-resume=yes"}) {
-    EXPECT_FALSE(resume(flag)) << flag;
+  for (const char* flag :
+       {"--no-uncentered", "--uncentered=off", "--uncentered=no", "--no-uncentered=yes"}) {
+    EXPECT_FALSE(uncentered(flag)) << flag;
   }
-  ExpectFailure(RunCohort("track x --out y --resume=banana"),
+  ExpectFailure(RunCohort("track x --out y --uncentered=banana"),
                 2,
-                AllOf(HasSubstr("--resume 'banana'"), HasSubstr("on or off")));
+                AllOf(HasSubstr("--uncentered 'banana'"), HasSubstr("on or off")));
 }
 
 TEST_F(Commands, AWordInBracketsIsAName) {
@@ -1328,145 +1324,30 @@ TEST_F(Commands, OpensTheClipAgainAsItsTracksWereMade) {
   EXPECT_THAT(ReadBytes(Path("f.html")), HasSubstr("\"title\":\"clip\""));
 }
 
-// The tracks of a run that was killed or interrupted and then resumed are those of a run in peace.
-class Interruption : public Commands {
- protected:
-  void SetUp() override {
-    clip_ = WriteImages(Path("clip"), 60);
-    ASSERT_EQ(RunCohort(Tracking("peace")).exit_code, 0);
-    ASSERT_EQ(Csv("peace"), 0);
-  }
-  std::string Tracking(const std::string& name) const {
-    return "track " + clip_ + " --features 200 --quiet --out " + Path(name + ".tracks");
-  }
-  int Csv(const std::string& name) const {
-    return RunCohort("export " + Path(name + ".tracks") + " --csv " + Path(name + ".csv"))
-        .exit_code;
-  }
-  // Sends the signal once some frames are in the file.
-  ProgramEnd RunAndSignal(const std::string& signal) const {
-    return RunShell(fmt::format(
-        "{} {} & pid=$!; while [ \"$(stat -c %s {} 2>/dev/null || echo 0)\" -lt 60000 ]; do "
-        "sleep 0.01; done; kill -{} $pid; wait $pid",
-        ProgramPath(),
-        Tracking("hurt"),
-        Path("hurt.tracks"),
-        signal));
-  }
-  // Has the first pass ended?
-  bool IsWritten(const std::string& name) const {
-    try {
-      return ReadTrackFile(Path(name + ".tracks")).complete;
-    } catch (const Error&) {  // not there yet
-      return false;
-    }
-  }
-  void KillInSecondPass() const {
-    auto run = std::async(std::launch::async, [&] {
-      return RunShell(fmt::format(
-          "{} {} & echo $! > {}; wait $!", ProgramPath(), Tracking("hurt"), Path("pid")));
-    });
-    while (!IsWritten("hurt")) std::this_thread::sleep_for(std::chrono::milliseconds(1));
-    ::kill(std::stoi(ReadBytes(Path("pid"))), SIGKILL);
-    EXPECT_EQ(run.get().exit_code, 128 + SIGKILL);
-  }
-  void ExpectResumeGivesTheSame() const {
-    const TrackFile partial = ReadTrackFile(Path("hurt.tracks"));
-    EXPECT_FALSE(partial.complete);
-    EXPECT_GT(partial.frames.size(), 0u);
-    EXPECT_LT(partial.frames.size(), 60u);
-    ASSERT_EQ(RunCohort(Tracking("hurt") + " --resume").exit_code, 0);
-    EXPECT_TRUE(ReadTrackFile(Path("hurt.tracks")).complete);
-    ASSERT_EQ(Csv("hurt"), 0);
-    EXPECT_EQ(ReadBytes(Path("hurt.csv")), ReadBytes(Path("peace.csv")));
-  }
-
-  std::string clip_;
-};
-
-TEST_F(Interruption, AKilledRunKeepsFinishedFramesAndResumes) {
-  EXPECT_EQ(RunAndSignal("KILL").exit_code, 128 + SIGKILL);
-  ExpectResumeGivesTheSame();
-}
-
-TEST_F(Interruption, CtrlCEndsCleanlyAndResumes) {
-  // A shell starts background jobs with SIGINT ignored; SIGTERM is handled the same.
-  ExpectFailure(
-      RunAndSignal("TERM"), 1, AllOf(HasSubstr("interrupted after"), HasSubstr("--resume")));
-  ExpectResumeGivesTheSame();
-}
-
-TEST_F(Interruption, ASignalThatWhoStartedItIgnoresEndsNothing) {
-  EXPECT_EQ(RunAndSignal("INT").exit_code, 0);  // the shell's background jobs ignore it
-  EXPECT_TRUE(ReadTrackFile(Path("hurt.tracks")).complete);
-}
-
-TEST_F(Interruption, AKillDuringTheSecondPassKeepsTheFirstAndResumes) {
-  KillInSecondPass();
-  const TrackFile first_pass = ReadTrackFile(Path("hurt.tracks"));
-  EXPECT_EQ(first_pass.meta.at("second_pass"), "asked");
-  EXPECT_EQ(first_pass.frames.size(), 60u);
-  ASSERT_EQ(RunCohort(Tracking("hurt") + " --resume").exit_code, 0);
-  ASSERT_EQ(Csv("hurt"), 0);
-  EXPECT_EQ(ReadBytes(Path("hurt.csv")), ReadBytes(Path("peace.csv")));
-  // What `auto` made is what `on` asks for.
-  for (const char* const mode : {"", " --second-pass on"}) {
-    const ProgramEnd again = RunShell(fmt::format("{} track {} --features 200 --resume --out {}{}",
-                                                  ProgramPath(),
-                                                  clip_,
-                                                  Path("hurt.tracks"),
-                                                  mode));
-    EXPECT_EQ(again.exit_code, 0) << again.err;
-    EXPECT_THAT(again.err, HasSubstr("complete already"));
-  }
-}
-
-TEST_F(Interruption, TwoThatGoOnAtOnceBothEndWell) {
-  EXPECT_EQ(RunAndSignal("KILL").exit_code, 128 + SIGKILL);
-  const ProgramEnd both =
-      RunShell(fmt::format("{0} {1} --resume & {0} {1} --resume; end=$?; wait $!; echo $? $end",
-                           ProgramPath(),
-                           Tracking("hurt")));
-  EXPECT_THAT(both.out, HasSubstr("0 0\n")) << both.err;
-  ASSERT_EQ(Csv("hurt"), 0);
-  EXPECT_EQ(ReadBytes(Path("hurt.csv")), ReadBytes(Path("peace.csv")));
-}
-
-TEST_F(Interruption, ASecondPassThatAnotherRunHasMadeMeanwhileIsNotAskedAgain) {
-  KillInSecondPass();
-  std::optional<WriteLock> held = WriteLock::Of(Path("hurt.tracks"));
-  auto run =
-      std::async(std::launch::async, [&] { return RunCohort(Tracking("hurt") + " --resume"); });
-  std::this_thread::sleep_for(std::chrono::seconds(1));  // it waits for the file
-  fs::copy(Path("peace.tracks"), Path("made.tracks"));
-  fs::rename(Path("made.tracks"), Path("hurt.tracks"));
-  held.reset();
-  const ProgramEnd end = run.get();
-  EXPECT_EQ(end.exit_code, 0) << end.err;
-  EXPECT_EQ(ReadBytes(Path("hurt.tracks")), ReadBytes(Path("peace.tracks")));
-}
-
-TEST_F(Interruption, WhoeverUsesUnfinishedTracksIsTold) {
-  EXPECT_EQ(RunAndSignal("KILL").exit_code, 128 + SIGKILL);
-  EXPECT_THAT(RunCohort("export " + Path("hurt.tracks") + " --csv " + Path("h.csv")).err,
-              HasSubstr("hurt.tracks: tracking was interrupted; it holds"));
-}
-
-TEST_F(Interruption, SaysThatTheClipWasReplacedWhileItWasTracked) {
+TEST_F(Commands, AKilledRunLeavesTheOldTracks) {
+  Run("synth " + Path("clip") + kSmall + " --frames 8");
+  Run(Track(Path("clip")));
+  const std::string before = ReadBytes(Path("a.tracks"));
   WriteImages(Path("long"), 200);
-  const std::string track = fmt::format(
-      "track {} --features 200 --second-pass off --quiet --out {}", Path("long"), Path("l.tracks"));
-  const ProgramEnd end = RunShell(
-      fmt::format("{} {} & pid=$!; while [ ! -e {} ]; do sleep 0.01; done; kill -STOP $pid; "
-                  "cp {}/000.png {}/199.png; kill -CONT $pid; wait $pid",
-                  ProgramPath(),
-                  track,
-                  Path("l.tracks"),
-                  Path("long"),
-                  Path("long")));
-  EXPECT_EQ(end.exit_code, 0) << end.err;
-  EXPECT_THAT(end.err, HasSubstr("long was changed while it was read"));
-  EXPECT_THAT(ReadTrackFile(Path("l.tracks")).meta.at("warning"), HasSubstr("was changed"));
+  const ProgramEnd end =
+      RunShell(fmt::format("{} {} --quiet & pid=$!; sleep 0.2; kill -KILL $pid; wait $pid",
+                           ProgramPath(),
+                           Track(Path("long"))));
+  EXPECT_EQ(end.exit_code, 128 + SIGKILL);
+  EXPECT_EQ(ReadBytes(Path("a.tracks")), before);
+}
+
+TEST_F(Commands, SaysThatTheClipWasReplacedWhileItWasTracked) {
+  const std::string clip = WriteImages(Path("clip"), 5);
+  InputOptions input;
+  input.input = clip;
+  const auto sequence = OpenInput(input);
+  TrackFile file = TrackFirstPass(*sequence);
+  DescribeInput(input, *sequence, file);
+  EXPECT_EQ(WarningOfClip(*sequence, file, clip), "");
+  fs::copy(ImagePath(clip, 0), ImagePath(clip, 4), fs::copy_options::overwrite_existing);
+  EXPECT_THAT(WarningOfClip(*sequence, file, clip),
+              HasSubstr("clip was changed while it was read"));
 }
 
 TEST_F(Commands, SaysThatTheClipIsNotWhatItWasWhenItWasTracked) {
@@ -1526,64 +1407,6 @@ TEST_F(Commands, ExportOfAPieceReplacesThePicturesOfTheWhole) {
   Run(Track(video));
   ExpectFailure(RunCohort(to_colmap), 1, HasSubstr("mine.png"));
   EXPECT_EQ(ReadBytes(Path("c.db")), before);
-}
-
-TEST_F(Commands, TracksThatAreCompleteGiveTheirFiguresToo) {
-  const std::string clip = WriteImages(Path("clip"), 8);
-  Run(Track(clip, "--json " + Path("first.json")));
-  fs::create_directory_symlink(Path("clip"), Path("link"));  // another spelling of the same
-  const ProgramEnd again = RunCohort(Track(Path("link"), "--resume --json " + Path("again.json")));
-  EXPECT_EQ(again.exit_code, 0) << again.err;
-  const auto first = ReadJson(Path("first.json"));
-  const auto second = ReadJson(Path("again.json"));
-  for (const char* figure : {"frames", "tracks", "observations", "predicted", "cuts"}) {
-    EXPECT_EQ(first.at(figure), second.at(figure)) << figure;
-  }
-  EXPECT_TRUE(second.at("ms_per_frame").is_null());
-}
-
-// As a kill leaves it that comes when all is written and nothing renamed.
-TEST_F(Commands, ASecondPassThatOnlyLacksItsNameIsNotRunOnItsOwnResult) {
-  Run("synth " + Path("clip") + kSmall + " --frames 12");
-  const std::string track = "track " + Path("clip") + " --features 60 --quiet --out ";
-  ASSERT_EQ(RunCohort(track + Path("peace.tracks")).exit_code, 0);
-  ASSERT_EQ(ReadTrackFile(Path("peace.tracks")).meta.at("second_pass"), "done");
-  fs::copy(Path("peace.tracks"), Path("hurt.tracks.partial"));
-  const ProgramEnd resumed = RunCohort(track + Path("hurt.tracks") + " --resume");
-  EXPECT_EQ(resumed.exit_code, 0) << resumed.err;
-  EXPECT_TRUE(ReadBytes(Path("hurt.tracks")) == ReadBytes(Path("peace.tracks")));
-  EXPECT_FALSE(fs::exists(Path("hurt.tracks.partial")));
-}
-
-TEST_F(Commands, AResumedRunSaysAgainThatTheClipEndedEarly) {
-  const std::string clip = WriteImages(Path("clip"), 8);
-  WriteText(Path("kept"), ReadBytes(ImagePath(clip, 5)));
-  WriteText(ImagePath(clip, 5), "no picture");
-  const std::string track = Track(clip);
-  const ProgramEnd first = RunCohort(track);
-  EXPECT_THAT(first.err, HasSubstr("read 5 frames of 8"));
-  const ProgramEnd again = RunCohort(track + " --resume");
-  EXPECT_EQ(again.exit_code, 0);
-  EXPECT_THAT(again.err, AllOf(HasSubstr("read 5 frames of 8"), HasSubstr("made anew")));
-  WriteText(ImagePath(clip, 5), ReadBytes(Path("kept")));
-  ExpectFailure(RunCohort(track + " --resume"), 1, HasSubstr("made of another input"));
-}
-
-TEST_F(Commands, OtherTimesOfTheFramesAreAnotherInput) {
-  const std::string clip = Path("clip");
-  Run("synth " + clip + kSmall + " --frames 8");
-  ASSERT_EQ(RunCohort(Track(clip)).exit_code, 0);
-  const std::string times = ReadBytes(clip + "/rgb.txt");
-  const std::size_t last = times.rfind('\n', times.size() - 2) + 1;
-  WriteText(clip + "/rgb.txt", fmt::format("{}1{}", times.substr(0, last), times.substr(last)));
-  ExpectFailure(RunCohort(Track(clip) + " --resume"), 1, HasSubstr("made of another input"));
-}
-
-TEST_F(Interruption, OtherOptionsDoNotResume) {
-  RunAndSignal("KILL");
-  ExpectFailure(
-      RunCohort(Tracking("hurt") + " --resume --window 9"), 1, HasSubstr("other options"));
-  EXPECT_FALSE(ReadTrackFile(Path("hurt.tracks")).complete);
 }
 
 // A slip of the hand loses nothing.

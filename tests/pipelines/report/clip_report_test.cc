@@ -409,7 +409,7 @@ TEST_F(Show, NoNameAndNoTextOfAFileBecomesActive) {
   const std::string attack = "</script><script>alert(1)</script><img src=x onerror=alert(1)>";
   TrackFile file = ReadTrackFile(Path("a.tracks"));
   for (FrameInfo& frame : file.frames) frame.name = "\"onerror=alert(1) " + attack + frame.name;
-  file.meta["tracker"] = attack;
+  file.meta.tracker = attack;
   WriteTrackFile(Path("attack.tracks"), file);
   fs::copy(Path("model"), Path("attack_model"));
   nlohmann::json summary = nlohmann::json::parse(ReadBytes(Path("model/summary.json")));

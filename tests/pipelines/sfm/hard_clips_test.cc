@@ -87,8 +87,9 @@ TEST_P(ModelOfHardClip, SaysHowItEndedInBothTrackers) {
                                        : ModelQuality::kFailed)
         << summary.Brief();
     if (tracker == TrackerKind::kSubspace) {
-      EXPECT_THAT(outcome.file.meta.at("second_pass"),
-                  StartsWith(has_model ? "done" : "none: the tracks do not reconstruct"));
+      EXPECT_EQ(outcome.file.meta.second_pass, has_model);
+      EXPECT_THAT(outcome.file.meta.no_second_pass,
+                  StartsWith(has_model ? "" : "the tracks do not reconstruct"));
     }
   }
 }
@@ -129,8 +130,7 @@ TEST(ModelOfHardClips, NothingCrossesACut) {
   for (const TrackerKind tracker : {TrackerKind::kSubspace, TrackerKind::kKlt}) {
     const Outcome outcome = RunBothPasses(pictures, tracker);
     ExpectFinite(outcome);
-    EXPECT_EQ(outcome.file.meta.at("cuts"), "14");
-    EXPECT_EQ(CutsOf(outcome.file), std::vector<FrameIndex>{FrameIndex{14}});
+    EXPECT_EQ(outcome.file.meta.cuts, std::vector<FrameIndex>{FrameIndex{14}});
     for (const FeatureId feature : outcome.file.tracks.features()) {
       const auto track = outcome.file.tracks.Track(feature);
       EXPECT_EQ(ToInt(track.front().frame) < 14, ToInt(track.back().frame) < 14);

@@ -180,6 +180,8 @@ Reconstruction Walk(double step,
 // points move up and down, and the model has none.
 TrackFile Clip(Reconstruction& model, int moving = 0) {
   TrackFile file;
+  file.width_px = model.camera.width_px;
+  file.height_px = model.camera.height_px;
   std::vector<Observation> observations;
   for (int f = 0; f < kFrames; ++f) {
     file.frames.push_back({FrameIndex(f), "", 0});
@@ -290,7 +292,7 @@ TEST(FilmAdvice, NamesTheFramesWithoutAPoseAndThoseThatLostMost) {
   EXPECT_THAT(advice[0], HasSubstr("frames 18 to 19"));
   EXPECT_THAT(advice[1], HasSubstr("frames 9 to 10"));
 
-  file.meta["cuts"] = "10";
+  file.meta.cuts = {FrameIndex{10}};
   const auto of_a_cut = Advice(file, model, kDaylight);
   ASSERT_THAT(of_a_cut, SizeIs(2));
   EXPECT_THAT(of_a_cut[1], HasSubstr("The clip is cut at frame 10"));
@@ -323,7 +325,7 @@ TEST(FilmAdvice, OtherPartsOfTheClipAreKnown) {
   EXPECT_THAT(advice[1],
               AllOf(HasSubstr("models of their own of frames 12 to 17"), HasSubstr("slowly")));
   clip.other_parts = {{FrameIndex{12}, FrameIndex{19}}};
-  file.meta["cuts"] = "12";
+  file.meta.cuts = {FrameIndex{12}};
   const auto of_a_cut = FilmAdvice(clip, MeasureClip(clip));
   ASSERT_THAT(of_a_cut, SizeIs(2));
   EXPECT_THAT(of_a_cut[0], AllOf(HasSubstr("frames 12 to 19"), Not(HasSubstr("slowly"))));
