@@ -1,5 +1,7 @@
 #include "frontend/track/tracker.h"
 
+#include <algorithm>
+
 #include "frontend/track/baselines/dense_flow_tracker.h"
 #include "frontend/track/baselines/klt_tracker.h"
 #include "frontend/track/baselines/rlof_tracker.h"
@@ -9,46 +11,50 @@
 
 namespace cohort {
 
-std::unique_ptr<FeatureMover> MakeMover(const TrackerOptions& options) {
-  switch (options.tracker) {
-    case TrackerKind::kKlt:
-      return MakeKltMover(options.klt);
-    case TrackerKind::kAnchoredKlt:
-      return MakeAnchoredKltMover(options.anchored_klt);
-    case TrackerKind::kRlof:
-      return MakeRlofMover(options.rlof);
-    case TrackerKind::kDis:
-      return MakeDenseFlowMover(DenseFlowMethod::kDis, options.dense_flow);
-    case TrackerKind::kDeepFlow:
-      return MakeDenseFlowMover(DenseFlowMethod::kDeepFlow, options.dense_flow);
-    case TrackerKind::kSubspace:
-      return MakeSubspaceMover(options.subspace, options.measurement);
-    case TrackerKind::kDescent: {
-      SubspaceOptions alone = options.subspace;
-      alone.penalty_weight = 0.0;
-      return MakeGuideMover(alone, options.measurement.patch);
-    }
-  }
-  ThrowUsageError("unknown tracker");
+namespace {
+
+// All trackers: the groups of options that each reads, beside the detector's, and what moves its
+// features.
+struct KindOfTracker {
+  TrackerKind kind;
+  std::set<std::string> groups;
+  std::unique_ptr<FeatureMover> (*mover)(const TrackerOptions& options);
+};
+
+const KindOfTracker& Find(TrackerKind kind) {
+  using Options = TrackerOptions;
+  static const std::vector<KindOfTracker> kinds{
+      {TrackerKind::kSubspace,
+       {"subspace", "measurement"},
+       [](const Options& o) { return MakeSubspaceMover(o.subspace, o.measurement); }},
+      {TrackerKind::kDescent,
+       {"subspace", "measurement"},
+       [](const Options& o) {
+         SubspaceOptions alone = o.subspace;
+         alone.penalty_weight = 0.0;
+         return MakeGuideMover(alone, o.measurement.patch);
+       }},
+      {TrackerKind::kKlt, {"klt"}, [](const Options& o) { return MakeKltMover(o.klt); }},
+      {TrackerKind::kAnchoredKlt,
+       {"anchored_klt"},
+       [](const Options& o) { return MakeAnchoredKltMover(o.anchored_klt); }},
+      {TrackerKind::kRlof, {"rlof"}, [](const Options& o) { return MakeRlofMover(o.rlof); }},
+      {TrackerKind::kDis,
+       {"dense_flow"},
+       [](const Options& o) { return MakeDenseFlowMover(o.dense_flow); }},
+  };
+  const auto found = std::ranges::find(kinds, kind, &KindOfTracker::kind);
+  if (found == kinds.end()) ThrowUsageError("unknown tracker");
+  return *found;
 }
 
-std::set<std::string> OptionGroupsOf(TrackerKind kind) {
-  switch (kind) {
-    case TrackerKind::kSubspace:
-    case TrackerKind::kDescent:
-      return {"subspace", "measurement"};
-    case TrackerKind::kKlt:
-      return {"klt"};
-    case TrackerKind::kAnchoredKlt:
-      return {"anchored_klt"};
-    case TrackerKind::kRlof:
-      return {"rlof"};
-    case TrackerKind::kDis:
-    case TrackerKind::kDeepFlow:
-      return {"dense_flow"};
-  }
-  ThrowUsageError("unknown tracker");
+}  // namespace
+
+std::unique_ptr<FeatureMover> MakeMover(const TrackerOptions& options) {
+  return Find(options.tracker).mover(options);
 }
+
+std::set<std::string> OptionGroupsOf(TrackerKind kind) { return Find(kind).groups; }
 
 std::unique_ptr<Tracker> MakeTracker(const TrackerOptions& options, const cv::Mat& mask) {
   ValidateOptions(options);

@@ -9,15 +9,14 @@
 
 namespace cohort {
 
-enum class TrackerKind { kSubspace, kDescent, kKlt, kAnchoredKlt, kRlof, kDis, kDeepFlow };
-inline constexpr ChoiceNames<TrackerKind, 7> kTrackerNames{
+enum class TrackerKind { kSubspace, kDescent, kKlt, kAnchoredKlt, kRlof, kDis };
+inline constexpr ChoiceNames<TrackerKind, 6> kTrackerNames{
     {{"subspace", TrackerKind::kSubspace},
      {"descent", TrackerKind::kDescent},
      {"klt", TrackerKind::kKlt},
      {"anchored-klt", TrackerKind::kAnchoredKlt},
      {"rlof", TrackerKind::kRlof},
-     {"dis", TrackerKind::kDis},
-     {"deepflow", TrackerKind::kDeepFlow}}};
+     {"dis", TrackerKind::kDis}}};
 
 struct TrackerOptions {
   TrackerKind tracker = TrackerKind::kSubspace;
@@ -56,7 +55,7 @@ struct TrackerOptions {
     v.Group("klt", o.klt, "tracker klt");
     v.Group("anchored_klt", o.anchored_klt, "tracker anchored-klt");
     v.Group("rlof", o.rlof, "tracker rlof");
-    v.Group("dense_flow", o.dense_flow, "trackers dis and deepflow");
+    v.Group("dense_flow", o.dense_flow, "tracker dis");
     v.Group("subspace", o.subspace, "tracker subspace");
     v.Group("measurement", o.measurement, "guide, then measure: tracker subspace");
   }

@@ -21,9 +21,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::int64_t kApplicationId = 0x636F6872;  // "cohr": tells our SQLite files from others
-// 2: with a camera that programs of version 1 would take for one of four coefficients.
 constexpr std::int64_t kVersion = 1;
-constexpr std::int64_t kNewestStore = 2;
 
 constexpr const char* kSchema = R"(
   CREATE TABLE meta(key TEXT PRIMARY KEY NOT NULL, value TEXT NOT NULL) WITHOUT ROWID;
@@ -46,9 +44,8 @@ constexpr const char* kSchema = R"(
 )";
 
 // The keys of table meta that are fields of TrackFile.
-constexpr std::array<std::string_view, 5> kFieldKeys{
-    "source", "image_root", "width_px", "height_px", "status"};
-constexpr std::string_view kComplete = "complete";  // version 0.1 had others while it tracked
+constexpr std::array<std::string_view, 4> kFieldKeys{
+    "source", "image_root", "width_px", "height_px"};
 
 bool IsFieldKey(std::string_view key) {
   return std::find(kFieldKeys.begin(), kFieldKeys.end(), key) != kFieldKeys.end();
@@ -71,10 +68,9 @@ void PutCamera(SqliteDatabase& db, std::string_view table, const Camera& camera)
 }
 
 void CreateSchema(SqliteDatabase& db, const TrackFile& header) {
-  const bool more = header.camera && !header.camera->HasAtMostFourCoefficients();
   db.Execute(fmt::format("PRAGMA application_id = {}; PRAGMA user_version = {};{}",
                          kApplicationId,
-                         more ? kNewestStore : kVersion,
+                         kVersion,
                          kSchema));
   for (const auto& [key, value] : RowsOf(header.meta)) {
     Check(!IsFieldKey(key), "meta keys of a .tracks file are not its fields' names");
@@ -84,7 +80,6 @@ void CreateSchema(SqliteDatabase& db, const TrackFile& header) {
   PutMeta(db, "image_root", header.image_root);
   PutMeta(db, "width_px", std::to_string(header.width_px));
   PutMeta(db, "height_px", std::to_string(header.height_px));
-  PutMeta(db, "status", kComplete);
   if (header.camera) PutCamera(db, "camera", *header.camera);
   if (header.found_camera) {
     db.Execute("CREATE TABLE found_camera AS SELECT * FROM camera WHERE 0");
@@ -157,20 +152,10 @@ CameraModel ReadCameraModel(std::string_view name, const fs::path& path) {
              name);
 }
 
-bool HasColumn(SqliteDatabase& db, std::string_view table, std::string_view column) {
-  auto found = db.Prepare("SELECT 1 FROM pragma_table_info(?) WHERE name = ?");
-  return found.Bind(1, table).Bind(2, column).Step();
-}
-
 std::optional<Camera> ReadCamera(SqliteDatabase& db, std::string_view table, const fs::path& path) {
-  const auto has = [&](std::string_view column) { return HasColumn(db, table, column); };
-  // Files of version 0.1 end with `known`, early ones of 0.2 with k6.
-  const char* more = has("model") ? "model, k3, k4, k5, k6" : "'pinhole', 0, 0, 0, 0";
-  const char* sigma = has("guess_log_sigma") ? "guess_log_sigma" : "1.0";
   auto row = db.Prepare(fmt::format(
-      "SELECT width_px, height_px, fx, fy, cx, cy, k1, k2, p1, p2, known, {}, {} FROM {}",
-      more,
-      sigma,
+      "SELECT width_px, height_px, fx, fy, cx, cy, k1, k2, p1, p2, known, model, k3, k4, k5, k6, "
+      "guess_log_sigma FROM {}",
       table));
   if (!row.Step()) return std::nullopt;
   const auto side = [&](int column) {
@@ -204,13 +189,11 @@ SqliteDatabase OpenTracks(const fs::path& path) {
   if (!id.Step() || id.Int(0) != kApplicationId) {
     ThrowError("{} is no .tracks file of cohort", path.string());
   }
-  if (db.UserVersion() < kVersion || db.UserVersion() > kNewestStore) {
-    ThrowError(
-        "{} is a .tracks file of version {}, this program reads versions up to {}: make it again, "
-        "or read it by the cohort that made it",
-        path.string(),
-        db.UserVersion(),
-        kNewestStore);
+  if (db.UserVersion() != kVersion) {
+    ThrowError("{} is a .tracks file of version {}, this program reads version {}: make it again",
+               path.string(),
+               db.UserVersion(),
+               kVersion);
   }
   return db;
 }
@@ -241,9 +224,7 @@ std::vector<Observation> ReadObservations(SqliteDatabase& db, const fs::path& pa
                                      .xy = static_cast<float>(row.Real(7)),
                                      .yy = static_cast<float>(row.Real(8))};
       const PixelCovariance& c = *o.covariance;
-      if (c.xx == 0.0F && c.xy == 0.0F && c.yy == 0.0F) {
-        o.covariance.reset();  // how earlier versions wrote that of pictures without noise
-      } else if (!PixelCovariance::IsOne(c.xx, c.xy, c.yy)) {
+      if (!PixelCovariance::IsOne(c.xx, c.xy, c.yy)) {
         ThrowDamaged(
             path,
             fmt::format("a covariance of track {} is not positive definite: xx {}, xy {}, yy {}",
@@ -291,14 +272,9 @@ TrackFile ReadTrackFile(const fs::path& path) {
   file.image_root = take("image_root");
   file.width_px = ReadSize(take("width_px"), path);
   file.height_px = ReadSize(take("height_px"), path);
-  if (take("status") != kComplete) {
-    ThrowError(
-        "{} is unfinished: version 0.1 left it so when it was interrupted; track the clip again",
-        path.string());
-  }
   file.meta = MetaOfRows(std::move(rows));
   file.camera = ReadCamera(db, "camera", path);
-  if (HasColumn(db, "found_camera", "fx")) file.found_camera = ReadCamera(db, "found_camera", path);
+  if (db.HasTable("found_camera")) file.found_camera = ReadCamera(db, "found_camera", path);
   if (file.found_camera &&
       (file.found_camera->known || file.found_camera->width_px != file.width_px ||
        file.found_camera->height_px != file.height_px)) {
@@ -357,7 +333,7 @@ void WriteTrackFile(const fs::path& path, const TrackFile& file) {
     for (const TrackEnd& end : file.tracks.ends()) insert.Insert(end);
     transaction.Commit();
   }
-  RemoveJournals(path);  // of version 0.1, whose runs could be killed while they wrote
+  RemoveJournals(path);  // of another program
   out.Commit();
 }
 

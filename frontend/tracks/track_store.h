@@ -35,8 +35,7 @@ struct TrackFile {
   bool KnowsCamera() const { return camera && camera->known; }
 };
 
-// Throws Error naming the path if the file is missing, damaged or no .tracks file, or if an
-// interrupted run of version 0.1 left it unfinished.
+// Throws Error naming the path if the file is missing, damaged or no .tracks file.
 TrackFile ReadTrackFile(const std::filesystem::path& path);
 
 // Creates or replaces a .tracks file (SQLite; schema in docs/files.md), whole or not at all.

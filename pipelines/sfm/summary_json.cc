@@ -69,7 +69,6 @@ Json DoubtToJson(const Doubt& doubt) {
 }
 
 Doubt DoubtFromJson(const Json& json) {
-  if (json.is_string()) return {DoubtCode::kOther, json.get<std::string>()};
   Doubt doubt{
       ValueOf(kDoubtCodeNames, json.at("code").get<std::string>()).value_or(DoubtCode::kOther),
       json.at("sentence").get<std::string>()};

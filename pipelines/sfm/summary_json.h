@@ -16,7 +16,7 @@ std::string RangeOf(const std::vector<FrameInfo>& frames);
 // The reasons to doubt a model in their file format: [{code, sentence, figures: {name: number}}].
 // Figures that are not finite are left out, because JSON cannot represent them.
 nlohmann::ordered_json DoubtsToJson(const std::vector<Doubt>& doubts);
-// The reverse. A sentence alone, as in older files, and an unknown code give DoubtCode::kOther.
+// The reverse. An unknown code gives DoubtCode::kOther.
 // Throws exceptions that UseJsonFile turns into an Error.
 std::vector<Doubt> DoubtsFromJson(const nlohmann::ordered_json& json);
 

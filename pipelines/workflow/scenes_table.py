@@ -60,9 +60,7 @@ def row(folder, name):
 
 
 def words_of(figures):
-    # Reasons that an earlier version wrote are sentences alone.
-    reasons = [r if isinstance(r, str) else r["sentence"] for r in figures.get("reasons", [])]
-    return reasons + figures.get("film_better", [])
+    return [reason["sentence"] for reason in figures.get("reasons", [])] + figures.get("film_better", [])
 
 
 def print_table(rows):

@@ -78,7 +78,6 @@ struct PageOptions {
   fs::path docs = "docs/results";
   std::vector<std::string> seeds{"1", "2", "3"};
   int jobs = 1;
-  bool no_deepflow = false;
 };
 
 std::vector<std::string> RenderClips(const PageOptions& options) {
@@ -139,14 +138,6 @@ PageResults Compare(const PageOptions& options, const std::vector<std::string>& 
     experiment.trackers.push_back(file.string());
   }
   results.trajectory_models = RunExperiment(experiment);
-  if (options.no_deepflow) return results;
-  // A second or so a frame: one seed, one level.
-  experiment.seeds = {options.seeds.front()};
-  experiment.levels = {"medium"};
-  experiment.trackers = {"deepflow"};
-  const ExperimentResults deepflow = RunExperiment(experiment);
-  results.trackers.rows.insert(
-      results.trackers.rows.end(), deepflow.rows.begin(), deepflow.rows.end());
   return results;
 }
 
@@ -360,8 +351,7 @@ noise: {}.
 same from frame to frame as a guide, then once more against the feature's first frame; kept if it ends within 3 px of
 the guide and tracks back to 1 px, else the guide stands. So what ours gain over them is not the measuring against the
 first frame. `rlof`: its robust local optical flow.
-`dis`{}:
-tracks chained from dense flow, in the place of the paper's LDOF. `descent-paper`, `subspace-paper`: the paper's
+`dis`: tracks chained from dense flow, in the place of the paper's LDOF. `descent-paper`, `subspace-paper`: the paper's
 first-order tracker and its joint tracker (empirical dimension, centred, weak, L = 10, Algorithm 1), templates 7 x 7,
 without measurement; m, which it does not print, is relative to the contrast and chosen as below. `descent`: the same
 first-order tracker with templates 11 x 11. `subspace`: what `cohort track` does: a guide with the penalty, strong,
@@ -407,7 +397,6 @@ m.
       fmt::join(options.seeds, ", "),
       fewest,
       most,
-      options.no_deepflow ? "" : ", `deepflow` (at medium, one seed: it takes seconds a frame)",
       RatioTables(results),
       PaperTables(results),
       fmt::join(options.seeds, ", "),
@@ -437,7 +426,6 @@ int main(int argc, char** argv) {
   app.add_option("--docs", options.docs, "folder for the page");
   app.add_option("--seeds", options.seeds, "of the noise")->delimiter(',');
   app.add_option("--jobs", options.jobs, "processes at a time");
-  app.add_flag("--no-deepflow", options.no_deepflow, "without the slowest tracker");
   CLI11_PARSE(app, argc, argv);
   try {
     cohort::MakePage(options);

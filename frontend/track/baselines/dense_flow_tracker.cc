@@ -3,10 +3,8 @@
 #include <algorithm>
 #include <cmath>
 #include <opencv2/imgproc.hpp>
-#include <opencv2/optflow.hpp>
 #include <opencv2/video/tracking.hpp>
 
-#include "frontend/core/error.h"
 #include "frontend/track/baselines/frame_to_frame.h"
 
 namespace cohort {
@@ -17,16 +15,6 @@ constexpr double kSmoothingSigmaPx = 0.8;
 // Of both flows' squared lengths, allowed in addition: equation (5) of Sundaram, Brox, Keutzer
 // 2010 (frame_to_frame.h).
 constexpr double kReturnShare = 0.01;
-
-cv::Ptr<cv::DenseOpticalFlow> MakeFlow(DenseFlowMethod method) {
-  switch (method) {
-    case DenseFlowMethod::kDis:
-      return cv::DISOpticalFlow::create(cv::DISOpticalFlow::PRESET_MEDIUM);
-    case DenseFlowMethod::kDeepFlow:
-      return cv::optflow::createOptFlow_DeepFlow();
-  }
-  ThrowUsageError("unknown dense flow");
-}
 
 // Outside the field its border repeats. Where a flow that is no number led, there is none.
 cv::Point2f SampleBilinearly(const cv::Mat& flow, const cv::Point2f& at) {
@@ -44,9 +32,8 @@ cv::Point2f SampleBilinearly(const cv::Mat& flow, const cv::Point2f& at) {
 
 class DenseFlowMover final : public FrameToFrameMover {
  public:
-  DenseFlowMover(DenseFlowMethod method, const DenseFlowOptions& options)
-      : FrameToFrameMover({.px = options.forward_backward_px, .share = kReturnShare}),
-        flow_(MakeFlow(method)) {}
+  explicit DenseFlowMover(const DenseFlowOptions& options)
+      : FrameToFrameMover({.px = options.forward_backward_px, .share = kReturnShare}) {}
 
  private:
   std::vector<cv::Mat> Prepare(const Pyramid& current) const override {
@@ -67,14 +54,14 @@ class DenseFlowMover final : public FrameToFrameMover {
     return steps;
   }
 
-  cv::Ptr<cv::DenseOpticalFlow> flow_;
+  cv::Ptr<cv::DenseOpticalFlow> flow_ =
+      cv::DISOpticalFlow::create(cv::DISOpticalFlow::PRESET_MEDIUM);
 };
 
 }  // namespace
 
-std::unique_ptr<FeatureMover> MakeDenseFlowMover(DenseFlowMethod method,
-                                                 const DenseFlowOptions& options) {
-  return std::make_unique<DenseFlowMover>(method, options);
+std::unique_ptr<FeatureMover> MakeDenseFlowMover(const DenseFlowOptions& options) {
+  return std::make_unique<DenseFlowMover>(options);
 }
 
 }  // namespace cohort

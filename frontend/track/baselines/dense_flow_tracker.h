@@ -7,7 +7,7 @@
 
 namespace cohort {
 
-// Baselines: tracks chained from dense flow.
+// Baseline: tracks chained from dense flow.
 struct DenseFlowOptions {
   double forward_backward_px = 0.7071;
 
@@ -21,12 +21,9 @@ struct DenseFlowOptions {
   }
 };
 
-// Baselines that stand in for the paper's LDOF. They chain tracks from dense flow, sample it
-// bilinearly at the features' sub-pixel positions and check it by the backward flow (Sundaram,
-// Brox, Keutzer 2010). `dis` is cv::DISOpticalFlow, preset medium; `deepflow` is cv::optflow's
-// DeepFlow, which takes about a second for one flow at 640 x 480.
-enum class DenseFlowMethod { kDis, kDeepFlow };
-std::unique_ptr<FeatureMover> MakeDenseFlowMover(DenseFlowMethod method,
-                                                 const DenseFlowOptions& options);
+// Baseline that stands in for the paper's LDOF. It chains tracks from dense flow
+// (cv::DISOpticalFlow, preset medium), samples it bilinearly at the features' sub-pixel positions
+// and checks it by the backward flow (Sundaram, Brox, Keutzer 2010).
+std::unique_ptr<FeatureMover> MakeDenseFlowMover(const DenseFlowOptions& options);
 
 }  // namespace cohort

@@ -577,8 +577,6 @@ def _with_doubt(file: _cohort.TrackFile, doubt: str) -> Tracks:
 
 
 def _doubt(reason: Any) -> Doubt:
-    if isinstance(reason, str):  # of a version before there were codes
-        return Doubt("other", reason, {})
     try:
         figures = {str(name): float(value) for name, value in reason["figures"].items()}
         return Doubt(str(reason["code"]), str(reason["sentence"]), figures)

@@ -130,8 +130,7 @@ INSTANTIATE_TEST_SUITE_P(All,
                          testing::Values(Baseline{TrackerKind::kKlt, 0.1},
                                          Baseline{TrackerKind::kAnchoredKlt, 0.1},
                                          Baseline{TrackerKind::kRlof, 0.15},
-                                         Baseline{TrackerKind::kDis, 0.25},
-                                         Baseline{TrackerKind::kDeepFlow, 0.25}),
+                                         Baseline{TrackerKind::kDis, 0.25}),
                          [](const auto& info) {
                            std::string name(NameOf(kTrackerNames, info.param.tracker));
                            std::erase(name, '-');

@@ -176,47 +176,11 @@ TEST(TrackStore, HoldsCamerasOfAllModels) {
     file.found_camera->height_px = file.height_px;
     WriteTrackFile(dir / "a.tracks", file);
     ExpectSame(ReadTrackFile(dir / "a.tracks"), file);
-    // So that version 0.1, which knows four coefficients, does not read them wrongly.
-    EXPECT_EQ(SqliteDatabase::Open(dir / "a.tracks", SqliteDatabase::Mode::kRead).UserVersion(), 2);
   }
-  WriteTrackFile(dir / "b.tracks", Example(1));
-  EXPECT_EQ(SqliteDatabase::Open(dir / "b.tracks", SqliteDatabase::Mode::kRead).UserVersion(), 1);
   SqliteDatabase::Open(dir / "a.tracks", SqliteDatabase::Mode::kCreate)
       .Execute("UPDATE camera SET model = 'mirror'");
   EXPECT_THAT([&] { ReadTrackFile(dir / "a.tracks"); },
               ThrowsMessage<Error>(AllOf(HasSubstr("a.tracks"), HasSubstr("'mirror'"))));
-}
-
-// Version 0.1 had no model, no k3 to k6 and no guess_log_sigma; early ones of 0.2 lack the last.
-TEST(TrackStore, ReadsFilesWhoseCameraHasFewerColumns) {
-  const test::TempDir dir;
-  TrackFile file = Example(2);
-  WriteTrackFile(dir / "a.tracks", file);
-  file.camera->guess_log_sigma = 1.0;
-  const auto drop = [&dir](const char* column) {
-    SqliteDatabase::Open(dir / "a.tracks", SqliteDatabase::Mode::kCreate)
-        .Execute(fmt::format("ALTER TABLE camera DROP COLUMN {}", column));
-  };
-  drop("guess_log_sigma");
-  ExpectSame(ReadTrackFile(dir / "a.tracks"), file);
-  for (const char* column : {"model", "k3", "k4", "k5", "k6"}) drop(column);
-  ExpectSame(ReadTrackFile(dir / "a.tracks"), file);
-}
-
-// A killed run of version 0.1 left the frames that it had finished, and SQLite's journal of the next.
-TEST(TrackStore, RefusesWhatAnInterruptedRunOfVersion01Left) {
-  const test::TempDir dir;
-  const fs::path path = dir / "a.tracks";
-  WriteTrackFile(path, Example(3));
-  SqliteDatabase::Open(path, SqliteDatabase::Mode::kCreate)
-      .Execute("UPDATE meta SET value = 'running' WHERE key = 'status'");
-  EXPECT_THAT([&] { ReadTrackFile(path); },
-              ThrowsMessage<Error>(
-                  AllOf(HasSubstr("a.tracks is unfinished"), HasSubstr("track the clip again"))));
-  WriteBytes(path.string() + "-journal", std::string(1000, 'x'));
-  WriteTrackFile(path, Example(4));
-  ExpectSame(ReadTrackFile(path), Example(4));
-  EXPECT_THAT(NamesIn(dir.path()), testing::ElementsAre("a.tracks"));
 }
 
 TEST(TrackStore, NamesAFileThatIsMissingForeignOrDamaged) {
@@ -247,7 +211,7 @@ TEST(TrackStore, NamesAFileThatIsMissingForeignOrDamaged) {
       {"UPDATE observations SET x = 9e999 WHERE track_id = 0", "not finite"},
       {"INSERT INTO ends VALUES(4, 1, 'tired')", "'tired'"},
       {"UPDATE meta SET value = 'wide' WHERE key = 'width_px'", "'wide'"},
-      {"DELETE FROM meta WHERE key = 'status'", "status"},
+      {"DELETE FROM meta WHERE key = 'source'", "source"},
       {"DROP TABLE camera", "camera"},
       {"UPDATE camera SET guess_log_sigma = 0", "uncertainty"},
       {"UPDATE camera SET guess_log_sigma = 9e999", "not finite"},
@@ -355,6 +319,7 @@ TEST(TrackStore, TakesNothingThatCannotBe) {
         "UPDATE observations SET track_id = 1 << 33 WHERE track_id = 1",
         "UPDATE observations SET cov_xx = 9e999, cov_xy = 0, cov_yy = 1 WHERE track_id = 1",
         "UPDATE observations SET cov_xx = -1, cov_xy = 0, cov_yy = 1 WHERE track_id = 1",
+        "UPDATE observations SET cov_xx = 0, cov_xy = 0, cov_yy = 0 WHERE track_id = 1",
         "UPDATE observations SET cov_xx = 1, cov_xy = 1, cov_yy = 1 WHERE track_id = 1",
         "UPDATE observations SET residual = 9e999 WHERE track_id = 1",
         "UPDATE frames SET name = '../../x.png' WHERE \"index\" = 1",
@@ -368,16 +333,6 @@ TEST(TrackStore, TakesNothingThatCannotBe) {
                 ThrowsMessage<Error>(HasSubstr("a.tracks")))
         << lie;
   }
-}
-
-// Earlier versions wrote them of pictures without noise.
-TEST(TrackStore, CovariancesOfZeroAreNone) {
-  const test::TempDir dir;
-  WriteTrackFile(dir / "a.tracks", Example(2));
-  SqliteDatabase::Open(dir / "a.tracks", SqliteDatabase::Mode::kCreate)
-      .Execute("UPDATE observations SET cov_xx = 0, cov_xy = 0, cov_yy = 0");
-  const TrackFile file = ReadTrackFile(dir / "a.tracks");
-  for (const Observation& o : file.tracks.observations()) EXPECT_FALSE(o.covariance);
 }
 
 // An edge may give an ellipse so long that floats have none: it is written as one that they have.

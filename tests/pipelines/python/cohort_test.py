@@ -427,12 +427,11 @@ class Reconstruct(Clip):
             return cohort.Reconstruction.read(self.dir / "doubtful").reasons
 
         weak = {"code": "weak-depth", "sentence": "depths: move", "figures": {"depth_uncertainty": 0.5}}
-        new, old = read(weak, "a sentence of an earlier version")
-        self.assertEqual((new.code, new.sentence), ("weak-depth", "depths: move"))
-        self.assertEqual(new.figures, {"depth_uncertainty": 0.5})
-        self.assertEqual(f"{new}; {old}", "depths: move; a sentence of an earlier version")
-        self.assertEqual((old.code, old.figures), ("other", {}))
-        for wrong in (5, {"code": "parts"}, {**weak, "figures": [1]}):
+        doubt, = read(weak)
+        self.assertEqual((doubt.code, doubt.sentence), ("weak-depth", "depths: move"))
+        self.assertEqual(doubt.figures, {"depth_uncertainty": 0.5})
+        self.assertEqual(str(doubt), "depths: move")
+        for wrong in (5, "a sentence", {"code": "parts"}, {**weak, "figures": [1]}):
             with self.assertRaisesRegex(cohort.Error, "summary.json"):
                 read(wrong)
 

@@ -115,11 +115,11 @@ class RunScene(InAFolder):
         summary.parent.mkdir()
         figures = {"quality": "doubtful", "registered": 12, "frames": 12, "points": 500}
         reason = {"code": "weak-depth", "sentence": "depths", "figures": {"depth_uncertainty": 0.4}}
-        figures |= {"reasons": [reason, "by an earlier version"], "film_better": ["slower"]}
+        figures |= {"reasons": [reason], "film_better": ["slower"]}
         summary.write_text(json.dumps(figures))
         self.end(self.start())
         self.assertEqual((row()["quality"], row()["registered"]), ("doubtful", "12"))
-        self.assertEqual(row()["note"], "depths; by an earlier version; slower")
+        self.assertEqual(row()["note"], "depths; slower")
         (self.dir / "error").write_text("cohort: error: no frames\n")
         self.end(self.start())
         self.assertEqual(row()["quality"], "failed")
