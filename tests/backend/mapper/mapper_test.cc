@@ -330,6 +330,20 @@ TEST(IncrementalMapper, EndsAtTheOptimumOfAGuessedCamera) {
   EXPECT_NEAR(on.reconstruction.camera.k1, result.reconstruction.camera.k1, 1e-3);
 }
 
+// A draft ends where the condensed adjustment does, a model at the minimum of all.
+TEST(IncrementalMapper, EndsAtTheOptimumOfAKnownCamera) {
+  SyntheticTracksOptions options = Scene(CameraPath::kArc, 0.5);
+  options.frames = 60;
+  const SyntheticTracks scene = MakeSyntheticTracks(options);
+  const auto moves_on = [&](const MapperResult& result) {
+    const MapperResult on = AdjustAndJudgeWithCeres(scene.file, result.reconstruction);
+    return test::AbsoluteTrajectoryError(on.reconstruction.cam_from_world,
+                                         result.reconstruction.cam_from_world);
+  };
+  const double draft = moves_on(ReconstructWithCeres(scene.file, {.draft = true}));
+  EXPECT_LT(moves_on(ReconstructWithCeres(scene.file)), 0.2 * draft);
+}
+
 // As good as with a lens that does not distort.
 TEST(IncrementalMapper, KnownLensesOfAllModelsAreTakenForWhatTheyAre) {
   for (const Camera& camera :
