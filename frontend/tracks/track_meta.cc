@@ -32,8 +32,6 @@ constexpr std::array kTexts{
 constexpr const char* kSecondPass = "second_pass";
 constexpr const char* kDone = "done";
 constexpr std::string_view kNone = "none: ";  // and why
-constexpr const char* kCompanion = "companion";
-constexpr const char* kKlt = "klt";
 constexpr const char* kCuts = "cuts";
 constexpr const char* kRowOrder = "row_order";
 
@@ -62,7 +60,6 @@ std::map<std::string, std::string> RowsOf(const TrackMeta& meta) {
   rows[kSecondPass] = meta.second_pass              ? kDone
                       : meta.no_second_pass.empty() ? "off"
                                                     : std::string(kNone) + meta.no_second_pass;
-  if (meta.companion) rows[kCompanion] = kKlt;
   if (!meta.cuts.empty()) rows[kCuts] = TextOf(meta.cuts);
   if (meta.row_order != RowOrder::kDown) rows[kRowOrder] = NameOf(kRowOrderNames, meta.row_order);
   return rows;
@@ -78,7 +75,6 @@ TrackMeta MetaOfRows(std::map<std::string, std::string> rows) {
   const std::string second_pass = take(kSecondPass);
   meta.second_pass = second_pass == kDone;
   if (second_pass.starts_with(kNone)) meta.no_second_pass = second_pass.substr(kNone.size());
-  meta.companion = !take(kCompanion).empty();
   meta.cuts = CutsOfText(take(kCuts));
   meta.row_order = ValueOf(kRowOrderNames, take(kRowOrder)).value_or(RowOrder::kDown);
   meta.other = std::move(rows);

@@ -19,7 +19,6 @@ struct TrackMeta {
   bool second_pass = false;              // its tracks are these
   std::string no_second_pass = {};       // why there is none, if it was asked for
   std::string second_pass_options = {};  // as JSON; empty: it was not asked for
-  bool companion = false;                // KLT may assist in the second pass
 
   std::string imported_from = {};  // absolute paths
   std::string refined_from = {};

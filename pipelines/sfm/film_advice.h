@@ -6,10 +6,15 @@
 #include <vector>
 
 #include "backend/scene/reconstruction.h"
-#include "frontend/tracks/companions.h"
 #include "frontend/tracks/track_store.h"
 
 namespace cohort {
+
+// Frames first to last, both included.
+struct Stretch {
+  FrameIndex first{};
+  FrameIndex last{};
+};
 
 // What is known of a clip once its model has been made, or has failed.
 struct FilmedClip {

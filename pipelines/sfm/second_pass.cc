@@ -5,22 +5,17 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
-#include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <set>
-#include <string_view>
 #include <utility>
 #include <vector>
 
 #include "backend/geometry/triangulation.h"
 #include "backend/mapper/mapper.h"
 #include "backend/scene/near_world.h"
-#include "frontend/core/json_text.h"
 #include "frontend/core/statistics.h"
 #include "frontend/image/exposure.h"
-#include "frontend/track/tracker.h"
-#include "frontend/tracks/companions.h"
 #include "pipelines/json/option_list.h"
 #include "pipelines/sfm/for_each_frame.h"
 #include "pipelines/sfm/input.h"
@@ -174,9 +169,6 @@ void NoteFoundCamera(const MapperResult& result, TrackFile& file) {
   if (!file.KnowsCamera() && !undecided) file.found_camera = result.reconstruction.camera;
 }
 
-// Two pixels: of what is nearer the patches are nearly the same.
-constexpr double kTwinsWithinPx = 2.0;
-
 // The light of every frame against the first one's, followed once for all rounds and parts.
 struct LightsOfClip {
   Exposure exposure;
@@ -196,87 +188,6 @@ struct Pictures {
   const cv::Mat& mask;
   LightsOfClip& lights;
 };
-
-// KLT, as wide as the wider of the windows that baselines are compared with: it reaches further.
-TrackerOptions CompanionOptions(const TrackFile& file) {
-  constexpr int kWindowPx = 31;
-  TrackerOptions of_first;
-  if (!file.meta.options.empty()) {
-    OptionLister lister;
-    TrackerOptions::Visit(of_first, lister);
-    SetFromJson(lister.Take(),
-                ParseWithoutTwins<nlohmann::ordered_json>(file.meta.options),
-                "options of the tracks");
-  }
-  TrackerOptions klt;
-  klt.tracker = TrackerKind::kKlt;
-  klt.detector = of_first.detector;
-  klt.cuts = of_first.cuts;
-  klt.max_unconfirmed_frames = of_first.max_unconfirmed_frames;
-  klt.klt.window_px = kWindowPx;
-  return klt;
-}
-
-// Adds KLT's tracks over the stretches in which the tracker loses its features.
-void TrackCompanion(std::span<const Stretch> stretches,
-                    const Pictures& pictures,
-                    const StageProgress& progress,
-                    TrackFile& file) {
-  const auto first_observations = file.tracks.observations();
-  const auto first_ends = file.tracks.ends();
-  std::vector<Observation> observations(first_observations.begin(), first_observations.end());
-  std::vector<TrackEnd> ends(first_ends.begin(), first_ends.end());
-  const TrackerOptions options = CompanionOptions(file);
-  std::unique_ptr<Tracker> tracker;
-  std::uint32_t next = ToInt(kFirstCompanion);
-  std::uint32_t base = next;  // of this stretch
-  auto stretch = stretches.begin();
-  ForEachFrame(file, pictures.sequence, "bridge", progress, [&](Frame& frame) {
-    pictures.lights.TakeFrom(frame);
-    if (stretch == stretches.end() || frame.index < stretch->first) return;
-    if (!tracker) {
-      tracker = MakeTracker(options, pictures.mask);
-      base = next;
-    }
-    FrameResult result = tracker->Track(frame);
-    for (Observation& o : result.observations) {
-      o.feature = FeatureId{base + ToInt(o.feature)};
-      next = std::max(next, ToInt(o.feature) + 1);
-      observations.push_back(o);
-    }
-    for (TrackEnd& end : result.ends) {
-      end.feature = FeatureId{base + ToInt(end.feature)};
-      ends.push_back(end);
-    }
-    if (frame.index == stretch->last) {
-      tracker.reset();
-      ++stretch;
-    }
-  });
-  file.tracks = TrackSet::Build(std::move(observations), std::move(ends));
-}
-
-// Makes one set of a first pass's tracks and of KLT's where they are needed. The first id of KLT's;
-// none where there are none.
-std::optional<FeatureId> JoinTracks(const Pictures& pictures,
-                                    const StageProgress& progress,
-                                    TrackFile& file) {
-  // Where the tracker holds half as many features as KLT has beside them, KLT's are wanted.
-  constexpr double kNeededShare = 0.5;
-  // More, as how many KLT would have is not known before.
-  constexpr double kWeakShare = 0.7;
-  constexpr std::size_t kReach = 15;  // at 5 a fast clip broke at its seam in some seeds
-  if (!file.meta.companion) return std::nullopt;
-  const std::vector<Stretch> stretches = WeakStretches(file.tracks, kWeakShare, kReach);
-  if (stretches.empty()) return std::nullopt;
-  TrackCompanion(stretches, pictures, progress, file);
-  CompanionTracks both = KeepWhereNeeded(
-      JoinCompanions({std::move(file.tracks), kFirstCompanion}, kTwinsWithinPx), kNeededShare);
-  file.tracks = std::move(both.tracks);
-  const auto& features = file.tracks.features();
-  if (features.empty() || features.back() < both.first_companion) return std::nullopt;
-  return both.first_companion;
-}
 
 // The tracks of the file, those that are found again where the model says replaced.
 TrackSet MeasureWith(const TrackFile& file,
@@ -453,13 +364,6 @@ bool HaveMoved(std::span<const Reconstruction> models,
                                      kFar * options.measurement.patch.max_distance_px;
 }
 
-TrackFile JoinCompanion(TrackFile first_pass, Sequence& sequence, const cv::Mat& mask) {
-  LightsOfClip lights;
-  JoinTracks({sequence, mask, lights}, {}, first_pass);
-  first_pass.meta.companion = false;
-  return first_pass;
-}
-
 SecondPass WithSecondPass(TrackFile file,
                           Sequence& sequence,
                           const cv::Mat& mask,
@@ -470,12 +374,10 @@ SecondPass WithSecondPass(TrackFile file,
   constexpr std::size_t kLeastFrames = 10;  // of a part beside the largest: each costs as much time
   LightsOfClip lights;
   TrackSet first_pass = file.tracks;
-  const std::optional<FeatureId> first_companion =
-      JoinTracks({sequence, mask, lights}, progress, file);
   SecondPass second{std::move(file), {}, {}};
   std::vector<Reconstruction> models;
   for (int round = 0; round < kMostRounds; ++round) {
-    if (round > 0 && !first_companion && CanBeAdjusted(models, second.file) &&
+    if (round > 0 && CanBeAdjusted(models, second.file) &&
         !HaveMoved(models, AdjustWithCeres(second.file, models.front()), options)) {
       break;
     }
@@ -499,11 +401,6 @@ SecondPass WithSecondPass(TrackFile file,
     const std::size_t movers = second.figures.movers;
     second = MeasureInLight(second.file, models, {sequence, mask, lights}, options, progress);
     second.figures.movers += movers;
-    if (first_companion) {
-      // What has been measured at the same place has become one.
-      second.file.tracks =
-          DropTwins({std::move(second.file.tracks), *first_companion}, kTwinsWithinPx);
-    }
   }
   return second;
 }

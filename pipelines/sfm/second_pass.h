@@ -19,7 +19,6 @@ inline constexpr ChoiceNames<SecondPassMode, 3> kSecondPassModeNames{
 
 struct SecondPassOptions {
   SecondPassMode mode = SecondPassMode::kAuto;
-  bool companion = true;
   double min_confirmed = 0.5;
   bool drop_movers = true;
   SecondPassMeasurementOptions measurement;
@@ -34,12 +33,6 @@ struct SecondPassOptions {
              "through the video again; auto does it for the tracker subspace, strong and "
              "measured.",
              Tier::kCommon);
-    v.Flag(
-        "companion",
-        o.companion,
-        "Let KLT track features of its own where the tracker subspace loses most of its, and use "
-        "them in the second pass: a camera too fast for it may not be too fast for KLT.",
-        Tier::kCommon);
     VisitMeasurement(o, v);
   }
 
@@ -83,8 +76,7 @@ struct SecondPass {
   std::string none_because;  // of WithSecondPass: why `file` is the first pass's; else empty
 };
 
-// TrackMeta::second_pass_options: all but mode and companion, so that what `auto` made is what `on`
-// asks for.
+// TrackMeta::second_pass_options: all but mode, so that what `auto` made is what `on` asks for.
 std::string SecondPassOptionsText(const SecondPassOptions& options);
 
 // Whether no point of the scene, near or infinitely far, explains half of the track's observed
@@ -112,10 +104,6 @@ SecondPass MeasureAgain(const TrackFile& file,
 bool HaveMoved(std::span<const Reconstruction> models,
                const Reconstruction& now,
                const SecondPassOptions& options);
-
-// Joins the tracks of a first pass with those of KLT where the first pass loses its features, for
-// the second pass; drops twins and tracks that are not needed. Unchanged if no companion is wanted.
-TrackFile JoinCompanion(TrackFile first_pass, Sequence& sequence, const cv::Mat& mask);
 
 // Runs the second pass with its own model by Ceres, or one for each part of a broken clip. If there
 // is no model, returns `file` itself, with the reason in

@@ -35,11 +35,6 @@ bool WantsSecondPass(SecondPassMode mode, const TrackerOptions& tracker) {
   return false;
 }
 
-bool WantsCompanion(const SecondPassOptions& second_pass, const TrackerOptions& tracker) {
-  return second_pass.companion && tracker.tracker == TrackerKind::kSubspace &&
-         WantsSecondPass(second_pass.mode, tracker);
-}
-
 SequenceTracker::SequenceTracker(Sequence& sequence, const TrackSequenceOptions& options)
     : promised_(sequence.FrameCount()), frames_(sequence), tracker_(MakeSteadyTracker(options)) {
   if (!HasNext()) {
@@ -58,7 +53,6 @@ SequenceTracker::SequenceTracker(Sequence& sequence, const TrackSequenceOptions&
   } else {
     NoteCamera(sequence, header_);
   }
-  header_.meta.companion = WantsCompanion(options.second_pass, options.tracker);
   if (WantsSecondPass(options.second_pass.mode, options.tracker)) {
     header_.meta.second_pass_options = SecondPassOptionsText(options.second_pass);
   }

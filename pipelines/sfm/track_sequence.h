@@ -85,9 +85,6 @@ class SequenceTracker {
   double track_ms_ = 0.0;
 };
 
-// Whether KLT may assist in the second pass: for the tracker subspace, if a second pass is to come.
-bool WantsCompanion(const SecondPassOptions& second_pass, const TrackerOptions& tracker);
-
 // Whether there will be a second pass. Mode auto: for the tracker subspace, strong and measured.
 bool WantsSecondPass(SecondPassMode mode, const TrackerOptions& tracker);
 

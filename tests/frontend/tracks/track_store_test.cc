@@ -47,7 +47,6 @@ TrackFile Header() {
   header.meta = {.tracker = "subspace",
                  .options = "{\"a\": \"b'c\"}",
                  .no_second_pass = "too few tracks",
-                 .companion = true,
                  .cuts = {FrameIndex{3}, FrameIndex{8}},
                  .row_order = RowOrder::kLeft,
                  .other = {{"weather", "rain"}}};

@@ -137,7 +137,7 @@ TEST_F(Commands, HelpNamesEveryOptionWithDefaultAndRange) {
   EXPECT_THAT(RunCohort("track --help-all").out,
               AllOf(HasSubstr("--features, --detector.max-features"),
                     HasSubstr("default 1000)"),
-                    HasSubstr("descent, klt, anchored-klt, rlof, dis,"),
+                    HasSubstr("descent, klt, anchored-klt, rlof, dis;"),
                     HasSubstr("--window"),
                     HasSubstr("--camera"),
                     HasSubstr("--mask")));

@@ -416,7 +416,9 @@ TEST_F(Show, NoNameAndNoTextOfAFileBecomesActive) {
   summary["quality"] = attack;
   summary["reasons"] = {
       {{"code", attack}, {"sentence", attack}, {"figures", nlohmann::json::object()}},
-      "<iframe src=javascript:alert(1)>"};
+      {{"code", "parts"},
+       {"sentence", "<iframe src=javascript:alert(1)>"},
+       {"figures", nlohmann::json::object()}}};
   WriteBytes(dir_->path() / "attack_model" / "summary.json", summary.dump());
   Run("show " + Path("attack.tracks") + " --images '" + clip_ + "' --model " +
       Path("attack_model") + " --quiet --out " + Path("attack.html"));
