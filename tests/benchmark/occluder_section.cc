@@ -47,7 +47,6 @@ Task MakeTask(const Clip& clip, const std::string& seed, const OccluderOptions& 
   TrackJobOptions track;
   track.input.input = degrade.out;
   track.out = (folder / "clip.tracks").string();
-  track.seed = degrade.degrade.seed;
   track.tracker.detector.max_features = kFeatures;
   const Json depends_on{
       {"degrade", ToJson(degrade)}, {"tracker", ToJson(track.tracker)}, {"edge_px", kEdgePx}};
