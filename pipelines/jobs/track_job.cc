@@ -30,9 +30,7 @@ void Count(const TrackFile& file, TrackFigures& figures) {
   figures.tracks = file.tracks.features().size();
   figures.observations = file.tracks.observations().size();
   figures.predicted = file.tracks.CountPredicted();
-  if (figures.tracks == 0) return;
-  figures.mean_observed_length = static_cast<double>(figures.observations - figures.predicted) /
-                                 static_cast<double>(figures.tracks);
+  figures.mean_observed_length = file.tracks.MeanObservedLength();
 }
 
 TrackFile DescribeJob(const TrackJobOptions& options,
@@ -55,7 +53,8 @@ bool SameCamera(const std::optional<Camera>& a, const std::optional<Camera>& b) 
 bool IsOfJob(const TrackFile& file, const TrackFile& header) {
   const auto asked = [](TrackMeta meta) {
     meta.second_pass = false;
-    for (std::string* found : {&meta.no_second_pass, &meta.warning}) found->clear();
+    meta.no_second_pass.clear();
+    meta.warning.clear();
     meta.cuts.clear();
     return meta;
   };

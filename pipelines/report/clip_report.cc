@@ -19,7 +19,7 @@
 #include "pipelines/report/report_page.h"
 #include "pipelines/report/shown_models.h"
 #include "pipelines/report/track_picture.h"
-#include "pipelines/sfm/input.h"
+#include "pipelines/sfm/for_each_frame.h"
 #include "pipelines/sfm/reconstruct.h"
 #include "pipelines/sfm/summary_json.h"
 
@@ -328,24 +328,14 @@ void WriteClipReport(const fs::path& path,
                                  static_cast<double>(kMostPictureHeightPx) / file.height_px});
   const cv::Size size(std::max(1, static_cast<int>(std::lround(scale * file.width_px))),
                       std::max(1, static_cast<int>(std::lround(scale * file.height_px))));
-  sequence.Rewind();
-  for (std::size_t i = 0; i < shown.size(); ++i) {
-    std::optional<Frame> frame = sequence.Next();
-    while (frame && frame->index < shown[i].index) frame = sequence.Next();
-    if (!frame || frame->index != shown[i].index) {
-      ThrowError("{} has no frame {}, of which there are tracks: give the same clip",
-                 sequence.Name(),
-                 ToInt(shown[i].index));
-    }
-    CheckPictureSize(file, *frame, sequence.Name());
-    colours.See(*frame);
+  ForEachFrame(file, shown, sequence, "report", progress, [&](const Frame& frame) {
+    colours.See(frame);
     cv::Mat picture;
-    frame->gray.convertTo(picture, CV_32F);
+    frame.gray.convertTo(picture, CV_32F);
     cv::resize(picture, picture, size, 0.0, 0.0, cv::INTER_AREA);
     ranges.push_back(IntensityRangeOf(picture));
     pictures.push_back(std::move(picture));
-    if (progress) progress("report", i + 1, shown.size());
-  }
+  });
   ranges = Steadied(ranges, kSteadyFrames / static_cast<double>(FramesAStep(file)));
   Json frames = Json::array();
   for (std::size_t i = 0; i < shown.size(); ++i) {

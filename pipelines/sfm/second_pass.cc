@@ -373,7 +373,6 @@ SecondPass WithSecondPass(TrackFile file,
   constexpr int kMostRounds = 3;
   constexpr std::size_t kLeastFrames = 10;  // of a part beside the largest: each costs as much time
   LightsOfClip lights;
-  TrackSet first_pass = file.tracks;
   SecondPass second{std::move(file), {}, {}};
   std::vector<Reconstruction> models;
   for (int round = 0; round < kMostRounds; ++round) {
@@ -384,7 +383,6 @@ SecondPass WithSecondPass(TrackFile file,
     MapperResult result = ReconstructWithCeres(second.file, {.draft = true});
     if (result.summary.registered == 0) {
       if (round > 0) break;
-      second.file.tracks = std::move(first_pass);
       second.file.found_camera.reset();
       second.none_because = "the tracks do not reconstruct: " + result.summary.termination;
       second.file.meta.second_pass = false;
