@@ -27,7 +27,7 @@ TrackLoop::TrackLoop(const TrackerOptions& options,
 
 std::optional<LossReason> TrackLoop::ReasonToEnd(const Move& move, int unconfirmed_frames) const {
   if (move.loss) return move.loss;
-  constexpr double border = kBorderPx;
+  const double border = kBorderPx;
   if (!(move.xy.x() >= border && move.xy.y() >= border && move.xy.x() <= size_.width - 1 - border &&
         move.xy.y() <= size_.height - 1 - border)) {
     return LossReason::kLeftImage;
