@@ -27,9 +27,9 @@ TrackLoop::TrackLoop(const TrackerOptions& options,
 
 std::optional<LossReason> TrackLoop::ReasonToEnd(const Move& move, int unconfirmed_frames) const {
   if (move.loss) return move.loss;
-  const double border = kBorderPx;
-  if (!(move.xy.x() >= border && move.xy.y() >= border && move.xy.x() <= size_.width - 1 - border &&
-        move.xy.y() <= size_.height - 1 - border)) {
+  if (!(move.xy.x() >= kBorderPx && move.xy.y() >= kBorderPx &&
+        move.xy.x() <= size_.width - 1 - kBorderPx &&
+        move.xy.y() <= size_.height - 1 - kBorderPx)) {
     return LossReason::kLeftImage;
   }
   if (!mask_.empty() && mask_.at<std::uint8_t>(static_cast<int>(std::lround(move.xy.y())),
@@ -42,7 +42,7 @@ std::optional<LossReason> TrackLoop::ReasonToEnd(const Move& move, int unconfirm
 
 FrameResult TrackLoop::Track(const Frame& frame) {
   CheckSize(frame.gray.size());
-  const Pyramid pyramid = BuildPyramid(frame);
+  const Pyramid pyramid = BuildPyramid(WithoutLight(frame, exposure_.Follow(frame.gray)));
   FrameResult result;
   switch (options_.cuts ? watch_.Follow(pyramid) : SceneChange::kNone) {
     case SceneChange::kNone:

@@ -5,6 +5,7 @@
 #include <span>
 #include <vector>
 
+#include "frontend/image/exposure.h"
 #include "frontend/track/loop/feature_mover.h"
 #include "frontend/track/loop/scene_watch.h"
 #include "frontend/track/tracker.h"
@@ -16,8 +17,8 @@ namespace cohort {
 std::unique_ptr<FeatureMover> MakeMover(const TrackerOptions& options);
 
 // The bookkeeping that all trackers share, so that an experiment changes one thing at a time:
-// detection, re-detection when features die, ids, borders, mask, the limit of unconfirmed frames,
-// and the end of all features at a cut.
+// one light for all frames (Exposure), detection, re-detection when features die, ids, borders,
+// mask, the limit of unconfirmed frames, and the end of all features at a cut.
 class TrackLoop final : public Tracker {
  public:
   // `mask`: empty, or CV_8UC1 of the frames' size, 0 where features may neither be born nor stay.
@@ -44,6 +45,7 @@ class TrackLoop final : public Tracker {
   TrackerOptions options_;
   cv::Mat mask_;
   std::unique_ptr<FeatureMover> mover_;
+  Exposure exposure_;
   SceneWatch watch_;
   std::vector<Feature> features_;
   std::uint32_t next_id_ = 0;

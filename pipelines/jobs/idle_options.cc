@@ -38,7 +38,6 @@ void WarnOfIdleOptions(const TrackerOptions& options) {
                                        "subspace.penalty_weight",
                                        "subspace.epsilon",
                                        "measurement.enabled",
-                                       "measurement.max_open_px",
                                        "measurement.max_rank",
                                        "measurement.perspective",
                                        "measurement.max_unexplained_frames",

@@ -5,21 +5,11 @@
 #include <vector>
 
 #include "frontend/core/stopwatch.h"
-#include "frontend/track/steady_light_tracker.h"
 #include "pipelines/json/option_list.h"
 #include "pipelines/sfm/cuts.h"
 #include "pipelines/sfm/input.h"
 
 namespace cohort {
-namespace {
-
-std::unique_ptr<Tracker> MakeSteadyTracker(const TrackSequenceOptions& options) {
-  auto tracker = MakeTracker(options.tracker, options.mask);
-  if (options.tracker.tracker != TrackerKind::kSubspace) return tracker;
-  return std::make_unique<SteadyLightTracker>(std::move(tracker));
-}
-
-}  // namespace
 
 bool WantsSecondPass(SecondPassMode mode, const TrackerOptions& tracker) {
   switch (mode) {
@@ -36,7 +26,7 @@ bool WantsSecondPass(SecondPassMode mode, const TrackerOptions& tracker) {
 }
 
 SequenceTracker::SequenceTracker(Sequence& sequence, const TrackSequenceOptions& options)
-    : promised_(sequence.FrameCount()), frames_(sequence), tracker_(MakeSteadyTracker(options)) {
+    : promised_(sequence.FrameCount()), frames_(sequence), tracker_(MakeTracker(options.tracker, options.mask)) {
   if (!HasNext()) {
     const std::string name = options.source.empty() ? sequence.Name() : options.source.string();
     ThrowError("{}: no frame to track. {}", name, sequence.Warning());

@@ -23,8 +23,6 @@ constexpr double kMaxSigmaPx = 4.0;
 // allowed in addition, so many deviations of it.
 constexpr double kMaxDisagreementPx = 3.0;
 constexpr double kMaxDisagreementSigmas = 5.0;
-// Lucas-Kanade finds it at the same place [px].
-constexpr double kSamePx = 2.0;
 // The deviation of a position [px] below which a feature is measured well, by a narrow patch.
 constexpr double kMeasuredWellPx = 0.5;
 
@@ -37,11 +35,10 @@ double CenterSquare(const Feature& feature, const CenterDifference& center) {
 
 Confirmation::Confirmation(const Pyramid& picture,
                            const PatchOptions& patch,
-                           const ThereAndBack& there_and_back,
                            const CovarianceCalibration& calibration,
                            std::span<const Feature> features,
                            std::span<const Measurement> measured)
-    : picture_(picture), patch_(patch), there_and_back_(there_and_back), calibration_(calibration) {
+    : picture_(picture), patch_(patch), calibration_(calibration) {
   std::vector<double> variances;
   std::vector<double> centers;
   for (std::size_t f = 0; f < measured.size(); ++f) {
@@ -112,10 +109,6 @@ Verdict Confirmation::TestAgreement(const Feature& feature,
   const Eigen::Vector2d d = m.xy - predicted.expected_xy;
   if (!(d.dot(S.inverse() * d) <= kMaxDisagreementSigmas * kMaxDisagreementSigmas)) {
     return Verdict::kNotWhereExpected;
-  }
-  if (feature.open && there_and_back_.IsOpen(predicted) &&
-      (!feature.returned_xy || (m.xy - *feature.returned_xy).norm() > kSamePx)) {
-    return Verdict::kDidNotReturn;
   }
   return Verdict::kObserved;
 }

@@ -8,7 +8,6 @@
 #include "frontend/track/measure/covariance_calibration.h"
 #include "frontend/track/measure/feature.h"
 #include "frontend/track/measure/measurement.h"
-#include "frontend/track/measure/there_and_back.h"
 #include "frontend/track/trajectory_model/trajectory_model.h"
 
 namespace cohort {
@@ -22,7 +21,6 @@ enum class Verdict {
   kCenterDiffers,     // the innermost pixels show something else, which hides the feature
   kTooUncertain,      // the patch has too little texture to locate it
   kNotWhereExpected,  // disagrees with the other features beyond both uncertainties
-  kDidNotReturn,      // the prediction is uncertain, and Lucas-Kanade does not confirm the position
   kPushed,            // an occluder pushed the patch: the expected position shows something else
 };
 
@@ -34,7 +32,6 @@ class Confirmation {
   // this.
   Confirmation(const Pyramid& picture,
                const PatchOptions& patch,
-               const ThereAndBack& there_and_back,
                const CovarianceCalibration& calibration,
                std::span<const Feature> features,
                std::span<const Measurement> measured);
@@ -80,7 +77,6 @@ class Confirmation {
 
   const Pyramid& picture_;
   const PatchOptions& patch_;
-  const ThereAndBack& there_and_back_;
   const CovarianceCalibration& calibration_;
   double noise_variance_ = 0.0;
   double center_noise_ = 0.0;

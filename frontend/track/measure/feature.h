@@ -2,7 +2,6 @@
 
 #include <Eigen/Core>
 #include <cstdint>
-#include <optional>
 #include <span>
 #include <vector>
 
@@ -24,11 +23,8 @@ struct Feature {
   int window_px = 0;           // side of the measured patch; narrower once it is measured well
   double light = 0.0;          // change of its brightness since its birth; running mean
   double change = 1.0;         // of its innermost pixels, relative to the noise; running mean
-  bool open = true;            // the other features could not predict its position
   bool confirmed = true;       // the image confirmed it in the last frame
   int unexplained_frames = 0;  // in a row: neither confirmed nor hidden
-  // Where Lucas-Kanade finds it in this frame; set only if the way back returns to the start.
-  std::optional<Eigen::Vector2d> returned_xy;
 };
 
 // A feature born at `xy`. `smooth` is the picture denoised for measuring.

@@ -15,45 +15,36 @@ constexpr int kSmallWindowPx = 11;
 constexpr double kPriorFactor = 3.0;
 constexpr double kLeastPriorPx = 0.3;
 
-std::vector<Eigen::Vector2d> StartsOf(std::span<const Feature> features,
-                                      const Eigen::Matrix2Xd& given) {
-  std::vector<Eigen::Vector2d> starts;
-  for (std::size_t f = 0; f < features.size(); ++f) {
-    const Eigen::Vector2d start = given.col(static_cast<Eigen::Index>(f));
-    starts.push_back(features[f].open ? features[f].returned_xy.value_or(start) : start);
-  }
-  return starts;
-}
-
 }  // namespace
 
 FrameMeasurement::FrameMeasurement(const Pyramid& smooth,
                                    std::span<const Feature> features,
                                    const PatchOptions& patch,
-                                   const ThereAndBack& there_and_back,
                                    const CovarianceCalibration& calibration,
                                    const Eigen::Matrix2Xd& starts)
     : smooth_(smooth),
       features_(features),
       calibration_(calibration),
-      starts_(StartsOf(features, starts)),
+      starts_(starts),
       measured_(MeasureFrom(starts_)),
-      confirmation_(smooth, patch, there_and_back, calibration, features, measured_),
+      confirmation_(smooth, patch, calibration, features, measured_),
       verdicts_(features.size(), Verdict::kNotMeasured),
       observed_(features.size()) {
   const TimedPart part("measurement");
   for (std::size_t f = 0; f < features.size(); ++f) {
     if (!features[f].confirmed) continue;
-    Judge(f, confirmation_.TestPatch(features[f], measured_[f], starts_[f]));
+    Judge(f,
+          confirmation_.TestPatch(
+              features[f], measured_[f], starts_.col(static_cast<Eigen::Index>(f))));
   }
 }
 
-std::vector<Measurement> FrameMeasurement::MeasureFrom(
-    const std::vector<Eigen::Vector2d>& starts) const {
+std::vector<Measurement> FrameMeasurement::MeasureFrom(const Eigen::Matrix2Xd& starts) const {
   const TimedPart part("measurement");
   std::vector<Measurement> measured(features_.size());
   ForEachInParallel(features_.size(), [&](std::size_t f) {
-    if (features_[f].confirmed) measured[f] = MeasureFrom(f, starts[f]);
+    if (!features_[f].confirmed) return;
+    measured[f] = MeasureFrom(f, starts.col(static_cast<Eigen::Index>(f)));
   });
   return measured;
 }
@@ -66,12 +57,12 @@ Measurement FrameMeasurement::MeasureFrom(std::size_t f, const Eigen::Vector2d& 
 void FrameMeasurement::MeasureFromBetter(std::span<const std::size_t> which,
                                          const Eigen::Matrix2Xd& starts) {
   const TimedPart part("measurement");
-  const std::vector<Eigen::Vector2d> better = StartsOf(features_, starts);
   ForEachInParallel(which.size(), [&](std::size_t i) {
     const std::size_t f = which[i];
-    if (better[f] == starts_[f]) return;
-    measured_[f] = MeasureFrom(f, better[f]);
-    Judge(f, confirmation_.TestPatch(features_[f], measured_[f], better[f]));
+    const Eigen::Vector2d better = starts.col(static_cast<Eigen::Index>(f));
+    if (better == starts_.col(static_cast<Eigen::Index>(f))) return;
+    measured_[f] = MeasureFrom(f, better);
+    Judge(f, confirmation_.TestPatch(features_[f], measured_[f], better));
   });
 }
 

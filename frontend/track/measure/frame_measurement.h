@@ -8,7 +8,6 @@
 #include "frontend/track/measure/confirmation.h"
 #include "frontend/track/measure/covariance_calibration.h"
 #include "frontend/track/measure/feature.h"
-#include "frontend/track/measure/there_and_back.h"
 #include "frontend/track/trajectory_model/trajectory_model.h"
 
 namespace cohort {
@@ -24,7 +23,6 @@ class FrameMeasurement {
   FrameMeasurement(const Pyramid& smooth,
                    std::span<const Feature> features,
                    const PatchOptions& patch,
-                   const ThereAndBack& there_and_back,
                    const CovarianceCalibration& calibration,
                    const Eigen::Matrix2Xd& starts);
 
@@ -54,12 +52,12 @@ class FrameMeasurement {
  private:
   void Judge(std::size_t f, Verdict verdict);
   Measurement MeasureFrom(std::size_t f, const Eigen::Vector2d& start) const;
-  std::vector<Measurement> MeasureFrom(const std::vector<Eigen::Vector2d>& starts) const;
+  std::vector<Measurement> MeasureFrom(const Eigen::Matrix2Xd& starts) const;
 
   const Pyramid& smooth_;
   std::span<const Feature> features_;
   const CovarianceCalibration& calibration_;
-  std::vector<Eigen::Vector2d> starts_;
+  Eigen::Matrix2Xd starts_;
   std::vector<Measurement> measured_;
   Confirmation confirmation_;
   std::vector<Verdict> verdicts_;

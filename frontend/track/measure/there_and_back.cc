@@ -1,6 +1,6 @@
 #include "frontend/track/measure/there_and_back.h"
 
-#include <cmath>
+#include <optional>
 
 #include "frontend/core/in_parallel.h"
 #include "frontend/core/part_times.h"
@@ -13,46 +13,41 @@ namespace {
 // The wider of the windows that KLT is compared with: on four levels it reaches 120 px.
 constexpr int kWindowPx = 31;
 constexpr double kReturnPx = 1.0;
+constexpr double kElsewherePx = 3.0;
+
+// Where Lucas-Kanade finds the window around `xy` of the previous picture, if the way back ends
+// where it began.
+std::optional<Eigen::Vector2d> ThereAndBack(const Pyramid& previous,
+                                            const Pyramid& current,
+                                            const Eigen::Vector2d& xy) {
+  const auto there = TrackWindow(previous, current, xy, kWindowPx);
+  if (!there) return std::nullopt;
+  const auto back = TrackWindow(current, previous, *there, kWindowPx);
+  if (!back || (*back - xy).norm() > kReturnPx) return std::nullopt;
+  return there;
+}
 
 }  // namespace
 
-void ThereAndBack::Track(const Pyramid& current,
-                         const Eigen::Matrix2Xd& newest,
-                         std::span<const std::size_t> which,
-                         std::span<Feature> features) {
+Eigen::Matrix2Xd BetterStarts(const Pyramid& previous,
+                              const Pyramid& current,
+                              const Eigen::Matrix2Xd& x_previous,
+                              const Eigen::Matrix2Xd& guided,
+                              std::span<const std::size_t> which,
+                              std::span<const Feature> features,
+                              int n) {
   const TimedPart part("there and back");
+  Eigen::Matrix2Xd starts = guided;
   ForEachInParallel(which.size(), [&](std::size_t i) {
-    const Eigen::Vector2d xy = newest.col(static_cast<Eigen::Index>(which[i]));
-    auto& returned_xy = features[which[i]].returned_xy;
-    returned_xy = TrackWindow(previous_, current, xy, kWindowPx);
-    if (!returned_xy) return;
-    const auto back = TrackWindow(current, previous_, *returned_xy, kWindowPx);
-    if (!back || (*back - xy).norm() > kReturnPx) returned_xy.reset();
-  });
-}
-
-Eigen::Matrix2Xd ThereAndBack::BetterStarts(const Pyramid& current,
-                                            const Eigen::Matrix2Xd& guide,
-                                            std::span<const Feature> features,
-                                            int n) {
-  const TimedPart part("there and back");
-  constexpr double kElsewherePx = 3.0;
-  Eigen::Matrix2Xd starts = guide;
-  for (std::size_t f = 0; f < features.size(); ++f) {
-    const auto& returned = features[f].returned_xy;
-    auto start = starts.col(static_cast<Eigen::Index>(f));
-    if (!returned || (*returned - start).norm() <= kElsewherePx) continue;
+    const auto f = static_cast<Eigen::Index>(which[i]);
+    const auto found = ThereAndBack(previous, current, x_previous.col(f));
+    if (!found || (*found - guided.col(f)).norm() <= kElsewherePx) return;
     const auto unlike = [&](const Eigen::Vector2d& xy) {
-      return PatchEnergy(current.levels[0], xy, features[f].templates[0], n);
+      return PatchEnergy(current.levels[0], xy, features[which[i]].templates[0], n);
     };
-    if (unlike(*returned) < unlike(start)) start = *returned;
-  }
+    if (unlike(*found) < unlike(guided.col(f))) starts.col(f) = *found;
+  });
   return starts;
-}
-
-bool ThereAndBack::IsOpen(const TrajectoryModel::Estimate& predicted) const {
-  return max_open_px_ > 0.0 &&
-         std::sqrt(0.5 * predicted.measured_covariance.trace()) > max_open_px_;
 }
 
 }  // namespace cohort

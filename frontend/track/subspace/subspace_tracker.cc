@@ -7,7 +7,6 @@
 
 #include "frontend/core/in_parallel.h"
 #include "frontend/core/part_times.h"
-#include "frontend/core/statistics.h"
 #include "frontend/track/measure/covariance_calibration.h"
 #include "frontend/track/measure/frame_measurement.h"
 #include "frontend/track/measure/there_and_back.h"
@@ -24,11 +23,6 @@ namespace {
 constexpr std::size_t kModelFrames = 31;
 // From so many frames of history on, the other features are believed.
 constexpr std::size_t kEnoughHistory = 4;
-
-double MedianDistance(const Eigen::Matrix2Xd& a, const Eigen::Matrix2Xd& b) {
-  const Eigen::VectorXd distances = (a - b).colwise().norm();
-  return Median({distances.begin(), distances.end()});
-}
 
 class SubspaceMover final : public FeatureMover {
  public:
@@ -60,7 +54,7 @@ class SubspaceMover final : public FeatureMover {
   std::vector<Feature> features_;
   JointGuide guide_{options_};
   HistoryFiller filler_{measurement_.patch};
-  ThereAndBack there_and_back_{measurement_.max_open_px};
+  Pyramid previous_;
   CovarianceCalibration calibration_;
   TrajectoryModel model_{kModelFrames, measurement_.max_rank, measurement_.perspective};
 };
@@ -97,7 +91,6 @@ std::vector<Move> SubspaceMover::MoveFeatures(const Pyramid& current) {
                                     measurement_.max_unexplained_frames,
                                     patch.max_distance_px,
                                     feature));
-    if (predicted != nullptr) feature.open = there_and_back_.IsOpen(*predicted);
   }
 
   Eigen::Matrix2Xd fused = Fuse(frame, moves);
@@ -106,13 +99,13 @@ std::vector<Move> SubspaceMover::MoveFeatures(const Pyramid& current) {
     features_[f].confirmed = moves[f].state == ObservationState::kObserved;
   }
   guide_.Remember(current, std::move(fused), features_);
-  there_and_back_.Remember(current);
+  previous_ = current;
   filler_.Remember(std::move(smooth), static_cast<std::size_t>(options_.history_length));
   return moves;
 }
 
-// Every feature from the guide's position. Where it is not seen from there, or might be mistaken
-// there, from where Lucas-Kanade finds it. Returns the starts.
+// Measures every feature from the guide's position and, where it is not seen from there, from where
+// Lucas-Kanade finds it. Returns the starts.
 Eigen::Matrix2Xd SubspaceMover::Measure(const Pyramid& current,
                                         const Pyramid& smooth,
                                         const Eigen::Matrix2Xd& start,
@@ -120,43 +113,33 @@ Eigen::Matrix2Xd SubspaceMover::Measure(const Pyramid& current,
   const Eigen::Matrix2Xd joint = guide_.Minimize(current, features_, start).x;
   const Eigen::Matrix2Xd& before = guide_.history().front();
   const auto starts_with = [&](std::span<const std::size_t> tracked) {
-    there_and_back_.Track(current, before, tracked, features_);
-    return ThereAndBack::BetterStarts(current, joint, features_, options_.template_px);
+    return BetterStarts(
+        previous_, current, before, joint, tracked, features_, options_.template_px);
   };
   const auto measure = [&](const Eigen::Matrix2Xd& starts) {
-    frame.emplace(smooth, features_, measurement_.patch, there_and_back_, calibration_, starts);
+    frame.emplace(smooth, features_, measurement_.patch, calibration_, starts);
   };
-  // Further in a frame than the features' surroundings are alike, the guide may end anywhere [px].
-  constexpr double kFastPx = 8.0;
-  const bool fast = MedianDistance(before, joint) > kFastPx;
-  // Where that shows at more than so many of them, what is seen at the others may be chance.
-  constexpr double kManyLost = 0.2;
+  const Eigen::Matrix2d similarity = CommonSimilarity(before, joint, features_);
+  DeformAnchors(similarity, measurement_.patch.warp_noise, features_);
+  measure(joint);
+
   std::vector<std::size_t> confirmed;
-  std::vector<std::size_t> asked;  // of Lucas-Kanade
+  std::vector<std::size_t> lost;
   for (std::size_t f = 0; f < features_.size(); ++f) {
-    features_[f].returned_xy.reset();
     if (!features_[f].confirmed) continue;
     confirmed.push_back(f);
-    if (fast || features_[f].open) asked.push_back(f);
+    if (!frame->IsObserved(f)) lost.push_back(f);
   }
-  Eigen::Matrix2Xd starts = starts_with(asked);
-  const Eigen::Matrix2d similarity = CommonSimilarity(before, starts, features_);
-  DeformAnchors(similarity, measurement_.patch.warp_noise, features_);
-  measure(starts);
-  if (fast) return starts;
-
-  asked.clear();
-  for (const std::size_t f : confirmed) {
-    if (!frame->IsObserved(f)) asked.push_back(f);
-  }
-  if (asked.empty()) return starts;
-  if (static_cast<double>(asked.size()) <= kManyLost * static_cast<double>(confirmed.size())) {
-    starts = starts_with(asked);
-    frame->MeasureFromBetter(asked, starts);
+  if (lost.empty()) return joint;
+  // If more than this share is lost, what is seen at the others may be chance.
+  constexpr double kManyLost = 0.2;
+  if (static_cast<double>(lost.size()) <= kManyLost * static_cast<double>(confirmed.size())) {
+    const Eigen::Matrix2Xd starts = starts_with(lost);
+    frame->MeasureFromBetter(lost, starts);
     return starts;
   }
-  // A camera too fast for the guide: nor is the similarity that of its motion.
-  starts = starts_with(confirmed);
+  // The camera is too fast for the guide, whose similarity is not that of its motion either.
+  const Eigen::Matrix2Xd starts = starts_with(confirmed);
   DeformAnchors(CommonSimilarity(before, starts, features_) * similarity.inverse(), 0.0, features_);
   measure(starts);
   return starts;
@@ -246,7 +229,7 @@ void SubspaceMover::Add(std::span<const Eigen::Vector2d> born, const Pyramid& cu
 void SubspaceMover::Begin(const Pyramid& current) {
   guide_.Begin(current);
   filler_.Begin(SmoothPyramid(current, measurement_.patch.denoise_sigma_px));
-  there_and_back_.Remember(current);
+  previous_ = current;
   model_ = TrajectoryModel(kModelFrames, measurement_.max_rank, measurement_.perspective);
   model_.Update({});
 }

@@ -14,7 +14,6 @@ namespace cohort {
 struct MeasurementOptions {
   bool enabled = true;
   PatchOptions patch;
-  double max_open_px = 1.5;
   int max_rank = 8;
   bool perspective = true;
   int max_unexplained_frames = 4;
@@ -24,13 +23,6 @@ struct MeasurementOptions {
   static void Visit(Self& o, Visitor& v) {
     v.Flag("enabled", o.enabled, "measure every guided position against the feature's anchor");
     PatchOptions::Visit(o.patch, v);
-    v.Number(
-        "max_open_px",
-        o.max_open_px,
-        0.0,
-        1000.0,
-        "how uncertain the others may leave a feature's position [px]; beyond, it must (strong "
-        "mode) be found by Lucas-Kanade there and back; 0: never");
     v.Number("max_rank",
              o.max_rank,
              2,

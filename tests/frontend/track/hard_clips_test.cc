@@ -13,7 +13,6 @@
 #include <string>
 #include <vector>
 
-#include "frontend/track/steady_light_tracker.h"
 #include "frontend/track/track_loop.h"
 #include "frontend/track/tracker.h"
 
@@ -36,15 +35,8 @@ std::map<std::string, TrackerOptions> Trackers() {
   return trackers;
 }
 
-// As clips are tracked: the joint tracker sees all frames in one light.
-std::unique_ptr<Tracker> MakeTrackerOf(const TrackerOptions& options) {
-  auto tracker = MakeTracker(options);
-  if (options.tracker != TrackerKind::kSubspace) return tracker;
-  return std::make_unique<SteadyLightTracker>(std::move(tracker));
-}
-
 std::vector<FrameResult> TrackAll(const TrackerOptions& options, const Pictures& pictures) {
-  const auto tracker = MakeTrackerOf(options);
+  const auto tracker = MakeTracker(options);
   std::vector<FrameResult> results;
   for (const cv::Mat& picture : pictures) {
     Frame frame;
@@ -367,16 +359,6 @@ TEST(SubspaceTrackerOfHardClips, KeepsItsFeaturesWhereTheLightFalls) {
         TrackAll(Trackers().at(tracker), test::ExposedAnew(test::MovingClip(), 4, 0.35));
     EXPECT_EQ(Observed(frames[4]), Observed(frames[3])) << tracker;
     EXPECT_FALSE(Ends(frames).contains(LossReason::kContradicted)) << tracker;
-  }
-}
-
-TEST(SubspaceTrackerOfHardClips, DoesNotObserveWhatIsOneBlobNow) {
-  for (const char* tracker : {"Strong", "Weak"}) {
-    const std::vector<FrameResult> frames =
-        TrackAll(Trackers().at(tracker), test::MeetingDotsClip());
-    EXPECT_EQ(Observed(frames[4]), 12u) << tracker;
-    EXPECT_EQ(Observed(frames.back()), 0u) << tracker;
-    EXPECT_EQ(frames.back().observations.size(), 12u) << tracker;  // predicted
   }
 }
 

@@ -49,14 +49,13 @@ class ConfirmationTest : public testing::Test {
   Confirmation Tests() const {
     std::vector<Measurement> measured;
     for (const Eigen::Vector2d xy : x_.colwise()) measured.push_back(Measured(xy));
-    return {picture_, patch_, there_and_back_, calibration_, features_, measured};
+    return {picture_, patch_, calibration_, features_, measured};
   }
 
   Eigen::Matrix2Xd x_ = test::GridOfTwenty();
   Pyramid picture_ = SmoothPyramid(test::ShiftedNoise({0, 0}), 0.0);
   std::vector<Feature> features_ = test::FeaturesAt(test::ShiftedNoise({0, 0}), x_);
   PatchOptions patch_;
-  ThereAndBack there_and_back_{1.5};
   CovarianceCalibration calibration_;
 };
 
@@ -114,20 +113,6 @@ TEST_F(ConfirmationTest, WhatIsElsewhereThanTheOthersSayIsNotIt) {
   // Unless they hardly know.
   EXPECT_EQ(Tests().TestPosition(feature(), Measured(Truth()), Predicted(elsewhere, 1.4)),
             Verdict::kObserved);
-}
-
-TEST_F(ConfirmationTest, WhatTheOthersLeaveOpenMustComeBackWhenTrackedThereAndBack) {
-  const auto verdict = [&] {
-    return Tests().TestPosition(feature(), Measured(Truth()), Predicted(Truth(), 3.0));
-  };
-  EXPECT_EQ(verdict(), Verdict::kDidNotReturn);
-  feature().returned_xy = Truth() + Eigen::Vector2d(2.5, 0);
-  EXPECT_EQ(verdict(), Verdict::kDidNotReturn);
-  feature().returned_xy = Truth() + Eigen::Vector2d(1.5, 0);
-  EXPECT_EQ(verdict(), Verdict::kObserved);
-  feature().returned_xy.reset();
-  feature().open = false;  // they knew in the frame before
-  EXPECT_EQ(verdict(), Verdict::kObserved);
 }
 
 TEST_F(ConfirmationTest, WhatAnOccluderPushedAwayIsNotObserved) {

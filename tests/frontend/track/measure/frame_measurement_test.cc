@@ -30,7 +30,7 @@ class FrameMeasurementTest : public testing::Test {
   }
 
   FrameMeasurement Measure(const Eigen::Matrix2Xd& guide) const {
-    return {picture_, features_, patch_, there_and_back_, calibration_, guide};
+    return {picture_, features_, patch_, calibration_, guide};
   }
   TrajectoryModel::Estimate PredictedAtTruth(int f) const {
     TrajectoryModel::Estimate predicted;
@@ -44,7 +44,6 @@ class FrameMeasurementTest : public testing::Test {
       test::FeaturesAt(test::ShiftedNoise({0, 0}), test::GridOfTwenty());
   Pyramid picture_ = SmoothPyramid(test::ShiftedNoise(kMotion), 0.0);
   PatchOptions patch_;
-  ThereAndBack there_and_back_{1.5};
   CovarianceCalibration calibration_;
 };
 
