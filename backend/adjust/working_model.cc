@@ -411,21 +411,6 @@ double WorkingModel::MedianError(int frame) const {
   return Median(std::move(errors));
 }
 
-double WorkingModel::DepthDisagreement(const WorkingModel& a, const WorkingModel& b, int frame) {
-  if (!a.HasPose(frame) || !b.HasPose(frame)) return 0.0;
-  std::vector<double> ratios;
-  for (int t = 0; t < a.whitened().track_count(); ++t) {
-    if (!a.HasPoint(t) || !b.HasPoint(t)) continue;
-    const double depth_a = (a.Pose(frame) * a.Point(t)).z();
-    const double depth_b = (b.Pose(frame) * b.Point(t)).z();
-    if (depth_a > kMinDepth && depth_b > kMinDepth) ratios.push_back(std::log(depth_a / depth_b));
-  }
-  if (ratios.empty()) return 0.0;
-  const double median = Median(ratios);
-  for (double& ratio : ratios) ratio = std::abs(ratio - median);
-  return Median(std::move(ratios));
-}
-
 double WorkingModel::MedianDepthUncertainty() const {
   // The noise is in units of what the observations say of themselves.
   const double noise = noise_ / MeanFocal();
@@ -479,6 +464,12 @@ ComparedCosts CompareCosts(const WorkingModel& a,
                            std::span<const int> frames) {
   const double bound = std::min(a.ErrorBound(), b.ErrorBound());
   return {a.TruncatedCost(frames, bound), b.TruncatedCost(frames, bound)};
+}
+
+bool IsWorse(double larger_cost, double cost, double noise) {
+  constexpr double kEvidence = 20.0;  // twice the difference of the logarithms of likelihoods
+  const double variance = std::max(noise, kMinWhitenedNoise) * std::max(noise, kMinWhitenedNoise);
+  return larger_cost - cost > kEvidence * variance;
 }
 
 }  // namespace cohort

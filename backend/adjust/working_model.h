@@ -122,9 +122,6 @@ class WorkingModel {
   // Share of the inliers whose points have a largest ray angle below kNearRayAngleDeg.
   double ShareOfFarPoints() const;
 
-  // How differently two models see the same points: the median absolute deviation of the logarithm
-  // of their depth ratios in a frame. About 0 for models that differ by a similarity.
-  static double DepthDisagreement(const WorkingModel& a, const WorkingModel& b, int frame);
   // Median over near points of the standard deviation of depth, relative to the distance.
   double MedianDepthUncertainty() const;
 
@@ -164,5 +161,8 @@ struct ComparedCosts {
 ComparedCosts CompareCosts(const WorkingModel& a,
                            const WorkingModel& b,
                            std::span<const int> frames);
+
+// Whether a truncated cost exceeds another by more than noise (of a whitened coordinate) explains.
+bool IsWorse(double larger_cost, double cost, double noise);
 
 }  // namespace cohort

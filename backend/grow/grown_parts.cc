@@ -25,14 +25,13 @@ GrownParts GrowParts(const WhitenedTracks& whitened,
   return grown;
 }
 
-// Have all keyframes a pose in one part, which is the only scene that explains its start and most of
-// the parallax?
+// Have all keyframes a pose in one part, which explains most of the parallax?
 bool IsSure(const GrownParts& grown, const std::vector<int>& keyframes) {
   // Of a hand that turns the camera fast, where half the tracks made a model of twice the error, they
   // left 0.5 to 0.7; of other clips, 0.01 to 0.26.
   constexpr double kMostUnexplained = 0.4;
-  if (grown.parts.size() != 1 || !grown.parts.front().doubts.empty()) return false;
-  const WorkingModel& model = grown.parts.front().model;
+  if (grown.parts.size() != 1) return false;
+  const WorkingModel& model = grown.parts.front();
   return std::all_of(
              keyframes.begin(), keyframes.end(), [&](int frame) { return model.HasPose(frame); }) &&
          UnexplainedParallax(model, keyframes) <= kMostUnexplained;
@@ -43,7 +42,7 @@ GrownParts GrowPartsByAll(const WhitenedTracks& whitened,
                           const Camera& camera,
                           const std::vector<int>& keyframes) {
   GrownParts grown = GrowPartsBothWays(whitened, camera, keyframes);
-  for (MappedPart& part : grown.parts) AdjustUntilSettled(part.model, 3, 4);
+  for (WorkingModel& part : grown.parts) AdjustUntilSettled(part, 3, 4);
   return grown;
 }
 
@@ -57,13 +56,13 @@ GrownParts GrowPartsBothWays(const WhitenedTracks& whitened,
   // a drive, far points had a quarter.
   constexpr double kManyFarPoints = 0.05;
   GrownParts far = GrowParts(whitened, camera, {kFarRayAngleDeg}, keyframes);
-  if (!far.parts.empty() && far.parts.front().model.ShareOfFarPoints() < kManyFarPoints) return far;
+  if (!far.parts.empty() && far.parts.front().ShareOfFarPoints() < kManyFarPoints) return far;
   GrownParts near = GrowParts(whitened, camera, {kNearRayAngleDeg}, keyframes);
   if (near.parts.empty()) return far;
   if (far.parts.empty()) return near;
-  for (GrownParts* grown : {&far, &near}) AdjustUntilSettled(grown->parts.front().model, 3, 4);
-  const WorkingModel& by_far = far.parts.front().model;
-  const WorkingModel& by_near = near.parts.front().model;
+  for (GrownParts* grown : {&far, &near}) AdjustUntilSettled(grown->parts.front(), 3, 4);
+  const WorkingModel& by_far = far.parts.front();
+  const WorkingModel& by_near = near.parts.front();
   std::vector<int> frames(whitened.frame_count());
   std::iota(frames.begin(), frames.end(), 0);
   const ComparedCosts costs = CompareCosts(by_near, by_far, frames);
@@ -79,12 +78,12 @@ std::optional<GrownParts> WithAllTracks(const WhitenedTracks& whitened,
                                         const GrownParts& by_some,
                                         const std::vector<int>& keyframes) {
   if (whitened.HasSeam() || !IsSure(by_some, keyframes)) return std::nullopt;
-  WorkingModel model(whitened, by_some.parts.front().model);
+  WorkingModel model(whitened, by_some.parts.front());
   model.SetMinRayAngle(kFarRayAngleDeg);
   model.TriangulateAllTracks();
   RegisterOtherFrames(model);
   GrownParts all;
-  all.parts.push_back({std::move(model), {}});
+  all.parts.push_back(std::move(model));
   return all;
 }
 

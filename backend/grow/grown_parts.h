@@ -12,7 +12,7 @@ namespace cohort {
 // The parts of a clip, the largest first, adjusted with the given camera, or why there is none.
 struct GrownParts {
   MapperEnd end = {};
-  std::vector<MappedPart> parts = {};
+  std::vector<WorkingModel> parts = {};
 };
 
 // Grows the parts with far points included and, if there are many of those, also with near points
@@ -22,7 +22,7 @@ GrownParts GrowPartsBothWays(const WhitenedTracks& whitened,
                              const std::vector<int>& keyframes);
 
 // Extends the parts grown by some tracks to all. Returns nullopt if some tracks do not suffice:
-// they leave a keyframe without a pose, a doubt or much of the parallax, or there is a seam.
+// they leave a keyframe without a pose or much of the parallax, or there is a seam.
 std::optional<GrownParts> WithAllTracks(const WhitenedTracks& whitened,
                                         const GrownParts& by_some,
                                         const std::vector<int>& keyframes);

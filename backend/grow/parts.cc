@@ -14,32 +14,6 @@ namespace {
 
 constexpr std::size_t kMaxParts = 20;  // a bound on time: a clip in more pieces is no clip
 
-// Grows the best start and, where the window could not tell it from another scene, its rival.
-PartResult GrowStart(std::vector<StartModel> starts,
-                     const std::vector<int>& keyframes,
-                     const GrowthOptions& growth) {
-  StartModel* const rival = FindRival(starts);
-  WorkingModel& best = starts.front().model;
-  GrowModel(best, keyframes, growth);
-  if (rival == nullptr) return {{}, std::move(best)};
-
-  GrowModel(rival->model, keyframes, growth);
-  const auto [cost, rival_cost] = CompareCosts(best, rival->model, keyframes);
-  const double noise = std::min(best.noise(), rival->model.noise());
-  spdlog::debug("two scenes fit the start; over all keyframes their costs are {:.1f} and {:.1f}",
-                cost,
-                rival_cost);
-  PartResult result{{}, std::move(cost <= rival_cost ? best : rival->model)};
-  if (!IsWorse(std::max(cost, rival_cost), std::min(cost, rival_cost), noise)) {
-    result.doubts.push_back(
-        {DoubtCode::kTwoScenes,
-         "two different scenes explain the tracks equally well (a plane, or too little "
-         "perspective): move the camera nearer, or film something beside the plane",
-         {{"cost", std::min(cost, rival_cost)}, {"rival_cost", std::max(cost, rival_cost)}}});
-  }
-  return result;
-}
-
 PartResult MapBody(const WhitenedTracks& whitened,
                    const Camera& camera,
                    const GrowthOptions& growth,
@@ -52,7 +26,11 @@ PartResult MapBody(const WhitenedTracks& whitened,
   // Whether it has parallax is judged by the model, if there is one: the noise of fast, shaken
   // cameras is hard to tell.
   Start start = FindStart(whitened, camera, pairs);
-  if (!start.models.empty()) return GrowStart(std::move(start.models), keyframes, growth);
+  if (!start.models.empty()) {
+    WorkingModel& best = start.models.front().model;
+    GrowModel(best, keyframes, growth);
+    return {{}, std::move(best)};
+  }
   return {ExplainMissingModel(
       whitened,
       camera,
@@ -130,12 +108,12 @@ PartResult MapPart(const WhitenedTracks& whitened,
   return part;
 }
 
-std::vector<MappedPart> MapRemainingParts(PartResult first,
-                                          const Camera& camera,
-                                          const GrowthOptions& growth,
-                                          std::vector<int> keyframes) {
+std::vector<WorkingModel> MapRemainingParts(PartResult first,
+                                            const Camera& camera,
+                                            const GrowthOptions& growth,
+                                            std::vector<int> keyframes) {
   const WhitenedTracks& whitened = first.model->whitened();
-  std::vector<MappedPart> parts;
+  std::vector<WorkingModel> parts;
   PartResult part = std::move(first);
   while (part.model && parts.size() < kMaxParts) {
     RegisterOtherFrames(*part.model);
@@ -143,13 +121,13 @@ std::vector<MappedPart> MapRemainingParts(PartResult first,
     for (const int k : keyframes) {
       if (!part.model->HasPose(k)) rest.push_back(k);
     }
-    parts.push_back({std::move(*part.model), std::move(part.doubts)});
+    parts.push_back(std::move(*part.model));
     if (rest.size() < 2) break;
     keyframes = std::move(rest);
     part = MapPart(whitened, camera, growth, keyframes);
   }
-  std::stable_sort(parts.begin(), parts.end(), [](const MappedPart& a, const MappedPart& b) {
-    return a.model.registered() > b.model.registered();
+  std::stable_sort(parts.begin(), parts.end(), [](const WorkingModel& a, const WorkingModel& b) {
+    return a.registered() > b.registered();
   });
   return parts;
 }

@@ -55,7 +55,7 @@ GrownParts Settle(const WhitenedTracks& tracks,
                   const std::vector<int>& keyframes) {
   GrownParts grown = GrowPartsBothWays(tracks, camera, keyframes);
   if (grown.parts.empty()) return grown;
-  WorkingModel& model = grown.parts.front().model;
+  WorkingModel& model = grown.parts.front();
   AdjustCamera(model, refinement);
   spdlog::debug(
       "camera search: from f {:.1f} px to {:.1f}, k1 {:.4f}, k2 {:.4f}; {} frames, noise {:.3f}",
@@ -68,7 +68,7 @@ GrownParts Settle(const WhitenedTracks& tracks,
   return grown;
 }
 
-const WorkingModel& LargestOf(const GrownParts& grown) { return grown.parts.front().model; }
+const WorkingModel& LargestOf(const GrownParts& grown) { return grown.parts.front(); }
 
 // The same poses and points seen through a fisheye lens, adjusted. To third order in the angle a
 // pinhole's k1 is a fisheye's k1 - 1/3.
@@ -128,7 +128,7 @@ std::optional<FoundCamera> SearchCamera(const WhitenedTracks& whitened,
     if (agrees) break;
   }
   if (hypotheses.empty()) return std::nullopt;
-  WorkingModel& best = hypotheses.front().parts.front().model;
+  WorkingModel& best = hypotheses.front().parts.front();
   FoundCamera found{best.camera(), std::nullopt, std::nullopt};
   for (const GrownParts& hypothesis : hypotheses) {
     const WorkingModel& other = LargestOf(hypothesis);

@@ -141,7 +141,7 @@ Doubt DescribeBetterCamera(const Camera& better, const Camera& given) {
 
 // The parts of a clip and what is to be thought of them, in the same order.
 struct JudgedParts {
-  std::vector<MappedPart> parts;
+  std::vector<WorkingModel> parts;
   std::vector<Judgement> judgements = {};
   std::size_t chosen = 0;  // the largest of worth; if none is, the largest
   double readout = 0.0;
@@ -154,7 +154,7 @@ struct JudgedParts {
 void AdjustParts(const MapperOptions& options,
                  const CameraRefinement& refinement,
                  JudgedParts& judged) {
-  WorkingModel& largest = judged.parts.front().model;
+  WorkingModel& largest = judged.parts.front();
   const WhitenedTracks& observed = largest.whitened();
   judged.corrected.assign(judged.parts.size(), observed);
   judged.readout = options.readout;
@@ -168,7 +168,7 @@ void AdjustParts(const MapperOptions& options,
     spdlog::debug("readout {:.4f} +- {:.4f}", estimate.readout, estimate.sigma);
   }
   for (std::size_t i = 0; i < judged.parts.size(); ++i) {
-    WorkingModel& model = judged.parts[i].model;
+    WorkingModel& model = judged.parts[i];
     if (judged.readout != 0.0) {
       AdjustToReadout(observed, judged.readout, model, judged.corrected[i]);
       AdjustUntilSettled(model, 3, 4);
@@ -190,15 +190,15 @@ void AdjustParts(const MapperOptions& options,
   }
 }
 
-JudgedParts JudgeParts(std::vector<MappedPart> parts,
+JudgedParts JudgeParts(std::vector<WorkingModel> parts,
                        const Camera& camera,
                        const MapperOptions& options,
                        const CameraRefinement& refinement,
                        const std::vector<int>& keyframes) {
   JudgedParts judged{.parts = std::move(parts)};
   AdjustParts(options, refinement, judged);
-  for (const MappedPart& part : judged.parts) {
-    judged.judgements.push_back(JudgeModel(part.model, camera, keyframes));
+  for (const WorkingModel& part : judged.parts) {
+    judged.judgements.push_back(JudgeModel(part, camera, keyframes));
   }
   const auto worth = std::find_if(judged.judgements.begin(),
                                   judged.judgements.end(),
@@ -213,10 +213,8 @@ JudgedParts JudgeParts(std::vector<MappedPart> parts,
 std::vector<Doubt> DoubtModel(const MapperResult& result,
                               const JudgedParts& judged,
                               const Camera& camera) {
-  const WorkingModel& model = judged.parts[judged.chosen].model;
-  std::vector<Doubt> doubts = judged.parts[judged.chosen].doubts;
-  const std::vector<Doubt>& judged_doubts = judged.judgements[judged.chosen].doubts;
-  doubts.insert(doubts.end(), judged_doubts.begin(), judged_doubts.end());
+  const WorkingModel& model = judged.parts[judged.chosen];
+  std::vector<Doubt> doubts = judged.judgements[judged.chosen].doubts;
   if (judged.parts.size() > 1) {
     doubts.push_back(
         {DoubtCode::kParts,
@@ -244,7 +242,7 @@ void Describe(const JudgedParts& judged,
               const MapperOptions& options,
               const std::vector<int>& keyframes,
               MapperResult& result) {
-  const WorkingModel& model = judged.parts[judged.chosen].model;
+  const WorkingModel& model = judged.parts[judged.chosen];
   result.noise = model.noise();
   if (refinement.Any() || !options.draft) {
     result.lens_changes = MeasureLensChanges(model, refinement);
@@ -340,7 +338,7 @@ MapperResult MapAtOneFocalLength(const TrackFile& file, const MapperOptions& opt
   GrownParts grown = found && found->grown ? std::move(*found->grown)
                                            : GrowPartsBySome(whitened, camera, keyframes);
   if (grown.parts.empty()) return WithEnd(std::move(result), grown.end);
-  for (MappedPart& part : grown.parts) AdjustUntilSettled(part.model, 4, 4);
+  for (WorkingModel& part : grown.parts) AdjustUntilSettled(part, 4, 4);
   JudgedParts judged = JudgeParts(std::move(grown.parts), given, options, refinement, keyframes);
   const Judgement& judgement = judged.judgements[judged.chosen];
   result.depth_uncertainty = judgement.depth_uncertainty;
@@ -348,7 +346,7 @@ MapperResult MapAtOneFocalLength(const TrackFile& file, const MapperOptions& opt
   if (judgement.worthless) return WithEnd(std::move(result), *judgement.worthless);
   for (std::size_t i = judged.chosen + 1; i < judged.parts.size(); ++i) {
     if (judged.judgements[i].worthless) continue;
-    result.other_parts.push_back(ToReconstruction(judged.parts[i].model, whitened, judged.readout));
+    result.other_parts.push_back(ToReconstruction(judged.parts[i], whitened, judged.readout));
   }
   Describe(judged, whitened, camera, refinement, options, keyframes, result);
   if (found && found->rival) {
@@ -381,9 +379,9 @@ MapperResult AdjustAtOneFocalLength(const TrackFile& file,
                                     const MapperOptions& options) {
   const WhitenedTracks whitened(file, options.whitening);
   const NearModel near(start);
-  JudgedParts judged{.parts = {{AdjustedModel(whitened, near.get()), {}}}};
+  JudgedParts judged{.parts = {AdjustedModel(whitened, near.get())}};
   AdjustParts(options, refinement, judged);
-  const WorkingModel& model = judged.parts.front().model;
+  const WorkingModel& model = judged.parts.front();
   const std::vector<int> keyframes =
       SelectKeyframes(whitened, model.camera(), kKeyframeParallaxPx, kMinKeyframes);
   judged.judgements = {JudgeModel(model, start.camera, keyframes)};
@@ -480,7 +478,7 @@ MapperResult MapTracks(const TrackFile& file, const MapperOptions& options) {
   // What an adjustment of one model cannot find.
   zoomed.other_parts = std::move(result.other_parts);
   for (Doubt& doubt : result.summary.reasons) {
-    if (doubt.code == DoubtCode::kParts || doubt.code == DoubtCode::kTwoScenes) {
+    if (doubt.code == DoubtCode::kParts) {
       zoomed.summary.reasons.push_back(std::move(doubt));
     }
   }

@@ -84,7 +84,6 @@ inline constexpr ChoiceNames<ModelQuality, 3> kModelQualityNames{
 enum class DoubtCode : std::uint8_t {
   kFewFrames,            // fewer than 80 % of the frames have a pose
   kParts,                // the clip breaks into parts, and this is one of them
-  kTwoScenes,            // two scenes explain the tracks equally well
   kOnlyTurns,            // a camera of another lens that only turns explains the tracks as well
   kWeakDepth,            // the depths are uncertain
   kUnexplainedParallax,  // the model does not explain much of the parallax
@@ -102,10 +101,9 @@ enum class DoubtCode : std::uint8_t {
   kNotJudged,            // COLMAP made the model, and Ceres did not judge it
   kOther,                // from a file of another version
 };
-inline constexpr ChoiceNames<DoubtCode, 19> kDoubtCodeNames{
+inline constexpr ChoiceNames<DoubtCode, 18> kDoubtCodeNames{
     {{"few-frames", DoubtCode::kFewFrames},
      {"parts", DoubtCode::kParts},
-     {"two-scenes", DoubtCode::kTwoScenes},
      {"only-turns", DoubtCode::kOnlyTurns},
      {"weak-depth", DoubtCode::kWeakDepth},
      {"unexplained-parallax", DoubtCode::kUnexplainedParallax},

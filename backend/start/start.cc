@@ -48,20 +48,4 @@ Start FindStart(const WhitenedTracks& whitened,
   return start;
 }
 
-StartModel* FindRival(std::vector<StartModel>& models) {
-  constexpr double kSameScene = 0.05;  // DepthDisagreement
-  const StartModel& best = models.front();
-  const auto rival = std::find_if(models.begin() + 1, models.end(), [&](const StartModel& s) {
-    return WorkingModel::DepthDisagreement(best.model, s.model, best.window.front()) > kSameScene &&
-           !IsWorse(s.cost, best.cost, best.model.noise());
-  });
-  return rival == models.end() ? nullptr : &*rival;
-}
-
-bool IsWorse(double larger_cost, double cost, double noise) {
-  constexpr double kEvidence = 20.0;  // twice the difference of the logarithms of likelihoods
-  const double variance = std::max(noise, kMinWhitenedNoise) * std::max(noise, kMinWhitenedNoise);
-  return larger_cost - cost > kEvidence * variance;
-}
-
 }  // namespace cohort

@@ -17,11 +17,4 @@ Start FindStart(const WhitenedTracks& whitened,
                 const Camera& camera,
                 const std::vector<FramePairMotion>& pairs);
 
-// The best start that shows another scene than the first (depths differ by more than a similarity)
-// and that the window does not distinguish from it; null if there is none.
-StartModel* FindRival(std::vector<StartModel>& models);
-
-// Whether a truncated cost exceeds another by more than noise (of a whitened coordinate) explains.
-bool IsWorse(double larger_cost, double cost, double noise);
-
 }  // namespace cohort

@@ -93,7 +93,6 @@ ReconstructResult MapByColmap(const TrackFile& file,
 // Whether what Ceres doubts is of the tracks, and so of any model of them; or of its model alone.
 bool IsOfTracks(DoubtCode code) {
   switch (code) {
-    case DoubtCode::kTwoScenes:
     case DoubtCode::kOnlyTurns:
     case DoubtCode::kWeakDepth:
     case DoubtCode::kUnexplainedParallax:

@@ -54,5 +54,12 @@ TEST(WorkingModel, TheNearestRegisteredFramesAreByDistanceInTime) {
   EXPECT_EQ(model.NearestRegistered(23, 99), (std::vector<int>{20, 9, 5, 4, 1}));
 }
 
+TEST(IsWorse, OnlyBeyondWhatNoiseExplains) {
+  EXPECT_FALSE(IsWorse(110.0, 100.0, 1.0));
+  EXPECT_TRUE(IsWorse(130.0, 100.0, 1.0));
+  EXPECT_FALSE(IsWorse(130.0, 100.0, 2.0));
+  EXPECT_FALSE(IsWorse(100.001, 100.0, 0.0)) << "no clip is without noise";
+}
+
 }  // namespace
 }  // namespace cohort

@@ -107,33 +107,5 @@ TEST(FindStart, ATurningCameraGivesNoStartInAnyWindow) {
   EXPECT_LT(start.windows_tried, pairs.size()) << "windows much like one that failed";
 }
 
-TEST(FindRival, AnotherSceneOfEqualCostIsARivalAndTheSameSceneIsNone) {
-  const SyntheticTracks scene = Scene(CameraPath::kArc, 1.0);
-  const WhitenedTracks whitened(scene.file, {});
-  const auto starts = Starts(scene, whitened);
-  ASSERT_FALSE(starts.empty());
-  std::vector<StartModel> twins{starts.front(), starts.front()};
-  EXPECT_EQ(FindRival(twins), nullptr) << "it is the same scene";
-
-  // Another scene: the depths turned inside out, at the same cost.
-  WorkingModel& other = twins[1].model;
-  const int frame = twins[1].window.front();
-  for (int t = 0; t < whitened.track_count(); ++t) {
-    if (!other.HasPoint(t)) continue;
-    const Eigen::Vector3d in_cam = other.Pose(frame) * other.Point(t);
-    other.SetPoint(t, other.Pose(frame).Inverse() * (in_cam / (in_cam.z() * in_cam.z())));
-  }
-  EXPECT_EQ(FindRival(twins), &twins[1]);
-  twins[1].cost += 1e6;
-  EXPECT_EQ(FindRival(twins), nullptr) << "the window tells them apart";
-}
-
-TEST(IsWorse, OnlyBeyondWhatNoiseExplains) {
-  EXPECT_FALSE(IsWorse(110.0, 100.0, 1.0));
-  EXPECT_TRUE(IsWorse(130.0, 100.0, 1.0));
-  EXPECT_FALSE(IsWorse(130.0, 100.0, 2.0));
-  EXPECT_FALSE(IsWorse(100.001, 100.0, 0.0)) << "no clip is without noise";
-}
-
 }  // namespace
 }  // namespace cohort
