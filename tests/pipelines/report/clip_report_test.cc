@@ -511,7 +511,7 @@ TEST_F(Show, APageOfAModelOnAMapIsThatOfOneAtTheOrigin) {
 TEST_F(Show, KeepsThePageOfALongClipSmall) {
   Run("synth " + Path("long") +
       " --frames 300 --width-px 320 --height-px 240 --focal-px 260 --quiet");
-  Run("degrade " + Path("long") + " " + Path("dark") + " --level hard --quiet");
+  Run("degrade " + Path("long") + " " + Path("dark") + " --level medium --quiet");
   Run("track " + Path("dark") + " --tracker klt --features 400 --quiet --out " +
       Path("long.tracks"));
   Run("reconstruct " + Path("long.tracks") + " --ceres.covariances --quiet --out " +
