@@ -26,7 +26,9 @@ bool WantsSecondPass(SecondPassMode mode, const TrackerOptions& tracker) {
 }
 
 SequenceTracker::SequenceTracker(Sequence& sequence, const TrackSequenceOptions& options)
-    : promised_(sequence.FrameCount()), frames_(sequence), tracker_(MakeTracker(options.tracker, options.mask)) {
+    : promised_(sequence.FrameCount()),
+      frames_(sequence),
+      tracker_(MakeTracker(options.tracker, options.mask)) {
   if (!HasNext()) {
     const std::string name = options.source.empty() ? sequence.Name() : options.source.string();
     ThrowError("{}: no frame to track. {}", name, sequence.Warning());
