@@ -20,7 +20,7 @@ constexpr double kElsewherePx = 3.0;
 std::optional<Eigen::Vector2d> ThereAndBack(const Pyramid& previous,
                                             const Pyramid& current,
                                             const Eigen::Vector2d& xy) {
-  const auto there = TrackWindow(previous, current, xy, kWindowPx);
+  auto there = TrackWindow(previous, current, xy, kWindowPx);
   if (!there) return std::nullopt;
   const auto back = TrackWindow(current, previous, *there, kWindowPx);
   if (!back || (*back - xy).norm() > kReturnPx) return std::nullopt;

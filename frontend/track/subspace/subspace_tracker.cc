@@ -110,7 +110,7 @@ Eigen::Matrix2Xd SubspaceMover::Measure(const Pyramid& current,
                                         const Pyramid& smooth,
                                         const Eigen::Matrix2Xd& start,
                                         std::optional<FrameMeasurement>& frame) {
-  const Eigen::Matrix2Xd joint = guide_.Minimize(current, features_, start).x;
+  Eigen::Matrix2Xd joint = guide_.Minimize(current, features_, start).x;
   const Eigen::Matrix2Xd& before = guide_.history().front();
   const auto starts_with = [&](std::span<const std::size_t> tracked) {
     return BetterStarts(
@@ -134,12 +134,12 @@ Eigen::Matrix2Xd SubspaceMover::Measure(const Pyramid& current,
   // If more than this share is lost, what is seen at the others may be chance.
   constexpr double kManyLost = 0.2;
   if (static_cast<double>(lost.size()) <= kManyLost * static_cast<double>(confirmed.size())) {
-    const Eigen::Matrix2Xd starts = starts_with(lost);
+    Eigen::Matrix2Xd starts = starts_with(lost);
     frame->MeasureFromBetter(lost, starts);
     return starts;
   }
   // The camera is too fast for the guide, whose similarity is not that of its motion either.
-  const Eigen::Matrix2Xd starts = starts_with(confirmed);
+  Eigen::Matrix2Xd starts = starts_with(confirmed);
   DeformAnchors(CommonSimilarity(before, starts, features_) * similarity.inverse(), 0.0, features_);
   measure(starts);
   return starts;
