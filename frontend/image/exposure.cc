@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <opencv2/imgproc.hpp>
-#include <utility>
 #include <vector>
 
 #include "frontend/core/part_times.h"
@@ -133,12 +132,13 @@ std::optional<LightChange> EstimateLightChange(const Pyramid& previous, const Py
   return fit.change;
 }
 
-const LightChange& Exposure::Follow(const cv::Mat& gray) {
+const LightChange& Exposure::Follow(const cv::Mat& gray) { return Follow(BuildPyramid(gray)); }
+
+const LightChange& Exposure::Follow(const Pyramid& picture) {
   const TimedPart part("light");
   // Of a picture with less contrast, in steps of its intensities, nothing can be said, nor is it a
   // light to bring others to.
   constexpr double kLeastDeviation = 2.5;
-  Pyramid picture = BuildPyramid(gray);
   cv::Scalar mean;
   cv::Scalar deviation;
   cv::meanStdDev(picture.levels.back(), mean, deviation);
@@ -154,7 +154,7 @@ const LightChange& Exposure::Follow(const cv::Mat& gray) {
       light_ = *light;
     }
   }
-  last_ = {std::move(picture), light_};
+  last_ = {picture, light_};
   if (!reference_) reference_ = last_;
   return light_;
 }
@@ -179,7 +179,7 @@ std::optional<LightChange> Exposure::LightOf(const Pyramid& picture) {
 
 cv::Mat WithoutLight(const cv::Mat& gray, const LightChange& light) {
   const TimedPart part("light");
-  if (light.gain == 1.0 && light.offset == 0.0) return gray;
+  if (light.IsNone()) return gray;
   const cv::Mat picture = BuildPyramid(gray, 1).levels.front();
   return (picture - light.offset) / light.gain;
 }

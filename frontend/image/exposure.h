@@ -12,6 +12,8 @@ namespace cohort {
 struct LightChange {
   double gain = 1.0;
   double offset = 0.0;  // intensities 0..1
+
+  bool IsNone() const { return gain == 1.0 && offset == 0.0; }
 };
 
 // Brings all frames of a clip to the light of the first one that shows anything. Automatic exposure
@@ -24,6 +26,8 @@ class Exposure {
   // The light of the clip's next picture, relative to the first one's. A picture that shows
   // nothing, or nothing of the last ones, is taken to have the same light as before.
   const LightChange& Follow(const cv::Mat& gray);
+  // The same for callers that have its BuildPyramid already.
+  const LightChange& Follow(const Pyramid& picture);
 
  private:
   struct Seen {

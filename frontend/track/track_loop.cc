@@ -42,7 +42,9 @@ std::optional<LossReason> TrackLoop::ReasonToEnd(const Move& move, int unconfirm
 
 FrameResult TrackLoop::Track(const Frame& frame) {
   CheckSize(frame.gray.size());
-  const Pyramid pyramid = BuildPyramid(WithoutLight(frame, exposure_.Follow(frame.gray)));
+  Pyramid pyramid = BuildPyramid(frame.gray);
+  const LightChange& light = exposure_.Follow(pyramid);
+  if (!light.IsNone()) pyramid = BuildPyramid(WithoutLight(frame, light));
   FrameResult result;
   switch (options_.cuts ? watch_.Follow(pyramid) : SceneChange::kNone) {
     case SceneChange::kNone:
