@@ -19,8 +19,6 @@ constexpr double kDegree = std::numbers::pi / 180.0;
 constexpr double kMinDepth = 1e-6;
 constexpr int kMinPoseInliers = 8;
 constexpr double kMinPoseInlierRatio = 0.3;
-constexpr int kMinPoseInliersRelaxed = 15;
-constexpr double kMinPoseInlierRatioRelaxed = 0.2;
 constexpr std::size_t kMaxTriangulationRays = 12;
 constexpr double kMinLossTurn = 0.7;  // in units of the noise
 constexpr double kMaxLossTurn = 6.0;
@@ -46,7 +44,6 @@ WorkingModel::WorkingModel(const WhitenedTracks& some,
                            const WorkingModel& all,
                            const std::vector<int>& tracks)
     : WorkingModel(some, all) {
-  min_ray_angle_deg_ = all.min_ray_angle_deg_;
   noise_ = all.noise_;
   loss_turn_ = all.loss_turn_;
   for (std::size_t i = 0; i < tracks.size(); ++i) {
@@ -139,12 +136,11 @@ bool WorkingModel::RegisterFrame(int frame, const std::optional<Rigid3>& start) 
   }
   if (static_cast<int>(points.size()) < kMinPoseInliers) return false;
   // Twice the final bound: poses and points of a growing model are not yet settled.
-  const double max_error = (relaxed_ ? 3.0 : 2.0) * kMaxReprojectionPx / MeanFocal();
+  const double max_error = 2.0 * kMaxReprojectionPx / MeanFocal();
   const auto pose = EstimateAbsolutePose(points, start, max_error);
-  const int min_inliers = relaxed_ ? kMinPoseInliersRelaxed : kMinPoseInliers;
-  const double min_ratio = relaxed_ ? kMinPoseInlierRatioRelaxed : kMinPoseInlierRatio;
-  if (!pose || static_cast<int>(pose->inliers) < min_inliers ||
-      static_cast<double>(pose->inliers) < min_ratio * static_cast<double>(points.size())) {
+  if (!pose || static_cast<int>(pose->inliers) < kMinPoseInliers ||
+      static_cast<double>(pose->inliers) <
+          kMinPoseInlierRatio * static_cast<double>(points.size())) {
     return false;
   }
   SetPose(frame, pose->cam_from_world);
@@ -333,11 +329,11 @@ int WorkingModel::UpdateInliersIn(int track,
     if (inlier != IsInlier(o)) ++changes;
     is_inlier_[o] = inlier ? 1 : 0;
   }
-  if (views >= MinViews() && IsSeenAtAngle(track, range, min_ray_angle_deg_)) return changes;
+  if (views >= MinViews() && IsSeenAtAngle(track, range, kMinRayAngleDeg)) return changes;
   if (const auto all = whitened_->TrackRange(track); range != all) {
     views = static_cast<int>(
         std::count(is_inlier_.begin() + all.first, is_inlier_.begin() + all.second, 1));
-    if (views >= MinViews() && IsSeenAtAngle(track, min_ray_angle_deg_)) return changes;
+    if (views >= MinViews() && IsSeenAtAngle(track, kMinRayAngleDeg)) return changes;
   }
   DropPoint(track);
   return changes + views;
@@ -388,20 +384,6 @@ double WorkingModel::TruncatedCost(std::span<const int> frames, double bound) co
   return cost;
 }
 
-double WorkingModel::ShareOfFarPoints() const {
-  std::size_t inliers = 0;
-  std::size_t far = 0;
-  for (int t = 0; t < whitened_->track_count(); ++t) {
-    if (!HasPoint(t)) continue;
-    const auto [first, last] = whitened_->TrackRange(t);
-    const auto views = static_cast<std::size_t>(
-        std::count(is_inlier_.begin() + first, is_inlier_.begin() + last, 1));
-    inliers += views;
-    if (!IsSeenAtAngle(t, kNearRayAngleDeg)) far += views;
-  }
-  return inliers > 0 ? static_cast<double>(far) / static_cast<double>(inliers) : 0.0;
-}
-
 double WorkingModel::MedianError(int frame) const {
   std::vector<double> errors;
   for (const int o : whitened_->ObservationsIn(frame)) {
@@ -412,6 +394,7 @@ double WorkingModel::MedianError(int frame) const {
 }
 
 double WorkingModel::MedianDepthUncertainty() const {
+  constexpr double kNearRayAngleDeg = 0.5;
   // The noise is in units of what the observations say of themselves.
   const double noise = noise_ / MeanFocal();
   std::vector<double> values;

@@ -16,11 +16,8 @@ inline constexpr double kMaxReprojectionPx = 4.0;
 inline constexpr double kInfinity = std::numeric_limits<double>::infinity();
 // The smallest accepted value of a point's largest ray angle [deg]; COLMAP's 1.5 is for
 // photographs. A model of near points alone loses its scale if the camera moves ahead and the
-// tracks are short, because the far points that remain are those that noise made near. A model that
-// includes far points loses it if the camera hardly leaves its place. Models are therefore grown
-// both ways, and the cost decides.
-inline constexpr double kNearRayAngleDeg = 0.5;
-inline constexpr double kFarRayAngleDeg = 0.1;
+// tracks are short, because the far points that remain are those that noise made near.
+inline constexpr double kMinRayAngleDeg = 0.1;
 // The smallest noise of a whitened coordinate; a smaller one means a clip without noise.
 inline constexpr double kMinWhitenedNoise = 0.02;
 
@@ -74,13 +71,6 @@ class WorkingModel {
   // their tails are heavy, far from it if they are Gaussian.
   double loss_turn() const { return loss_turn_; }
 
-  // Relaxes the bounds for a clip whose parts are not connected otherwise: points of two views
-  // count, and poses need a smaller share of agreeing points, at wider bounds.
-  void Relax(bool relaxed) { relaxed_ = relaxed; }
-
-  // Points whose largest ray angle [deg] is smaller are dropped.
-  void SetMinRayAngle(double degrees) { min_ray_angle_deg_ = degrees; }
-
   // Observations of tracks with a point in this frame.
   int CountVisiblePoints(int frame) const;
   // Finds the pose of a frame from the points it sees. Returns false if too few of them agree.
@@ -119,9 +109,6 @@ class WorkingModel {
   // Median of the inliers' whitened errors in a frame; 0 without any.
   double MedianError(int frame) const;
 
-  // Share of the inliers whose points have a largest ray angle below kNearRayAngleDeg.
-  double ShareOfFarPoints() const;
-
   // Median over near points of the standard deviation of depth, relative to the distance.
   double MedianDepthUncertainty() const;
 
@@ -134,7 +121,7 @@ class WorkingModel {
   bool IsSeenAtAngle(int track, double degrees) const;
   bool IsSeenAtAngle(int track, std::pair<int, int> range, double degrees) const;
   int UpdateInliersIn(int track, std::pair<int, int> range, double max_error, double widen = 1.0);
-  int MinViews() const { return registered_ >= 3 && !relaxed_ ? 3 : 2; }
+  int MinViews() const { return registered_ >= 3 ? 3 : 2; }
   void DropPoint(int track);
   void MeasureNoise(std::vector<double>& squared_errors);
 
@@ -147,8 +134,6 @@ class WorkingModel {
   std::vector<std::optional<Eigen::Vector3d>> points_;
   std::vector<char> is_inlier_;
   int registered_ = 0;
-  bool relaxed_ = false;
-  double min_ray_angle_deg_ = kNearRayAngleDeg;
   double noise_ = 1.0;
   double loss_turn_ = 2.0;
 };

@@ -1,9 +1,6 @@
 #include "backend/grow/grown_parts.h"
 
-#include <spdlog/spdlog.h>
-
 #include <algorithm>
-#include <numeric>
 #include <utility>
 
 #include "backend/grow/growth.h"
@@ -12,18 +9,6 @@
 
 namespace cohort {
 namespace {
-
-GrownParts GrowParts(const WhitenedTracks& whitened,
-                     const Camera& camera,
-                     const GrowthOptions& growth,
-                     const std::vector<int>& keyframes) {
-  PartResult first = MapPart(whitened, camera, growth, keyframes);
-  GrownParts grown;
-  grown.end = first.end;
-  if (!first.model) return grown;
-  grown.parts = MapRemainingParts(std::move(first), camera, growth, keyframes);
-  return grown;
-}
 
 // Have all keyframes a pose in one part, which explains most of the parallax?
 bool IsSure(const GrownParts& grown, const std::vector<int>& keyframes) {
@@ -41,37 +26,22 @@ bool IsSure(const GrownParts& grown, const std::vector<int>& keyframes) {
 GrownParts GrowPartsByAll(const WhitenedTracks& whitened,
                           const Camera& camera,
                           const std::vector<int>& keyframes) {
-  GrownParts grown = GrowPartsBothWays(whitened, camera, keyframes);
+  GrownParts grown = GrowParts(whitened, camera, keyframes);
   for (WorkingModel& part : grown.parts) AdjustUntilSettled(part, 3, 4);
   return grown;
 }
 
 }  // namespace
 
-GrownParts GrowPartsBothWays(const WhitenedTracks& whitened,
-                             const Camera& camera,
-                             const std::vector<int>& keyframes) {
-  // Of the inliers. Where far points had less, both ways gave about the same model on real clips, but
-  // of a hand that turns the camera, where near ones alone were worse; where those lost the scale of
-  // a drive, far points had a quarter.
-  constexpr double kManyFarPoints = 0.05;
-  GrownParts far = GrowParts(whitened, camera, {kFarRayAngleDeg}, keyframes);
-  if (!far.parts.empty() && far.parts.front().ShareOfFarPoints() < kManyFarPoints) return far;
-  GrownParts near = GrowParts(whitened, camera, {kNearRayAngleDeg}, keyframes);
-  if (near.parts.empty()) return far;
-  if (far.parts.empty()) return near;
-  for (GrownParts* grown : {&far, &near}) AdjustUntilSettled(grown->parts.front(), 3, 4);
-  const WorkingModel& by_far = far.parts.front();
-  const WorkingModel& by_near = near.parts.front();
-  std::vector<int> frames(whitened.frame_count());
-  std::iota(frames.begin(), frames.end(), 0);
-  const ComparedCosts costs = CompareCosts(by_near, by_far, frames);
-  spdlog::debug("grown by near points {} frames, cost {:.1f}; by far ones {}, {:.1f}",
-                by_near.registered(),
-                costs.a,
-                by_far.registered(),
-                costs.b);
-  return costs.a <= costs.b ? std::move(near) : std::move(far);
+GrownParts GrowParts(const WhitenedTracks& whitened,
+                     const Camera& camera,
+                     const std::vector<int>& keyframes) {
+  PartResult first = MapPart(whitened, camera, keyframes);
+  GrownParts grown;
+  grown.end = first.end;
+  if (!first.model) return grown;
+  grown.parts = MapRemainingParts(std::move(first), camera, keyframes);
+  return grown;
 }
 
 std::optional<GrownParts> WithAllTracks(const WhitenedTracks& whitened,
@@ -79,7 +49,6 @@ std::optional<GrownParts> WithAllTracks(const WhitenedTracks& whitened,
                                         const std::vector<int>& keyframes) {
   if (whitened.HasSeam() || !IsSure(by_some, keyframes)) return std::nullopt;
   WorkingModel model(whitened, by_some.parts.front());
-  model.SetMinRayAngle(kFarRayAngleDeg);
   model.TriangulateAllTracks();
   RegisterOtherFrames(model);
   GrownParts all;
@@ -96,7 +65,7 @@ GrownParts GrowPartsBySome(const WhitenedTracks& whitened,
   const WhitenedTracks some = whitened.Select(SpreadTracks(whitened, camera, keyframes, kPerCell));
   if (static_cast<double>(some.observations().size()) <
       kWorthIt * static_cast<double>(whitened.observations().size())) {
-    const GrownParts grown = GrowPartsBothWays(some, camera, keyframes);
+    const GrownParts grown = GrowParts(some, camera, keyframes);
     if (auto all = WithAllTracks(whitened, grown, keyframes)) return std::move(*all);
   }
   return GrowPartsByAll(whitened, camera, keyframes);

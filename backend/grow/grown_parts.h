@@ -15,11 +15,10 @@ struct GrownParts {
   std::vector<WorkingModel> parts = {};
 };
 
-// Grows the parts with far points included and, if there are many of those, also with near points
-// alone (kNearRayAngleDeg). Returns the parts whose largest fits the tracks better.
-GrownParts GrowPartsBothWays(const WhitenedTracks& whitened,
-                             const Camera& camera,
-                             const std::vector<int>& keyframes);
+// Grows a model over the keyframes, and others over those that it leaves out.
+GrownParts GrowParts(const WhitenedTracks& whitened,
+                     const Camera& camera,
+                     const std::vector<int>& keyframes);
 
 // Extends the parts grown by some tracks to all. Returns nullopt if some tracks do not suffice:
 // they leave a keyframe without a pose or much of the parallax, or there is a seam.

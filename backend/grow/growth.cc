@@ -25,10 +25,6 @@ std::vector<int> TracksInFrame(const WhitenedTracks& whitened, int frame) {
   return tracks;
 }
 
-bool HasAllPoses(const WorkingModel& model, const std::vector<int>& frames) {
-  return std::all_of(frames.begin(), frames.end(), [&](int frame) { return model.HasPose(frame); });
-}
-
 // The one that sees most points. None: none sees any, has no pose and was not refused.
 std::optional<int> FrameWithMostPoints(const WorkingModel& model,
                                        const std::vector<int>& candidates,
@@ -64,25 +60,11 @@ std::optional<int> NextFrame(const WorkingModel& model,
 
 }  // namespace
 
-void GrowModel(WorkingModel& model,
-               const std::vector<int>& keyframes,
-               const GrowthOptions& options) {
-  model.SetMinRayAngle(options.min_ray_angle_deg);
+void GrowModel(WorkingModel& model, const std::vector<int>& keyframes) {
   AdjustAll(model);
   double adjusted_at = model.registered();
   std::set<int> refused;
-  int stuck_at = -1;  // frames registered
-  for (;;) {
-    const std::optional<int> frame = NextFrame(model, keyframes, refused);
-    if (!frame) {
-      // Stuck: once more with what there is adjusted, and content with less.
-      if (HasAllPoses(model, keyframes) || model.registered() == stuck_at) break;
-      stuck_at = model.registered();
-      refused.clear();
-      model.Relax(true);
-      AdjustAll(model);
-      continue;
-    }
+  while (const std::optional<int> frame = NextFrame(model, keyframes, refused)) {
     if (!RegisterFromNeighbour(model, *frame)) {
       refused.insert(*frame);
       continue;
@@ -98,9 +80,6 @@ void GrowModel(WorkingModel& model,
       adjusted_at = model.registered();
     }
   }
-  model.Relax(false);
-  model.SetMinRayAngle(kFarRayAngleDeg);
-  AdjustAll(model);
   AdjustUntilSettled(model, 4, 5);
 }
 

@@ -16,7 +16,6 @@ constexpr std::size_t kMaxParts = 20;  // a bound on time: a clip in more pieces
 
 PartResult MapBody(const WhitenedTracks& whitened,
                    const Camera& camera,
-                   const GrowthOptions& growth,
                    const std::vector<int>& keyframes) {
   const std::vector<FramePairMotion> pairs = RankPairs(whitened, camera, keyframes);
   if (pairs.empty()) {
@@ -26,10 +25,9 @@ PartResult MapBody(const WhitenedTracks& whitened,
   // Whether it has parallax is judged by the model, if there is one: the noise of fast, shaken
   // cameras is hard to tell.
   Start start = FindStart(whitened, camera, pairs);
-  if (!start.models.empty()) {
-    WorkingModel& best = start.models.front().model;
-    GrowModel(best, keyframes, growth);
-    return {{}, std::move(best)};
+  if (start.model) {
+    GrowModel(start.model->model, keyframes);
+    return {{}, std::move(start.model->model)};
   }
   return {ExplainMissingModel(
       whitened,
@@ -69,7 +67,6 @@ std::size_t CountObservations(const WhitenedTracks& whitened, const std::vector<
 // a wall) the one of most tracks is found, and no mixture of both.
 std::optional<WorkingModel> MapOtherBody(const WorkingModel& model,
                                          const Camera& camera,
-                                         const GrowthOptions& growth,
                                          const std::vector<int>& keyframes) {
   constexpr double kManyUnexplained = 0.15;  // share of the observations; by eye
   const WhitenedTracks& whitened = model.whitened();
@@ -78,10 +75,9 @@ std::optional<WorkingModel> MapOtherBody(const WorkingModel& model,
       kManyUnexplained * static_cast<double>(CountObservations(whitened, keyframes))) {
     return std::nullopt;
   }
-  const PartResult body = MapBody(unexplained, camera, growth, keyframes);
+  const PartResult body = MapBody(unexplained, camera, keyframes);
   if (!body.model) return std::nullopt;
   WorkingModel other(whitened, *body.model);
-  other.SetMinRayAngle(kFarRayAngleDeg);
   other.TriangulateAllTracks();
   AdjustUntilSettled(other, 4, 5);
   const auto [cost, other_cost] = CompareCosts(model, other, keyframes);
@@ -98,11 +94,10 @@ std::optional<WorkingModel> MapOtherBody(const WorkingModel& model,
 
 PartResult MapPart(const WhitenedTracks& whitened,
                    const Camera& camera,
-                   const GrowthOptions& growth,
                    const std::vector<int>& keyframes) {
-  PartResult part = MapBody(whitened, camera, growth, keyframes);
+  PartResult part = MapBody(whitened, camera, keyframes);
   if (!part.model) return part;
-  if (auto other = MapOtherBody(*part.model, camera, growth, keyframes)) {
+  if (auto other = MapOtherBody(*part.model, camera, keyframes)) {
     part.model = std::move(other);
   }
   return part;
@@ -110,7 +105,6 @@ PartResult MapPart(const WhitenedTracks& whitened,
 
 std::vector<WorkingModel> MapRemainingParts(PartResult first,
                                             const Camera& camera,
-                                            const GrowthOptions& growth,
                                             std::vector<int> keyframes) {
   const WhitenedTracks& whitened = first.model->whitened();
   std::vector<WorkingModel> parts;
@@ -124,7 +118,7 @@ std::vector<WorkingModel> MapRemainingParts(PartResult first,
     parts.push_back(std::move(*part.model));
     if (rest.size() < 2) break;
     keyframes = std::move(rest);
-    part = MapPart(whitened, camera, growth, keyframes);
+    part = MapPart(whitened, camera, keyframes);
   }
   std::stable_sort(parts.begin(), parts.end(), [](const WorkingModel& a, const WorkingModel& b) {
     return a.registered() > b.registered();

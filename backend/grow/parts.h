@@ -3,7 +3,7 @@
 #include <optional>
 #include <vector>
 
-#include "backend/grow/growth.h"
+#include "backend/adjust/working_model.h"
 #include "backend/scene/mapper_termination.h"
 
 namespace cohort {
@@ -18,7 +18,6 @@ struct PartResult {
 // unexplained, and a model of those explains all tracks better, it is returned instead.
 PartResult MapPart(const WhitenedTracks& whitened,
                    const Camera& camera,
-                   const GrowthOptions& growth,
                    const std::vector<int>& keyframes);
 
 // Models of the clip's parts: `first`, which must have a model, with the frames between its
@@ -26,7 +25,6 @@ PartResult MapPart(const WhitenedTracks& whitened,
 // most frames is first.
 std::vector<WorkingModel> MapRemainingParts(PartResult first,
                                             const Camera& camera,
-                                            const GrowthOptions& growth,
                                             std::vector<int> keyframes);
 
 }  // namespace cohort

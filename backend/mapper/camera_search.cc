@@ -53,7 +53,7 @@ GrownParts Settle(const WhitenedTracks& tracks,
                   const Camera& camera,
                   const CameraRefinement& refinement,
                   const std::vector<int>& keyframes) {
-  GrownParts grown = GrowPartsBothWays(tracks, camera, keyframes);
+  GrownParts grown = GrowParts(tracks, camera, keyframes);
   if (grown.parts.empty()) return grown;
   WorkingModel& model = grown.parts.front();
   AdjustCamera(model, refinement);

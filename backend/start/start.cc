@@ -3,6 +3,7 @@
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
+#include <utility>
 
 namespace cohort {
 namespace {
@@ -40,9 +41,11 @@ Start FindStart(const WhitenedTracks& whitened,
     if (similar) continue;
     if (tried.size() == kMaxWindows) break;
     tried.push_back(pair);
-    start.models = BuildStartModels(whitened, camera, pair);
-    for (const StartModel& model : start.models) LogStart(pair, model);
-    if (!start.models.empty()) break;
+    std::vector<StartModel> models = BuildStartModels(whitened, camera, pair);
+    for (const StartModel& model : models) LogStart(pair, model);
+    if (models.empty()) continue;
+    start.model = std::move(models.front());
+    break;
   }
   start.windows_tried = tried.size();
   return start;

@@ -1,14 +1,15 @@
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "backend/start/start_models.h"
 
 namespace cohort {
 
-// The start models of the first window of frames that gives any.
+// The best start model of the first window of frames that gives any.
 struct Start {
-  std::vector<StartModel> models;  // best first; empty if no window gave one
+  std::optional<StartModel> model;
   std::size_t windows_tried = 0;
 };
 

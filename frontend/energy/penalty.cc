@@ -15,6 +15,8 @@ Eigen::ArrayXd Smoothed(const Eigen::VectorXd& eigenvalues, double smoothing) {
 double Penalty::Value(const Eigen::VectorXd& eigenvalues) const {
   const Eigen::ArrayXd lambda = Smoothed(eigenvalues, smoothing);
   switch (kind) {
+    case PenaltyKind::kNone:
+      break;
     case PenaltyKind::kEmpiricalDimension: {
       const double p = epsilon;
       const double norm_p = std::pow(lambda.pow(p / 2.0).sum(), 1.0 / p);
@@ -37,6 +39,8 @@ Eigen::VectorXd Penalty::Weights(const Eigen::VectorXd& eigenvalues) const {
   const double least = 1e-14 * std::max(eigenvalues.maxCoeff(), 1e-280);
   const Eigen::ArrayXd lambda = Smoothed(eigenvalues, smoothing).max(least);
   switch (kind) {
+    case PenaltyKind::kNone:
+      break;
     case PenaltyKind::kEmpiricalDimension: {
       // From log d = 1/p log S_p - 1/q log S_q, S_r = sum sigma_i^r:
       //   h_i = d (sigma_i^(p-2) / S_p - sigma_i^(q-2) / S_q)
@@ -60,7 +64,7 @@ Eigen::VectorXd Penalty::Weights(const Eigen::VectorXd& eigenvalues) const {
       return h;
     }
   }
-  return {};
+  return Eigen::VectorXd::Zero(lambda.size());
 }
 
 }  // namespace cohort

@@ -10,12 +10,14 @@ namespace cohort {
 // trajectory matrix M (the features' positions in the last L frames; LevelEnergy) by its singular
 // values sigma_1 >= sigma_2 >= ...
 enum class PenaltyKind {
+  kNone,                   // 0: the features are independent, eq. (2)
   kEmpiricalDimension,     // eq. (6): |sigma|_eps / |sigma|_(eps / (1 - eps)), any eps in (0, 1]
   kNuclearNorm,            // eq. (5): sum sigma_i
   kExplicitFactorization,  // below eq. (4): sum of sigma_i beyond i = d, d = 3 centred, 4 uncentred
 };
-inline constexpr ChoiceNames<PenaltyKind, 3> kPenaltyNames{
-    {{"empirical-dimension", PenaltyKind::kEmpiricalDimension},
+inline constexpr ChoiceNames<PenaltyKind, 4> kPenaltyNames{
+    {{"none", PenaltyKind::kNone},
+     {"empirical-dimension", PenaltyKind::kEmpiricalDimension},
      {"nuclear-norm", PenaltyKind::kNuclearNorm},
      {"explicit-factorization", PenaltyKind::kExplicitFactorization}}};
 

@@ -28,11 +28,11 @@ const KindOfTracker& Find(TrackerKind kind) {
        {"subspace", "measurement"},
        [](const Options& o) { return MakeSubspaceMover(o.subspace, o.measurement); }},
       {TrackerKind::kDescent,
-       {"subspace", "measurement"},
+       {"subspace"},
        [](const Options& o) {
          SubspaceOptions alone = o.subspace;
-         alone.penalty_weight = 0.0;
-         return MakeGuideMover(alone, o.measurement.patch);
+         alone.penalty = PenaltyKind::kNone;
+         return MakeGuideMover(alone);
        }},
       {TrackerKind::kKlt, {"klt"}, [](const Options& o) { return MakeKltMover(o.klt); }},
       {TrackerKind::kAnchoredKlt,

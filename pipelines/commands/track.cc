@@ -39,8 +39,9 @@ Command TrackCommand() {
                                       {"window",
                                        {"klt.window_px", "subspace.template_px"},
                                        "The side of the patch of tracker klt and of the template "
-                                       "of subspace and descent [px], odd. A larger one has less "
-                                       "noise, but more often lies on two surfaces."},
+                                       "of descent and of a penalty's guide [px], odd. A larger "
+                                       "one has less noise, but more often lies on two "
+                                       "surfaces."},
                                       {"constraint", {"subspace.constraint"}},
                                       {"penalty", {"subspace.penalty"}},
                                       {"uncentered", {"subspace.uncentered"}},

@@ -31,32 +31,37 @@ void WarnOfUnread(const std::vector<std::string>& idle, const std::string& who) 
 
 void WarnOfIdleOptions(const TrackerOptions& options) {
   const std::set<std::string> own = OptionGroupsOf(options.tracker);
-  // Of all features together, which a descent of each alone has not.
-  const std::set<std::string> joint = {"subspace.constraint",
-                                       "subspace.penalty",
-                                       "subspace.uncentered",
-                                       "subspace.penalty_weight",
-                                       "subspace.epsilon",
-                                       "measurement.enabled",
-                                       "measurement.max_rank",
-                                       "measurement.perspective",
-                                       "measurement.max_unexplained_frames",
-                                       "measurement.fuse"};
+  const bool is_descent = options.tracker == TrackerKind::kDescent;
+  const bool is_joint =
+      options.tracker == TrackerKind::kSubspace &&
+      (options.subspace.penalty != PenaltyKind::kNone || !options.measurement.enabled);
+  // Of the group `subspace`, what others than the joint guide read.
+  const std::set<std::string> read =
+      is_descent ? std::set<std::string>{"subspace.template_px",
+                                         "subspace.min_iterations",
+                                         "subspace.max_iterations"}
+                 : std::set<std::string>{"subspace.constraint", "subspace.penalty"};
+  const auto is_read = [&](const std::string& path) {
+    const std::string group = GroupOf(path);
+    return own.contains(group) && (group != "subspace" || is_joint || read.contains(path));
+  };
   std::vector<std::string> idle;
   for (const std::string& path : ChangedOptions(options)) {
     const std::string group = GroupOf(path);
-    if (group.empty() || group == "detector") continue;
-    const bool is_alone = options.tracker == TrackerKind::kDescent && joint.contains(path);
-    if (!own.contains(group) || is_alone) idle.push_back(path);
+    if (!group.empty() && group != "detector" && !is_read(path)) idle.push_back(path);
   }
   // --window sets both, for whichever tracker reads one.
-  if (own.contains("klt") || own.contains("subspace")) {
+  if (is_read("klt.window_px") || is_read("subspace.template_px")) {
     std::erase_if(idle, [&options](const std::string& path) {
       return (path == "klt.window_px" || path == "subspace.template_px") &&
              options.klt.window_px == options.subspace.template_px;
     });
   }
-  WarnOfUnread(idle, fmt::format("tracker {}", NameOf(kTrackerNames, options.tracker)));
+  const bool is_alone = options.tracker == TrackerKind::kSubspace && !is_joint;
+  WarnOfUnread(idle,
+               fmt::format("tracker {}{}",
+                           NameOf(kTrackerNames, options.tracker),
+                           is_alone ? " without a penalty" : ""));
 }
 
 void WarnOfIdleOptions(const ReconstructOptions& options) {

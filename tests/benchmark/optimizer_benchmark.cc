@@ -110,21 +110,19 @@ class Cohort {
   Cohort(const Film& film, const Case* with) : film_(film) {
     const Pyramid& first = film.pictures.front();
     SubspaceOptions options;
-    options.penalty_weight = with != nullptr ? with->strength : 0.0;
     if (with != nullptr) {
+      options.penalty_weight = with->strength;
       options.penalty = with->penalty;
       options.constraint = with->constraint;
     }
-    std::vector<std::vector<Eigen::Vector2d>> births;
-    for (const Eigen::Vector2d xy : film.truth.front().colwise()) {
-      features_.emplace_back().templates = TakeTemplates(first, xy, options.template_px);
-      births.push_back({xy});
-    }
+    const auto births = film.truth.front().colwise();
+    const std::vector<Eigen::Vector2d> born(births.begin(), births.end());
+    confirmed_.assign(born.size(), 1);
     for (const OptimizerKind optimizer : kOptimizers) {
       options.optimizer = optimizer;
       guides_.emplace_back(options);
       guides_.back().Begin(first);
-      guides_.back().Add(births, first, features_);
+      guides_.back().Add(born, first);
     }
   }
 
@@ -133,13 +131,13 @@ class Cohort {
     const JointGuide& guide = guides_[optimizer];
     const Eigen::Matrix2Xd start = guide.Start(current);
     const double before_ms = ThreadCpuMs();
-    const OptimizerResult result = guide.Minimize(current, features_, start);
+    const OptimizerResult result = guide.Minimize(current, confirmed_, start);
     Reached reached;
     reached.ms = ThreadCpuMs() - before_ms;
     reached.x = result.x;
     reached.evaluations = result.evaluations;
     reached.steps = result.iterations;
-    const LevelEnergy energy = guide.Energy(current, 0, features_);
+    const LevelEnergy energy = guide.Energy(current, 0, confirmed_);
     reached.start = energy.total().Value(start);
     reached.energy = energy.total().Value(result.x);
     reached.truth = energy.total().Value(film_.truth[frame]);
@@ -148,12 +146,12 @@ class Cohort {
 
   // `x` becomes the past.
   void Keep(std::size_t frame, const Eigen::Matrix2Xd& x) {
-    for (JointGuide& guide : guides_) guide.Remember(film_.pictures[frame], x, features_);
+    for (JointGuide& guide : guides_) guide.Remember(film_.pictures[frame], x, confirmed_);
   }
 
  private:
   const Film& film_;
-  std::vector<Feature> features_;
+  std::vector<std::uint8_t> confirmed_;
   std::vector<JointGuide> guides_;  // by optimiser
 };
 

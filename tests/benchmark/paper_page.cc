@@ -354,8 +354,8 @@ first frame. `rlof`: its robust local optical flow.
 `dis`: tracks chained from dense flow, in the place of the paper's LDOF. `descent-paper`, `subspace-paper`: the paper's
 first-order tracker and its joint tracker (empirical dimension, centred, weak, L = 10, Algorithm 1), templates 7 x 7,
 without measurement; m, which it does not print, is relative to the contrast and chosen as below. `descent`: the same
-first-order tracker with templates 11 x 11. `subspace`: what `cohort track` does: a guide with the penalty, strong,
-then a measurement of its own for every feature. `subspace-fused`: the same with `--measurement.fuse`, so that what is
+first-order tracker with templates 11 x 11. `subspace`: what `cohort track` does: Lucas-Kanade as guide, then a
+measurement of its own for every feature, and a trajectory model of all of them. `subspace-fused`: the same with `--measurement.fuse`, so that what is
 written is the most probable position given all features: the fair counterpart of the paper's, whose positions are
 those of the penalised energy.
 

@@ -10,16 +10,10 @@
 
 namespace cohort {
 
-// The appearance of a feature at its birth, n x n row by row on each level of a pyramid: T of the
-// single-feature energy, paper equation (1).
-using Templates = std::vector<std::vector<float>>;
-Templates TakeTemplates(const Pyramid& pyramid, const Eigen::Vector2d& xy, int n);
-
-// All that the subspace tracker stores of one feature, except its positions (JointGuide) and its
+// All that the subspace tracker stores of one feature, except its positions (Guide) and its
 // trajectory's model (TrajectoryModel).
 struct Feature {
-  Templates templates;         // for the energy
-  AnchorPatch anchor;          // for the measurement
+  AnchorPatch anchor;
   int window_px = 0;           // side of the measured patch; narrower once it is measured well
   double light = 0.0;          // change of its brightness since its birth; running mean
   double change = 1.0;         // of its innermost pixels, relative to the noise; running mean
@@ -28,11 +22,7 @@ struct Feature {
 };
 
 // A feature born at `xy`. `smooth` is the picture denoised for measuring.
-Feature TakeFeature(const Pyramid& picture,
-                    const Pyramid& smooth,
-                    const Eigen::Vector2d& xy,
-                    int template_px,
-                    const PatchOptions& patch);
+Feature TakeFeature(const Pyramid& smooth, const Eigen::Vector2d& xy, const PatchOptions& patch);
 
 // Removes the features with keep[f] == 0.
 void KeepFeatures(std::span<const std::uint8_t> keep, std::vector<Feature>& features);

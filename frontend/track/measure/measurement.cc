@@ -291,11 +291,14 @@ Measurement MeasurePatch(const Pyramid& current,
 std::optional<Eigen::Vector2d> TrackWindow(const Pyramid& from,
                                            const Pyramid& to,
                                            const Eigen::Vector2d& xy,
-                                           int window_px) {
+                                           int window_px,
+                                           int finest_level) {
   constexpr int kMaxIterations = 15;
   constexpr double kLeastCorrelation = 0.3;
   Eigen::Vector2d displacement = Eigen::Vector2d::Zero();
-  for (int level = static_cast<int>(from.levels.size()) - 1; level >= 0; --level) {
+  const int coarsest = static_cast<int>(from.levels.size()) - 1;
+  const int finest = std::min(finest_level, coarsest);
+  for (int level = coarsest; level >= finest; --level) {
     const double scale = std::ldexp(1.0, -level);
     const auto l = static_cast<std::size_t>(level);
     PatchWindow window;
@@ -304,7 +307,7 @@ std::optional<Eigen::Vector2d> TrackWindow(const Pyramid& from,
         Align(to, l, window, kMaxIterations, Eigen::Matrix2d::Zero(), scale * (xy + displacement));
     if (!found) return std::nullopt;
     displacement = *found / scale - xy;
-    if (level > 0) continue;
+    if (level > finest) continue;
     PatchWindow there;
     FillWindow(to.levels[l], *found, window_px, there);
     const auto [vv, tt, vt, absolute] = CompareWindows(there, window);

@@ -126,13 +126,14 @@ Measurement MeasurePatch(const Pyramid& current,
                          double noise_variance = 0.0,
                          const Eigen::Matrix2d& prior = Eigen::Matrix2d::Zero());
 
-// Lucas-Kanade: finds the window around `xy` of one picture in the other, coarse to fine, starting
-// at the same position. The mean difference is ignored. Returns nullopt if a level has no texture
-// or the result does not correlate with the window.
+// Lucas-Kanade: finds the window around `xy` of one picture in the other, from the coarsest level to
+// `finest_level`, starting at the same position. The mean difference is ignored. Returns nullopt if
+// a level has no texture or the result does not correlate with the window.
 std::optional<Eigen::Vector2d> TrackWindow(const Pyramid& from,
                                            const Pyramid& to,
                                            const Eigen::Vector2d& xy,
-                                           int window_px);
+                                           int window_px,
+                                           int finest_level);
 
 // Compares with the feature at `xy`.
 CenterDifference CompareCenter(const Pyramid& current,

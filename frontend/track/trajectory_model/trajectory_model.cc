@@ -108,11 +108,15 @@ void TrajectoryModel::Keep(std::span<const std::uint8_t> keep) {
   for (ModelFrame& frame : state_.frames) frame.observations.resize(kept);
 }
 
-void TrajectoryModel::Add(std::span<const Observation> trajectory) {
+void TrajectoryModel::Add(const Eigen::Vector2d& xy) {
   const TimedPart part("model");
-  for (std::size_t l = 0; l < state_.frames.size(); ++l) {
-    state_.frames[l].observations.push_back(l < trajectory.size() ? trajectory[l] : Observation{});
-  }
+  // An anchor is where its corner was found, up to this [px]; it defines the point.
+  constexpr double kAnchorSigmaPx = 0.05;
+  for (ModelFrame& frame : state_.frames) frame.observations.emplace_back();
+  Observation& anchor = state_.frames.front().observations.back();
+  anchor.xy = xy;
+  anchor.information = Eigen::Matrix2d::Identity() / (kAnchorSigmaPx * kAnchorSigmaPx);
+  anchor.anchor = true;
   state_.features.emplace_back();
   if (state_.rank > 0) {
     FitFeature(state_, state_.features.size() - 1);

@@ -52,9 +52,8 @@ class TrajectoryModel {
 
   // Drops the features whose entry is 0; the others keep their order.
   void Keep(std::span<const std::uint8_t> keep);
-  // Adds a feature by its measurements in the newest frames, newest first; earlier frames are
-  // unobserved.
-  void Add(std::span<const Observation> trajectory);
+  // Adds a feature that was born at `xy` in the newest frame.
+  void Add(const Eigen::Vector2d& xy);
 
  private:
   bool CanFit(std::span<const Observation> now) const;

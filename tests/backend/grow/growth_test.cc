@@ -18,7 +18,7 @@ TEST(Growth, GoesFromAStartOverAllKeyframesAndNoFurther) {
   const WhitenedTracks whitened(scene.file, {});
   WorkingModel model = TrueModel(scene, whitened, {8, 12});
   const std::vector<int> keyframes{0, 4, 8, 12, 16, 20};
-  GrowModel(model, keyframes, {});
+  GrowModel(model, keyframes);
   EXPECT_EQ(model.RegisteredFrames(), keyframes);
   EXPECT_LT(Ate(model, scene), 0.01);
 }
@@ -42,7 +42,7 @@ TEST(Growth, StopsWhereTheTracksBreakOff) {
   scene.file.tracks = TrackSet::Build(std::move(observations));
   const WhitenedTracks whitened(scene.file, {});
   WorkingModel model = TrueModel(scene, whitened, {4, 10});
-  GrowModel(model, {0, 4, 10, 13, 14, 18}, {});
+  GrowModel(model, {0, 4, 10, 13, 14, 18});
   EXPECT_EQ(model.RegisteredFrames(), (std::vector<int>{0, 4, 10, 13}));
 }
 

@@ -102,7 +102,7 @@ TEST(FindStart, ATurningCameraGivesNoStartInAnyWindow) {
   std::vector<FramePairMotion> pairs;
   for (int b = 8; b < 16; ++b) pairs.push_back(MeasureMotion(whitened, *scene.file.camera, 0, b));
   const Start start = FindStart(whitened, *scene.file.camera, pairs);
-  EXPECT_TRUE(start.models.empty());
+  EXPECT_FALSE(start.model);
   EXPECT_GE(start.windows_tried, 1u);
   EXPECT_LT(start.windows_tried, pairs.size()) << "windows much like one that failed";
 }

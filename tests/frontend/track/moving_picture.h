@@ -26,11 +26,10 @@ inline Eigen::Matrix2Xd GridOfTwenty() {
 
 inline std::vector<Feature> FeaturesAt(const Pyramid& picture,
                                        const Eigen::Matrix2Xd& x,
-                                       int template_px = 11,
                                        const PatchOptions& patch = {}) {
   std::vector<Feature> features;
   for (const Eigen::Vector2d xy : x.colwise()) {
-    features.push_back(TakeFeature(picture, SmoothPyramid(picture, 0.0), xy, template_px, patch));
+    features.push_back(TakeFeature(SmoothPyramid(picture, 0.0), xy, patch));
   }
   return features;
 }

@@ -340,7 +340,11 @@ TEST_F(Commands, OptionsThatChangeNothingAreSaid) {
   EXPECT_THAT(
       warned(track + " --tracker descent --measurement.max-rank 3 --measurement.window-px 19 "
                      "--second-pass off"),
-      HasSubstr("tracker descent does not read measurement.max_rank: it changes nothing"));
+      HasSubstr("tracker descent does not read measurement.max_rank, measurement.window_px: they"));
+  EXPECT_THAT(warned(track + " --window 15 --history 5 --second-pass off"),
+              HasSubstr("tracker subspace without a penalty does not read klt.window_px, "
+                        "subspace.history_length, subspace.template_px: they change nothing"));
+  EXPECT_EQ(warned(track + " --penalty nuclear-norm --history 5 --second-pass off"), "");
 
   Run("synth " + Path("scene") + kSmall + " --frames 10");
   Run("track " + Path("scene") + " --features 60 --second-pass off --out " + Path("s.tracks"));

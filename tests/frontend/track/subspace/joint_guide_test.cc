@@ -8,16 +8,23 @@
 namespace cohort {
 namespace {
 
-std::vector<std::vector<Eigen::Vector2d>> BirthsAt(const Eigen::Matrix2Xd& x,
-                                                   std::size_t frames = 1) {
-  std::vector<std::vector<Eigen::Vector2d>> births;
-  for (const Eigen::Vector2d xy : x.colwise()) births.emplace_back(frames, xy);
-  return births;
+std::vector<Eigen::Vector2d> Columns(const Eigen::Matrix2Xd& x) {
+  return {x.colwise().begin(), x.colwise().end()};
+}
+
+std::vector<std::uint8_t> AllOf(const Eigen::Matrix2Xd& x) {
+  return std::vector<std::uint8_t>(static_cast<std::size_t>(x.cols()), 1);
+}
+
+SubspaceOptions WithPenalty() {
+  SubspaceOptions options;
+  options.penalty = PenaltyKind::kEmpiricalDimension;
+  return options;
 }
 
 // Follows points of a rigid scene whose past is known, in frames in which the image does not
-// confirm one of them and its template is that of another place. Returns that one's error in the
-// last frame.
+// confirm one of them, which looked otherwise at its birth. Returns that one's error in the last
+// frame.
 double ErrorOfTheContradicted(const SubspaceOptions& options) {
   constexpr std::size_t kContradicted = 7;
   constexpr int kKnownFrames = 8;
@@ -43,25 +50,26 @@ double ErrorOfTheContradicted(const SubspaceOptions& options) {
     }
     return x;
   };
-  std::vector<Feature> features = test::FeaturesAt(picture(0), truth(0));
+  cv::Mat first = picture(0).levels[0].clone();
+  const Eigen::Vector2d place = truth(0).col(kContradicted);
+  const cv::Rect around(static_cast<int>(place.x()) - 8, static_cast<int>(place.y()) - 8, 17, 17);
+  first(cv::Rect(20, 210, 17, 17)).copyTo(first(around));
   JointGuide guide(options);
   guide.Begin(picture(0));
-  guide.Add(BirthsAt(truth(0)), picture(0), features);
-  for (int t = 1; t < kKnownFrames; ++t) guide.Remember(picture(t), truth(t), features);
-  features[kContradicted].templates = TakeTemplates(picture(0), {30, 220}, options.template_px);
-  features[kContradicted].confirmed = false;
+  guide.Add(Columns(truth(0)), BuildPyramid(first));
+  std::vector<std::uint8_t> confirmed = AllOf(truth(0));
+  for (int t = 1; t < kKnownFrames; ++t) guide.Remember(picture(t), truth(t), confirmed);
+  confirmed[kContradicted] = 0;
   for (int t = kKnownFrames; t < kKnownFrames + 3; ++t) {
     const Pyramid current = picture(t);
-    guide.Remember(current, guide.Minimize(current, features, guide.Start(current)).x, features);
+    guide.Remember(current, guide.Find(current, confirmed), confirmed);
   }
   const Eigen::Matrix2Xd errors = guide.history().front() - truth(kKnownFrames + 2);
   return errors.col(kContradicted).norm();
 }
 
 TEST(JointGuide, HoldsAFeatureThatTheImageContradicts) {
-  SubspaceOptions alone;
-  alone.penalty_weight = 0.0;
-  EXPECT_GT(ErrorOfTheContradicted(alone), 2.0);
+  EXPECT_GT(ErrorOfTheContradicted(SubspaceOptions()), 2.0);
   // The nuclear norm holds less well: it shrinks every motion, not only what adds a dimension.
   for (const PenaltyKind penalty :
        {PenaltyKind::kEmpiricalDimension, PenaltyKind::kExplicitFactorization}) {
@@ -76,7 +84,7 @@ TEST(JointGuide, StartsAtTheShiftOfTheWholePicture) {
   const Eigen::Matrix2Xd born = test::GridOfTwenty();
   JointGuide guide({});
   guide.Begin(first);
-  guide.Add(BirthsAt(born), first, test::FeaturesAt(first, born));
+  guide.Add(Columns(born), first);
   const Eigen::Matrix2Xd start = guide.Start(test::ShiftedNoise({7, 5}));
   EXPECT_LT((start.colwise() - Eigen::Vector2d(7, 5) - born).colwise().norm().maxCoeff(), 1.0);
 }
@@ -88,24 +96,34 @@ TEST(JointGuide, KeepsTheNewestFramesOfWhatIsKept) {
   JointGuide guide(options);
   Eigen::Matrix2Xd born(2, 3);
   born << 50, 90, 130, 60, 70, 80;
-  std::vector<Feature> features = test::FeaturesAt(picture, born);
   guide.Begin(picture);
-  guide.Add(BirthsAt(born), picture, features);
-  for (int t = 1; t <= 4; ++t) {
-    guide.Remember(picture, born.array() + t, features);
-  }
+  guide.Add(Columns(born), picture);
+  for (int t = 1; t <= 4; ++t) guide.Remember(picture, born.array() + t, AllOf(born));
   ASSERT_EQ(guide.history().size(), 3u);
   EXPECT_EQ(guide.history()[0], (born.array() + 4).matrix());
   EXPECT_EQ(guide.history()[2], (born.array() + 2).matrix());
 
-  const std::vector<std::uint8_t> keep{1, 0, 1};
-  guide.Keep(keep);
-  KeepFeatures(keep, features);
-  features.push_back(test::FeaturesAt(picture, born.col(1)).front());
-  guide.Add(std::vector<std::vector<Eigen::Vector2d>>{{{1, 2}, {3, 4}, {5, 6}}}, picture, features);
-  Eigen::Matrix2Xd oldest(2, 3);
-  oldest << 52, 132, 5, 62, 82, 6;
+  guide.Keep(std::vector<std::uint8_t>{1, 0, 1});
+  EXPECT_EQ(guide.templates().size(), 2u);
+  Eigen::Matrix2Xd oldest(2, 2);
+  oldest << 52, 132, 62, 82;
   EXPECT_EQ(guide.history()[2], oldest);
+}
+
+TEST(JointGuide, ANewFeatureWasWhereItsNeighboursCameFrom) {
+  const Pyramid picture = test::ShiftedNoise({0, 0});
+  JointGuide guide(SubspaceOptions{});
+  const Eigen::Vector2d step(1, 2);
+  const Eigen::Matrix2Xd born = test::GridOfTwenty();
+  guide.Begin(picture);
+  guide.Add(Columns(born), picture);
+  for (int t = 1; t <= 3; ++t) guide.Remember(picture, born.colwise() + t * step, AllOf(born));
+  const Eigen::Vector2d xy(100, 80);
+  guide.Add(std::vector<Eigen::Vector2d>{xy}, picture);
+  for (int l = 0; l <= 3; ++l) {
+    EXPECT_LT((guide.history()[static_cast<std::size_t>(l)].col(20) - (xy - l * step)).norm(), 1e-9)
+        << l;
+  }
 }
 
 // The weight goes by the new scene's contrast: a dark one behind a bright one is no other than a dark
@@ -116,16 +134,15 @@ TEST(JointGuide, BeginsAnewWithoutTheContrastOfTheOldScene) {
   const Pyramid next = BuildPyramid(0.05 * test::ShiftedNoise({1.5, -0.5}).levels[0]);
   Eigen::Matrix2Xd born(2, 5);
   born << 50, 90, 130, 60, 110, 60, 70, 80, 100, 50;
-  const std::vector<Feature> features = test::FeaturesAt(dark, born);
   const auto begin = [&](JointGuide& guide) {
     guide.Begin(dark);
-    guide.Add(BirthsAt(born), dark, features);
-    return guide.Minimize(next, features, born);
+    guide.Add(Columns(born), dark);
+    return guide.Minimize(next, AllOf(born), born);
   };
-  JointGuide fresh{SubspaceOptions()};
-  JointGuide used{SubspaceOptions()};
+  JointGuide fresh{WithPenalty()};
+  JointGuide used{WithPenalty()};
   used.Begin(bright);
-  used.Add(BirthsAt(born), bright, test::FeaturesAt(bright, born));
+  used.Add(Columns(born), bright);
   const OptimizerResult a = begin(used);
   const OptimizerResult b = begin(fresh);
   EXPECT_EQ(a.x, b.x);
@@ -134,7 +151,7 @@ TEST(JointGuide, BeginsAnewWithoutTheContrastOfTheOldScene) {
 
 // Paper equation (7), with m over the picture's contrast.
 TEST(DataWeight, IsOneOverTheFeaturesForAStrongConstraintAndOneForAWeak) {
-  SubspaceOptions options;
+  SubspaceOptions options = WithPenalty();
   options.penalty_weight = 2.0;
   const double strong_m = 2.0 * CalibratedWeight(options.penalty, Constraint::kStrong);
   EXPECT_DOUBLE_EQ(*DataWeight(options, 0.25, 50), 1.0 / (strong_m * 50 * 0.25));
@@ -151,12 +168,17 @@ TEST(Contrast, GrowsWithThePictureAndAsksWhatIsConfirmed) {
   Pyramid dark;
   for (const cv::Mat& level : bright.levels) dark.levels.emplace_back(0.25 * level);
   const Eigen::Matrix2Xd x = test::GridOfTwenty();
-  std::vector<Feature> features = test::FeaturesAt(dark, x);
-  const double of_dark = Contrast(dark.levels[0], x, features, 11);
+  const auto contrast = [&](const Pyramid& picture, std::uint8_t confirmed) {
+    std::vector<Templates> templates;
+    for (const Eigen::Vector2d xy : x.colwise()) {
+      templates.push_back(TakeTemplates(picture, xy, 11));
+    }
+    return Contrast(picture.levels[0], x, templates, std::vector<std::uint8_t>(20, confirmed), 11);
+  };
+  const double of_dark = contrast(dark, 1);
   EXPECT_GT(of_dark, 0.0);
-  EXPECT_NEAR(Contrast(bright.levels[0], x, test::FeaturesAt(bright, x), 11), 4.0 * of_dark, 1e-6);
-  for (Feature& feature : features) feature.confirmed = false;
-  EXPECT_EQ(Contrast(dark.levels[0], x, features, 11), 0.0);
+  EXPECT_NEAR(contrast(bright, 1), 4.0 * of_dark, 1e-6);
+  EXPECT_EQ(contrast(dark, 0), 0.0);
 }
 
 }  // namespace

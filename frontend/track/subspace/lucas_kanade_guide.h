@@ -1,0 +1,26 @@
+#pragma once
+
+#include "frontend/track/subspace/guide.h"
+
+namespace cohort {
+
+// Finds each feature where Lucas-Kanade finds the window around its last position. A feature that
+// was not confirmed there, or that is not found, moves by the median motion of the others.
+class LucasKanadeGuide final : public Guide {
+ public:
+  void Begin(const Pyramid& picture) override;
+  void Add(std::span<const Eigen::Vector2d> born, const Pyramid& picture) override;
+  void Keep(std::span<const std::uint8_t> keep) override { KeepColumns(keep, x_); }
+
+  Eigen::Matrix2Xd Find(const Pyramid& current,
+                        std::span<const std::uint8_t> confirmed) const override;
+  void Remember(const Pyramid& current,
+                const Eigen::Matrix2Xd& x,
+                std::span<const std::uint8_t> confirmed) override;
+
+ private:
+  Pyramid previous_;
+  Eigen::Matrix2Xd x_{2, 0};  // in the previous picture
+};
+
+}  // namespace cohort
