@@ -162,9 +162,9 @@ std::string OccluderSection(const OccluderOptions& options) {
       R"(## Behind an occluder
 
 A textured bar, 80 px wide, crosses the first {} frames of three of the clips (room: camera to the side,
-corridor: ahead, tabletop: around) at {:.0f} px a frame, so that it hides a resting point for 13 frames. It is
-drawn before the clip is degraded, at medium. Tracker `subspace` as `cohort track` writes it, with up to {}
-features; seeds of noise and bar: {}. For the room and seed 1:
+corridor: ahead, tabletop: around) at {:.0f} px per frame, so that it occludes a static point for 13 frames. It is
+drawn before the clip is degraded, at medium. The tracker is `subspace` as in `cohort track`, with up to {}
+features; the seeds of noise and bar are {}. For the room and seed 1:
 
 ```console
 $ cohort synth room --scene room --motion lateral --frames {}
@@ -173,20 +173,21 @@ $ cohort track dark --detector.max-features {} --out dark.tracks
 $ cohort evaluate dark.tracks --truth dark --edge-px {:.0f}
 ```
 
-The first table: how far a hidden point is from where the surface point that its track began on is now, median over the
-points in the frame in which they have been hidden for 1, 5 and 10 frames in a row. Hidden is what the exact truth does
-not show there: behind the bar, or behind another surface. Every position that is written counts, whatever its state,
-also that of a point which the tracker takes for visible; what has ended does not (how many are left stands beside it).
-Corners within {:.0f} px of a jump of depth are no points of the scene, as above: "off edges" is without them,
-"all" (`--edge-px 0`) with them, and "predicted ones" are those off edges that are called predicted.
+The first table shows the distance of a hidden point from the current position of the surface point that its track
+began on, as the median over the points in the frame in which they have been hidden for 1, 5 and 10 frames in a row. A
+point is hidden if it is not visible in the exact ground truth, that is, behind the bar or behind another surface. Every
+position that is written counts, whatever its state, also that of a point which the tracker takes for visible. Tracks
+that have ended do not count (the number of remaining points is given). Corners within {:.0f} px of a jump of depth are no
+points of the scene, as above: "off edges" is without them, "all" (`--edge-px 0`) with them, and "predicted ones" are
+those off edges that are called predicted.
 
 | clip | corners | how many after 1 / 5 / 10 frames | 1 hidden frame [px] | 5 | 10 | target |
 |---|---|---|---|---|---|---|
 {}
-The second: the state "predicted" as the statement that a point is hidden. Precision: of the positions called
-predicted, how many are hidden; the others are visible and were not confirmed. Recall: of the positions hidden, how
-many are called predicted; the others are called observed (target: of both). Of both faults: how many, and the median
-of how far off they are. Corners on the bar itself have no truth and count nowhere.
+The second table evaluates the state "predicted" as the statement that a point is hidden. Precision is the share of
+predicted positions that are hidden; the others are visible and were not confirmed. Recall is the share of hidden
+positions that are called predicted; the others are called observed (the target is for both). For both faults, the table
+gives their number and their median error. Corners on the bar itself have no ground truth and count nowhere.
 
 | clip | corners | precision | recall | target | visible, called predicted | [px] | hidden, called observed | [px] |
 |---|---|---|---|---|---|---|---|---|

@@ -438,9 +438,9 @@ std::string InShort(const Benchmark& b, const LevelResults& results) {
       R"(| level | lower with `algorithm-1` | with `joint-newton` | both below the truth's | L1 error |
 |---|---|---|---|---|
 {}
-Shares of frames in which the energy is lower [%]; in the others the energies differ by less than {:.1f} %.
-L1 error of a run: `algorithm-1` / `joint-newton`, median. `joint-newton` evaluates the energy {:.0f} times a frame,
-`algorithm-1` {:.0f} times (medians); by penalty and level it is {:.1f} to {:.1f} times as fast.
+The shares of frames in which the energy is lower are in per cent; in the other frames the energies differ by less than
+{:.1f} %. The L1 error of a run is that of `algorithm-1` over that of `joint-newton`, median. `joint-newton` evaluates
+the energy {:.0f} times per frame, `algorithm-1` {:.0f} times (medians); by penalty and level it is {:.1f} to {:.1f} times as fast.
 
 )",
       levels,
@@ -485,43 +485,42 @@ std::string Page(const Benchmark& b) {
       R"(# Two optimisers for one energy
 
 The total energy (eq. 3 of the paper) is minimised by the paper's Algorithm 1 (`--subspace.optimizer algorithm-1`) or
-by Newton steps that move all features together (`joint-newton`, the default;
-`frontend/track/subspace/optimizer.h` says how).
-This page is written by
+by Newton steps that move all features together (`joint-newton`, the default; see
+`frontend/track/subspace/optimizer.h`). This page is written by
 
 ```console
 $ optimizer_benchmark --page docs/results/optimizers.md \
     WORK/clips/{{{}}}
 ```
 
-which is built in `build/tests/benchmark`; the clips are those of [paper.md](paper.md).
+which is built in `build/tests/benchmark`. The clips are those of [paper.md](paper.md).
 
-## What is measured
+## Method
 
-The first {} frames of {} clips ({}),
-degraded to the levels clean, medium and hard (seed {}), with the points of the paper's protocol: {} x {} px
-templates of frame 0, L = {}, centred, epsilon {}, four pyramid levels, {} to {} steps a level, the guide alone
-(no measurement). m of eq. (7) is that of the sensitivity curves
+The first {} frames of {} clips ({})
+are degraded to the levels clean, medium and hard (seed {}). The points are those of the paper's protocol, with
+{} x {} px templates of frame 0, L = {}, centred, epsilon {}, four pyramid levels and {} to {} steps per level. The
+guide runs alone (no measurement). m of eq. (7) is that of the sensitivity curves
 ({}),
-and ten times that: a penalty far too strong, to see what gives way first.
+and ten times that. Ten times is a penalty far too strong, which shows what fails first.
 
-**The same frames, histories and starts.** Each optimiser leads one run over each clip: its positions become the
-history. In every frame of either run both start from the last positions plus the whole-frame shift and go through all
-levels of the pyramid. Cells are `algorithm-1` / `joint-newton`, medians over frames:
+**The same frames, histories and starts.** Each optimiser leads one run over each clip, in which its positions become
+the history. In every frame of either run, both optimisers start from the last positions plus the whole-frame shift and
+go through all levels of the pyramid. Cells are `algorithm-1` / `joint-newton`, medians over frames:
 
 - *energy / start*: total energy at full resolution at the end, over that at the start; *at the truth*: the same at the
-  true positions,
+  ground-truth positions,
 - *above the better*: how far an energy lies above the lower one of the two; *lower in*: frames in which it is lower by
   more than {:.1f} %,
-- *evaluations* of the energy along lines, and *steps* (gradients), over all levels; *time* of one thread's processor,
-  both in turn in one process,
-- *error*: median distance of the features from the truth after that frame; it holds what the history brought along.
+- *evaluations* of the energy along lines, and *steps* (gradients), over all levels; *time*: processor time of one
+  thread, with both optimisers in turn in one process,
+- *error*: median distance of the features from the ground truth after that frame, including the error of the history.
 
-**Whole runs.** Each optimiser for itself over {} frames; cells as above, of penalty `none` every feature alone. *L1
-error*: mean over features of the sum over the frames of |dx| + |dy|, median over clips. *Spread / true*: how
-differently the features moved in the last {} frames (median distance of their displacements from the mean one), over
-the true one; noise adds to it. *Frozen*: runs in which it is below {}: every feature repeats the last frame plus the
-whole-frame shift. *Drifted*: others that end with a median error above {:.0f} px.
+**Whole runs.** Each optimiser runs separately over {} frames. Cells are as above; with penalty `none` every feature
+moves alone. *L1 error*: mean over features of the sum over the frames of |dx| + |dy|, median over clips.
+*Spread / true*: how differently the features moved in the last {} frames (median distance of their displacements from
+the mean one), over the true value; noise adds to it. *Frozen*: runs in which it is below {}, so that every feature
+repeats the last frame plus the whole-frame shift. *Drifted*: other runs that end with a median error above {:.0f} px.
 
 {})",
       fmt::join(names, ","),

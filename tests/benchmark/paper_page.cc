@@ -316,52 +316,58 @@ $ penalty_weight_benchmark WORK/clips/room WORK/clips/corridor WORK/clips/street
     --svg docs/results/penalty_weight.svg
 ```
 
-which are built in `build/tests/benchmark`; the first also renders the clips. The comparison alone is `cohort compare
+which are built in `build/tests/benchmark`. The first also renders the clips. The comparison alone is `cohort compare
 CLIP... --protocol paper --levels medium,hard --seeds 1,2,3 --trackers klt7,klt21,subspace --out DIR`.
 
 ![The same dark frame, KLT left, the joint tracker right](paper_tracks.jpg)
 
-*Room, level hard, shown twice as bright, after 30 frames. Red: where the points are. Green: where KLT 21x21 (left) and
-the joint tracker (right) have them, and how far off.*
+*Room, level hard, shown twice as bright, after 30 frames. Red marks the ground-truth positions of the points. Green
+marks their positions according to KLT 21x21 (left) and the joint tracker (right), and their errors.*
 
-## What is measured
+## Protocol
 
-Eight rendered clips of {} frames, 640 x 480, with exact truth: six rigid (room, street, facade: camera to the
-side; corridor, shelves: ahead; tabletop: around), one of several rigid bodies (bodies), one deforming (cloth). They
-are darkened, noised, blurred and noised again, as the paper did; its amounts are not printed. Here medium: 30 % of the
-light, noise .04 before and .02 after a blur of 2 px; hard: 20 %, .06 and .03 (of the full range). Seeds are of the
-noise: {}.
+The clips are eight rendered ones of {} frames, 640 x 480, with exact ground truth. Six are rigid (room, street,
+facade: camera to the side; corridor, shelves: ahead; tabletop: around), one has several rigid bodies (bodies), and one
+deforms (cloth). They are darkened, noised, blurred and noised again, as in the paper, which does not print its amounts.
+Here medium is 30 % of the light, with noise of .04 before and .02 after a blur of 2 px; hard is 20 %, .06 and .03 (of
+the full range). The seeds of the noise are {}.
 
-- **Points.** As in the paper they are chosen in the clip before it is degraded, so that there are strong and weak
-  ones: up to 100 corners of the common detector in frame 0, and what is missing to 100 in frames 30 and 60. Used are
-  those that show a surface, have no jump of depth within 10 px (a near edge crossing a far one is no point of the
-  scene), and stay visible and 16 px off the border for 30 more frames: {} to {} from frame 0 on. They are
+- **Points.** As in the paper, the points are chosen in the clip before it is degraded, so that there are strong and
+  weak ones: up to 100 corners of the common detector in frame 0, and in frames 30 and 60 as many as are missing to 100.
+  Points are used if they show a surface, have no jump of depth within 10 px (a near edge crossing a far one is no point
+  of the scene), and stay visible and 16 px off the border for 30 more frames: {} to {} from frame 0 on. They are
   followed until they are hidden or near the border for the first time. All trackers get the same points, at their true
   positions.
-- **Mean L1 trajectory error after 30 frames.** The points of frame 0: sum over 30 frames of |dx| + |dy|, mean over
-  features.
-- **Mean frames between re-initialisations.** A feature more than 10 px off is started again at its true position;
-  feature-frames within 10 px over the number of re-initialisations. ">": there was none, so at least that many.
-- **Lost features are failures, not omissions.** What a tracker gives up stays where it was last (first figure) or
-  counts as re-initialised (second). The trackers' own checks by which features end (tracking back) are off: neither
-  figure rewards giving up.
+- **Mean L1 trajectory error after 30 frames.** For the points of frame 0, the sum over 30 frames of |dx| + |dy|, as a
+  mean over features.
+- **Mean frames between re-initialisations.** A feature more than 10 px off is started again at its true position. The
+  figure is the number of feature-frames within 10 px over the number of re-initialisations. ">" means that there was
+  none, so the figure is at least that large.
+- **Lost features are failures, not omissions.** A feature that a tracker gives up stays at its last position (first
+  figure) or counts as re-initialised (second). The trackers' own checks by which features end (tracking back) are off,
+  so neither figure rewards giving up.
 - A cell is the median over the seeds and (lowest-highest); the average is that of the medians.
 
-`klt7`, `klt21`, `klt31`: OpenCV's pyramidal Lucas-Kanade at three windows. `anchored-klt21`, `anchored-klt31`: the
-same from frame to frame as a guide, then once more against the feature's first frame; kept if it ends within 3 px of
-the guide and tracks back to 1 px, else the guide stands. So what ours gain over them is not the measuring against the
-first frame. `rlof`: its robust local optical flow.
-`dis`: tracks chained from dense flow, in the place of the paper's LDOF. `descent-paper`, `subspace-paper`: the paper's
-first-order tracker and its joint tracker (empirical dimension, centred, weak, L = 10, Algorithm 1), templates 7 x 7,
-without measurement; m, which it does not print, is relative to the contrast and chosen as below. `descent`: the same
-first-order tracker with templates 11 x 11. `subspace`: what `cohort track` does: Lucas-Kanade as guide, then a
-measurement of its own for every feature, and a trajectory model of all of them. `subspace-fused`: the same with `--measurement.fuse`, so that what is
-written is the most probable position given all features: the fair counterpart of the paper's, whose positions are
-those of the penalised energy.
+The trackers are:
 
-## In short
+- `klt7`, `klt21`, `klt31`: OpenCV's pyramidal Lucas-Kanade at three windows.
+- `anchored-klt21`, `anchored-klt31`: the same from frame to frame as a guide, then once more against the feature's
+  first frame. The result is kept if it ends within 3 px of the guide and tracks back to 1 px; otherwise the guide is
+  used. The gain of our trackers over these is therefore not due to measuring against the first frame.
+- `rlof`: OpenCV's robust local optical flow.
+- `dis`: tracks chained from dense flow, in the place of the paper's LDOF.
+- `descent-paper`, `subspace-paper`: the paper's first-order tracker and its joint tracker (empirical dimension,
+  centred, weak, L = 10, Algorithm 1), templates 7 x 7, without measurement. m, which the paper does not print, is
+  relative to the contrast and chosen as below.
+- `descent`: the same first-order tracker with templates 11 x 11.
+- `subspace`: the tracker of `cohort track`: Lucas-Kanade as a guide, then a separate measurement of every feature, and
+  a trajectory model of all of them.
+- `subspace-fused`: the same with `--measurement.fuse`, so that the output is the most probable position given all
+  features. This is the fair counterpart of the paper's tracker, whose positions are those of the penalised energy.
 
-Ratios of the averages over the eight clips.
+## Summary
+
+The figures are ratios of the averages over the eight clips.
 
 {}
 ## The two tables, and how many times better
@@ -371,27 +377,28 @@ Ratios of the averages over the eight clips.
 
 ## Beyond affine
 
-The paper's subspace is that of an affine camera and one rigid body: three dimensions when centred. Perspective, motion
-ahead and further bodies need more. The trajectory model (`docs/how_it_works.md`) has two answers: projective cameras
-(`--measurement.perspective`), and coordinates that start at two and are added whenever the residuals hold a direction
-that noise would not; `--measurement.max-rank` is the most, 3 or 8. `subspace-fused` with each, seeds {},
-averages over the clips. L1 error, then frames between re-initialisations:
+The paper's subspace is that of an affine camera and one rigid body, which has three dimensions when centred.
+Perspective, motion ahead and further bodies need more. The trajectory model (`docs/how_it_works.md`) has two solutions:
+projective cameras (`--measurement.perspective`), and coordinates that start at two and are added whenever the residuals
+contain a direction that noise does not explain; `--measurement.max-rank` is the maximum, 3 or 8. The tables show
+`subspace-fused` with each, with seeds {} and averages over the clips, first the L1 error, then the frames between
+re-initialisations:
 
 {}
 {}
-The last, projective with at most 8, is the default, as what is reconstructed is mostly rigid. There perspective with
-three dimensions does at medium what affine cameras need further ones for, and more; at hard it is best to have both.
-Several bodies and what deforms need the further dimensions; there affine cameras with at most 8 are better, most at
-hard.
+The last, projective with at most 8, is the default, since reconstructed scenes are mostly rigid. On rigid scenes at
+medium, perspective with three dimensions achieves what affine cameras need further dimensions for, and more; at hard
+both together are best. Several bodies and deforming scenes need the further dimensions. There, affine cameras with at
+most 8 are better, most clearly at hard.
 
 {}
-## How much depends on the weight of the penalty
+## Sensitivity to the weight of the penalty
 
 ![L1 error against m, for three penalties, weak and strong](penalty_weight.svg)
 
-m of eq. (7) against the error of the guide alone (no measurement), on room, corridor and street, at three levels of
-darkness. One m serves all of them: above each picture, where its worst level loses least against that level's own best
-m.
+The plots show the error of the guide alone (no measurement) over m of eq. (7), on room, corridor and street, at three
+levels of darkness. One m serves all levels: the m above each plot is the one at which its worst level loses least
+against that level's own best m.
 )",
       kFrames,
       fmt::join(options.seeds, ", "),
