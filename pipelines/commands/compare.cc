@@ -53,16 +53,15 @@ void RunCompare(const ExperimentOptions& options) {
 }
 
 Command CompareCommand() {
-  return MakeCommand(
-      {.name = "compare",
-       .usage = "INPUT... --out DIR [options]",
-       .summary =
-           "Compare trackers by the reconstructions made of their tracks, or as the paper did",
-       .positionals = {"inputs"},
-       .required = {"inputs", "out"},
-       .short_flags = {{"features", {"tracking.detector.max_features"}},
-                       {"colmap-program", {"colmap.program"}}}},
-      RunCompare);
+  return MakeCommand({.name = "compare",
+                      .usage = "INPUT... --out DIR [options]",
+                      .summary = "Compare trackers by the reconstructions made from their tracks, "
+                                 "or by the paper's protocol",
+                      .positionals = {"inputs"},
+                      .required = {"inputs", "out"},
+                      .short_flags = {{"features", {"tracking.detector.max_features"}},
+                                      {"colmap-program", {"colmap.program"}}}},
+                     RunCompare);
 }
 
 }  // namespace cohort

@@ -119,16 +119,17 @@ const std::vector<OptionHelp>& SharedOptions() {
   static const std::vector<OptionHelp> kOptions{
       {{"--config"},
        "--config",
-       "Read options from this JSON file, as --dump-config prints them; flags override it.",
+       "Read options from this JSON file, in the form that --dump-config prints; flags override "
+       "it.",
        Value::kText},
-      {{"--dump-config"}, "--dump-config", "Print all options as JSON, and end.", Value::kNone},
+      {{"--dump-config"}, "--dump-config", "Print all options as JSON and exit.", Value::kNone},
       {{"--quiet"},
        "--quiet",
-       "Show no log and no progress bar, only warnings and errors.",
+       "Show only warnings and errors, no log and no progress bar.",
        Value::kNone},
       {{"--help", "--help-all"},
        "--help",
-       "Print the options that people use, and end; --help-all: all.",
+       "Print the common options and exit; --help-all prints all options.",
        Value::kNone}};
   return kOptions;
 }
@@ -225,7 +226,7 @@ std::size_t EditDistance(std::string_view a, std::string_view b) {
                                   const std::string& argument) {
   if (!argument.starts_with("-")) {
     ThrowUsageError(
-        "unexpected argument '{}': the form is cohort {} {}", argument, line.name, line.usage);
+        "unexpected argument '{}': usage is cohort {} {}", argument, line.name, line.usage);
   }
   const std::string flag = argument.substr(0, argument.find('='));
   std::string nearest;
@@ -298,7 +299,7 @@ ParseOutcome ParseCommandLine(const CommandLine& line,
   for (const std::string& word : arguments) {
     if (word == "--") break;
     if (word.starts_with("--") && word.find('=') == word.size() - 1) {
-      ThrowUsageError("{} has no value: give one, or leave it out", word);
+      ThrowUsageError("{} has no value: give one, or leave the option out", word);
     }
   }
   std::vector<std::string> words(arguments.rbegin(), arguments.rend());
@@ -334,7 +335,7 @@ ParseOutcome ParseCommandLine(const CommandLine& line,
   }
   for (const std::string& path : line.required) {
     if (ToText(EntryAt(entries, path).get()).empty()) {
-      ThrowUsageError("{} is missing: the form is cohort {} {}",
+      ThrowUsageError("{} is missing: usage is cohort {} {}",
                       IsPositional(line, path) ? path : "--" + FlagName(path),
                       line.name,
                       line.usage);

@@ -25,14 +25,14 @@ struct SecondPassOptions {
 
   template <typename Self, typename Visitor>
   static void Visit(Self& o, Visitor& v) {
-    v.Choice("mode",
-             o.mode,
-             kSecondPassModeNames,
-             "After the last frame, reconstruct, and measure every feature again where the "
-             "model says that it is. The tracks get more accurate, at the price of going "
-             "through the video again; auto does it for the tracker subspace, strong and "
-             "measured.",
-             Tier::kCommon);
+    v.Choice(
+        "mode",
+        o.mode,
+        kSecondPassModeNames,
+        "After the last frame, reconstruct, and measure every feature again where the model "
+        "predicts it. The tracks become more accurate, at the price of reading the video again; "
+        "auto does it for the tracker subspace with the strong constraint and measurement.",
+        Tier::kCommon);
     VisitMeasurement(o, v);
   }
 
@@ -44,12 +44,12 @@ struct SecondPassOptions {
              0.0,
              1.0,
              "The share of a feature's observations that must be found again where the model "
-             "says; of a feature with less, the track stays as the first pass had it.",
+             "predicts them; otherwise the feature keeps its track of the first pass.",
              Tier::kCommon);
     v.Flag("drop_movers",
            o.drop_movers,
-           "Drop tracks that no point of the rigid scene explains, such as those on "
-           "somebody who walks by.",
+           "Drop tracks that no point of the rigid scene explains, such as those on a person who "
+           "walks by.",
            Tier::kCommon);
     SecondPassMeasurementOptions::Visit(o.measurement, v);
   }
