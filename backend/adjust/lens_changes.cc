@@ -139,38 +139,35 @@ std::optional<LensChanges> MeasureLensChanges(const WorkingModel& model,
 
 Doubt DescribeFoundZoom(double zoom) {
   return {DoubtCode::kFocalChanges,
-          fmt::format(
-              "the focal length changes during the clip, {:.2f} times; every frame has its own, "
-              "but a zoom looks much like a movement ahead: the cameras may be off along the "
-              "line of sight",
-              zoom),
+          fmt::format("the focal length changes during the clip, {:.2f} times; every frame has its "
+                      "own focal length, but a zoom looks much like forward motion: the cameras "
+                      "may be off along the line of sight",
+                      zoom),
           {{"zoom", zoom}}};
 }
 
 std::optional<Doubt> DescribeLensChanges(const LensChanges& changes) {
   if (!changes.IsChanging()) return std::nullopt;
   if (changes.IsZoom()) {
-    return Doubt{
-        DoubtCode::kFocalChanges,
-        fmt::format("the focal length changes during the clip, about {:.2f} times: it zooms or "
-                    "focuses anew, and the model has one focal length for all frames; give "
-                    "the stretch before or after the change by --frames",
-                    ZoomOf(changes.focal)),
-        {{"zoom", ZoomOf(changes.focal)}, {"gain", changes.focal_gain}}};
+    return Doubt{DoubtCode::kFocalChanges,
+                 fmt::format("the focal length changes during the clip, about {:.2f} times: the "
+                             "lens zooms or refocuses, but the model has one focal length for all "
+                             "frames; give the frames before or after the change by --frames",
+                             ZoomOf(changes.focal)),
+                 {{"zoom", ZoomOf(changes.focal)}, {"gain", changes.focal_gain}}};
   }
   // A model that a zoom bent may gain as much by shifts: a rendered zoom of x1.25 of which no zoom was
   // found gained .12 by focal lengths and .13 by shifts; a clip shifted by a stabiliser, .06 and .70.
   constexpr double kMayBeZoom = 0.5;
   const bool may_zoom = changes.focal_gain > kMayBeZoom * changes.center_gain;
-  return Doubt{
-      DoubtCode::kCenterMoves,
-      fmt::format("the picture is shifted from frame to frame, by up to {:.0f} px{}, which no "
-                  "movement of the camera explains: a stabiliser{} did that; film without it, "
-                  "or give the clip as it was before",
-                  changes.shift_px,
-                  may_zoom ? ", or its focal length changes" : "",
-                  may_zoom ? " or a zoom" : ""),
-      {{"shift_px", changes.shift_px}, {"gain", changes.center_gain}}};
+  return Doubt{DoubtCode::kCenterMoves,
+               fmt::format("the picture is shifted from frame to frame, by up to {:.0f} px{}, "
+                           "which no motion of the camera explains: a stabiliser{} causes this; "
+                           "film without it, or give the original clip",
+                           changes.shift_px,
+                           may_zoom ? ", or its focal length changes" : "",
+                           may_zoom ? " or a zoom" : ""),
+               {{"shift_px", changes.shift_px}, {"gain", changes.center_gain}}};
 }
 
 }  // namespace cohort

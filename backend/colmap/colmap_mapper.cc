@@ -261,8 +261,9 @@ MapperRuns RunMapper(ColmapProgram& program,
     std::vector<std::string> damaged;
     auto model = ReadLargestColmapModel(sparse, end.Failed() ? &damaged : nullptr);
     if (!damaged.empty()) {
-      runs.damaged = fmt::format(
-          ", a mapper that ended with {} left what is no model: {}", end.Brief(), damaged.front());
+      runs.damaged = fmt::format(", a mapper run that ended with {} left an invalid model: {}",
+                                 end.Brief(),
+                                 damaged.front());
     }
     if (model && (!runs.best || model->model.images.size() > runs.best->images.size())) {
       runs.best = std::move(model->model);
@@ -336,8 +337,9 @@ std::string DescribeStart(const MapperRuns& runs,
                           const std::vector<InitialPair>& starts,
                           const InitialPairSearch& search) {
   if (runs.best_start < starts.size()) return DescribeInitialPair(starts[runs.best_start]);
-  return starts.empty() ? search.reason
-                        : "initial pair: COLMAP's own, after none of ours led further";
+  return starts.empty()
+             ? search.reason
+             : "initial pair: chosen by COLMAP, since none of cohort's registered more frames";
 }
 
 std::string DescribeEnd(const ColmapProgram& program,
@@ -455,9 +457,8 @@ ColmapResult AdjustWithColmap(const TrackFile& tracked,
   if (adjusted) result.reconstruction = std::move(*adjusted);
   result.summary = Summarize(result.reconstruction, file.frames.size());
   result.summary.seconds = result.colmap_seconds = total.Seconds();
-  result.summary.termination = fmt::format("COLMAP {} {} a model that it was given",
-                                           program.version(),
-                                           adjusted ? "adjusted" : "could not adjust");
+  result.summary.termination = fmt::format(
+      "COLMAP {} {} a given model", program.version(), adjusted ? "adjusted" : "could not adjust");
   return result;
 }
 

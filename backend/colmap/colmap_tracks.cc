@@ -173,7 +173,7 @@ ImportedTracks TracksOfColmapModel(const ColmapModel& model,
   ImportedTracks result;
   for (const auto& [id, image] : model.images) {
     if (!model.cameras.contains(image.camera_id)) {
-      ThrowError("COLMAP model {}: image {} has camera {}, which is not there",
+      ThrowError("COLMAP model {}: image {} refers to camera {}, which does not exist",
                  path.string(),
                  image.name,
                  image.camera_id);
@@ -188,8 +188,8 @@ ImportedTracks TracksOfColmapModel(const ColmapModel& model,
   const SharedCamera shared = ShareCamera(model);
   if (shared.other) {
     ThrowError(
-        "COLMAP model {}: image {} has another camera than others: one is read, of a clip of "
-        "one camera",
+        "COLMAP model {}: image {} has another camera than other images: give a model of a clip "
+        "with one camera",
         path.string(),
         model.images.at(*shared.other).name);
   }
@@ -211,11 +211,12 @@ ImportedTracks TracksOfColmapModel(const ColmapModel& model,
     for (const auto& [image_id, index] : point.track) {
       const auto image = model.images.find(image_id);
       if (image == model.images.end() || index >= image->second.points2d.size()) {
-        ThrowError("COLMAP model {}: point {} is seen in image {} at index {}, which is not there",
-                   path.string(),
-                   id,
-                   image_id,
-                   index);
+        ThrowError(
+            "COLMAP model {}: point {} is observed in image {} at index {}, which does not exist",
+            path.string(),
+            id,
+            image_id,
+            index);
       }
       const Eigen::Vector2d& xy = image->second.points2d[index].xy;
       if (!xy.allFinite()) {
@@ -238,9 +239,10 @@ ImportedTracks TracksOfColmapModel(const ColmapModel& model,
   result.tracks = TrackSet::Build(std::move(observations));
   CheckSomeImageKnown(result, path.string(), frames);
   if (result.tracks.observations().empty()) {
-    ThrowError("COLMAP model {}: none of its {} points is seen in an image: there are no tracks",
-               path.string(),
-               model.points.size());
+    ThrowError(
+        "COLMAP model {}: none of its {} points is observed in an image: there are no tracks",
+        path.string(),
+        model.points.size());
   }
   return result;
 }

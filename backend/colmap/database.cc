@@ -88,12 +88,13 @@ std::vector<T> FromBytes(std::span<const std::byte> bytes,
   // Divided, since the product of a number that a file claims need not fit.
   if (count < 0 || bytes.size() % sizeof(T) != 0 ||
       bytes.size() / sizeof(T) != static_cast<std::size_t>(count)) {
-    ThrowError("COLMAP database {}: a blob of table {} has {} bytes, no {} values of {} bytes",
-               path.string(),
-               table,
-               bytes.size(),
-               count,
-               sizeof(T));
+    ThrowError(
+        "COLMAP database {}: a blob of table {} has {} bytes instead of {} values of {} bytes",
+        path.string(),
+        table,
+        bytes.size(),
+        count,
+        sizeof(T));
   }
   std::vector<T> values(static_cast<std::size_t>(count));
   if (!bytes.empty()) std::memcpy(values.data(), bytes.data(), bytes.size());
@@ -225,7 +226,7 @@ constexpr std::pair<const char*, std::array<const char*, 9>> kColumns[] = {
 void CheckSchema(SqliteDatabase& db, const std::filesystem::path& path) {
   for (const auto& [table, columns] : kColumns) {
     if (!db.HasTable(table)) {
-      ThrowError("{} is no COLMAP database: it has no table {}", path.string(), table);
+      ThrowError("{} is not a COLMAP database: it has no table {}", path.string(), table);
     }
     std::set<std::string, std::less<>> found;
     auto info = db.Prepare("SELECT name FROM pragma_table_info(?)");
@@ -234,7 +235,8 @@ void CheckSchema(SqliteDatabase& db, const std::filesystem::path& path) {
     for (const char* column : columns) {
       if (column == nullptr || found.contains(std::string_view(column))) continue;
       ThrowError(
-          "COLMAP database {} has no {}.{} (schema {}): the schemas of COLMAP 3.8 to 4.x are read",
+          "COLMAP database {} has no {}.{} (schema {}): only the schemas of COLMAP 3.8 to 4.x are "
+          "supported",
           path.string(),
           table,
           column,
@@ -249,8 +251,10 @@ ColmapCamera ReadCamera(const SqliteStatement& row, const std::filesystem::path&
   const std::int64_t width = row.Int(1);
   const std::int64_t height = row.Int(2);
   if (width < 1 || height < 1 || width > kMaxPictureSidePx || height > kMaxPictureSidePx) {
-    ThrowError(
-        "COLMAP database {}: a camera has a picture of {} x {}", path.string(), width, height);
+    ThrowError("COLMAP database {}: a camera has the invalid picture size {} x {}",
+               path.string(),
+               width,
+               height);
   }
   camera.width_px = static_cast<int>(width);
   camera.height_px = static_cast<int>(height);
@@ -276,8 +280,8 @@ ColmapCamera ReadCameras(SqliteDatabase& db, const std::filesystem::path& path) 
     if (!camera) camera = next;
     if (next == *camera) continue;
     ThrowError(
-        "COLMAP database {} has several cameras that differ: one is read, of a clip of one camera "
-        "(colmap feature_extractor --ImageReader.single_camera 1)",
+        "COLMAP database {} has several cameras that differ: give a database of a clip with one "
+        "camera (colmap feature_extractor --ImageReader.single_camera 1)",
         path.string());
   }
   if (!camera) {
@@ -297,7 +301,7 @@ std::map<ColmapImageId, ColmapImage> ReadImages(SqliteDatabase& db,
   while (images.Step()) {
     const std::int64_t id = images.Int(0);
     if (id < 1 || id >= kMaxImages) {
-      ThrowError("COLMAP database {}: it has an image {}, and ids are from 1 to {}",
+      ThrowError("COLMAP database {}: it has an image {}, but ids are from 1 to {}",
                  path.string(),
                  id,
                  kMaxImages - 1);
@@ -358,7 +362,7 @@ std::pair<ColmapImageId, ColmapImageId> ReadPairId(const SqliteStatement& row,
   const std::int64_t id = row.Int(0);
   const auto images = ColmapImagesOfPair(id);
   if (ColmapPairId(images.first, images.second) != id) {
-    ThrowError("COLMAP database {}: {} is the id of no pair of images", path.string(), id);
+    ThrowError("COLMAP database {}: {} is not the id of a pair of images", path.string(), id);
   }
   return images;
 }
@@ -389,7 +393,7 @@ ColmapImageId ColmapImageIdOf(FrameIndex frame) {
 }
 
 FrameIndex FrameOfColmapImage(ColmapImageId id) {
-  if (id == 0) ThrowError("COLMAP image id 0 is none of ours: they start at 1");
+  if (id == 0) ThrowError("COLMAP image id 0 is not one of cohort's: they start at 1");
   return FrameIndex{id - 1};
 }
 

@@ -140,7 +140,7 @@ class TextReader {
     T value{};
     const auto [end, error] = std::from_chars(word.data(), word.data() + word.size(), value);
     if (error != std::errc() || end != word.data() + word.size()) {
-      Fail(fmt::format("\"{}\" is not a number that fits", word));
+      Fail(fmt::format("\"{}\" is not a number in range", word));
     }
     return value;
   }
@@ -321,7 +321,7 @@ class BinaryReader {
     return text;
   }
 
-  [[noreturn]] void Fail(const std::string& what = "is cut short or damaged") const {
+  [[noreturn]] void Fail(const std::string& what = "is truncated or damaged") const {
     ThrowError("{} {} at byte {}", path_.string(), what, position_);
   }
 
@@ -392,7 +392,7 @@ void ReadPointsBinary(const fs::path& path, ColmapModel& model) {
 void CheckReferences(const fs::path& folder, const ColmapModel& model) {
   for (const auto& [id, image] : model.images) {
     if (!model.cameras.contains(image.camera_id)) {
-      ThrowError("model {}: image {} has camera {}, which is not there",
+      ThrowError("model {}: image {} refers to camera {}, which does not exist",
                  folder.string(),
                  image.name,
                  image.camera_id);
@@ -401,7 +401,7 @@ void CheckReferences(const fs::path& folder, const ColmapModel& model) {
     const Eigen::Quaterniond& q = image.cam_from_world.rotation;
     const double norm = q.norm();
     if (!(norm > 0.0) || !std::isfinite(norm) || !image.cam_from_world.translation.allFinite()) {
-      ThrowError("model {}: the pose of image {} is none: {} {}",
+      ThrowError("model {}: the pose of image {} is invalid: {} {}",
                  folder.string(),
                  image.name,
                  fmt::join(q.coeffs(), " "),
@@ -420,7 +420,7 @@ void CheckReferences(const fs::path& folder, const ColmapModel& model) {
     for (const auto& [image, index] : point.track) {
       const auto it = model.images.find(image);
       if (it == model.images.end() || index >= it->second.points2d.size()) {
-        ThrowError("model {}: point {} is seen at place {} of image {}, which is not there",
+        ThrowError("model {}: point {} is observed at index {} of image {}, which does not exist",
                    folder.string(),
                    id,
                    index,
@@ -436,7 +436,7 @@ Reconstruction CamerasOf(const ColmapModel& model) {
   const SharedCamera shared = ShareCamera(model);
   if (model.cameras.empty() || shared.other) {
     ThrowError(
-        "the COLMAP model has {} cameras: a reconstruction of ours has one for all frames, of "
+        "the COLMAP model has {} cameras: a reconstruction of cohort has one for all frames, of "
         "which only the focal length may change",
         model.cameras.size());
   }
@@ -543,8 +543,9 @@ ColmapModel ReadColmapModel(const fs::path& folder) {
     ReadImagesText(folder / "images.txt", model);
     ReadPointsText(folder / "points3D.txt", model);
   } else {
-    ThrowError("{} is no model folder: it has no cameras, images and points3D .bin or .txt",
-               folder.string());
+    ThrowError(
+        "{} is not a model folder: it has no cameras, images and points3D files, .bin or .txt",
+        folder.string());
   }
   CheckReferences(folder, model);
   return model;
@@ -617,9 +618,10 @@ ColmapModel ToColmapModel(const Reconstruction& reconstruction) {
     for (const PointView& view : point.views) {
       const auto image = model.images.find(ColmapImageIdOf(view.frame));
       if (image == model.images.end()) {
-        ThrowError("point {} of the reconstruction is seen in frame {}, which is not registered",
-                   ToInt(feature),
-                   ToInt(view.frame));
+        ThrowError(
+            "point {} of the reconstruction is observed in frame {}, which is not registered",
+            ToInt(feature),
+            ToInt(view.frame));
       }
       auto& points2d = image->second.points2d;
       written.track.emplace_back(image->first, static_cast<std::uint32_t>(points2d.size()));
@@ -633,7 +635,7 @@ Reconstruction FromColmapModel(const ColmapModel& model) {
   Reconstruction reconstruction = CamerasOf(model);
   for (const auto& [id, point] : model.points) {
     if (id == 0 || id - 1 > std::numeric_limits<std::uint32_t>::max()) {
-      ThrowError("COLMAP point id {} is none of ours: they are a feature's id + 1", id);
+      ThrowError("COLMAP point id {} is not one of cohort's: they are a feature's id + 1", id);
     }
     Point3D& read = reconstruction.points[FeatureId{static_cast<std::uint32_t>(id - 1)}];
     read.in_world = point.xyz;
@@ -666,17 +668,19 @@ Reconstruction FromColmapModel(const ColmapModel& model, const TrackFile& file) 
     std::optional<FeatureId> feature;
     for (const auto& [image, index] : point.track) {
       if (index >= keypoints.at(image).size()) {
-        ThrowError("the COLMAP model is not of these tracks: image {} has {} keypoints, not {}",
-                   model.images.at(image).name,
-                   keypoints.at(image).size(),
-                   model.images.at(image).points2d.size());
+        ThrowError(
+            "the COLMAP model was not made from these tracks: image {} has {} keypoints, not {}",
+            model.images.at(image).name,
+            keypoints.at(image).size(),
+            model.images.at(image).points2d.size());
       }
       const Observation& o = *keypoints.at(image)[index];
       if (feature && *feature != o.feature) {
-        ThrowError("the COLMAP model is not of these tracks: point {} joins tracks {} and {}",
-                   id,
-                   ToInt(*feature),
-                   ToInt(o.feature));
+        ThrowError(
+            "the COLMAP model was not made from these tracks: point {} joins tracks {} and {}",
+            id,
+            ToInt(*feature),
+            ToInt(o.feature));
       }
       feature = o.feature;
       read.views.push_back({o.frame, o.xy});

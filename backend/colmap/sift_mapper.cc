@@ -153,7 +153,7 @@ ColmapModel WithOurIds(const ColmapModel& model, const TrackFile& clip) {
   for (const auto& [id, image] : model.images) {
     const auto ours = id_of_name.find(image.name);
     if (ours == id_of_name.end()) {
-      ThrowError("COLMAP's model has an image {}, which it was not given", image.name);
+      ThrowError("COLMAP's model has an image {}, which was not given to it", image.name);
     }
     if (!renamed.images.emplace(ours->second, image).second) {
       ThrowError("COLMAP's model has two images {}", image.name);

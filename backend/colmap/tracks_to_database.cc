@@ -63,8 +63,8 @@ ColmapImage ToColmapImage(const TrackFile& file, const FrameInfo& frame) {
     const Eigen::Vector2d xy = o->xy + Eigen::Vector2d::Constant(kColmapPixelShift);
     if (xy.cwiseAbs().maxCoeff() > double{std::numeric_limits<float>::max()}) {
       ThrowError(
-          "track {} is at {:.1e}, {:.1e} in frame {}, which COLMAP cannot hold: leave the track "
-          "out",
+          "track {} is at {:.1e}, {:.1e} in frame {}, which COLMAP cannot represent: leave the "
+          "track out",
           ToInt(o->feature),
           o->xy.x(),
           o->xy.y(),

@@ -208,10 +208,11 @@ bool TurnsByAnotherCamera(const WidestPairs& widest, const Camera& camera, doubl
   const auto [best, px] = LeastOfThoseToTry(widest, camera);
   if (px < threshold || px >= kBeyondOtherCameras * threshold) return false;
   const double least_px = LeastParallaxNear(widest, best);
-  spdlog::debug("parallax beyond a rotation {:.2f} px, by another camera {:.2f} px, {:.2f} tell",
-                px,
-                least_px,
-                threshold);
+  spdlog::debug(
+      "parallax beyond a rotation {:.2f} px, with another camera {:.2f} px, threshold {:.2f} px",
+      px,
+      least_px,
+      threshold);
   return least_px < threshold;
 }
 

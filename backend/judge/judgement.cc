@@ -35,13 +35,13 @@ std::vector<FramePairMotion> PairsWithMostParallax(const WorkingModel& model,
 }
 
 std::string DescribeDepths(double uncertainty) {
-  if (!std::isfinite(uncertainty)) return "depths are not known at all";
+  if (!std::isfinite(uncertainty)) return "depths are unknown";
   return fmt::format("depths are known to {:.0f} % only", 100.0 * uncertainty);
 }
 
 std::string DescribeUnexplained(double share) {
   if (!std::isfinite(share)) return "none of the parallax is explained";
-  return fmt::format("{:.0f} % of the parallax is left unexplained", 100.0 * share);
+  return fmt::format("{:.0f} % of the parallax is unexplained", 100.0 * share);
 }
 
 }  // namespace
@@ -74,7 +74,7 @@ MapperEnd ExplainMissingModel(const WhitenedTracks& whitened,
     return *end;
   }
   const char* why =
-      "if the camera moved, the tracks do not show it: they drift, or are on things that move";
+      "if the camera moved, the tracks do not show it: they drift, or lie on moving objects";
   switch (ClassifyDrift(whitened, camera, pairs)) {
     case ClipMotion::kStatic:
       return {MapperTermination::kStaticCamera, why};
@@ -122,20 +122,20 @@ Judgement JudgeModel(const WorkingModel& model,
                             {MapperTermination::kWeakDepth,
                              DescribeDepths(uncertainty) + ": too little parallax for the noise"});
   } else if (!(unexplained <= kMostUnexplained)) {
-    judgement.worthless = ExplainMissingModel(
-        model.whitened(),
-        camera,
-        keyframes,
-        {MapperTermination::kNotRigid,
-         "no rigid scene explains how the tracks move beyond a rotation of the camera: they drift, "
-         "or most of them are on things that move"});
+    judgement.worthless =
+        ExplainMissingModel(model.whitened(),
+                            camera,
+                            keyframes,
+                            {MapperTermination::kNotRigid,
+                             "no rigid scene explains the motion of the tracks beyond a rotation "
+                             "of the camera: they drift, or most of them lie on moving objects"});
   }
   if (TurnsByAnotherCamera(widest, camera, noise_px)) {
     judgement.doubts.push_back(
         {DoubtCode::kOnlyTurns,
-         fmt::format("a camera that only turns, of another lens than {}, explains all motion as "
+         fmt::format("a camera that only turns, with another lens than {}, explains all motion as "
                      "well, and then there is no depth: walk sideways while you film, {}",
-                     camera.known ? "the one given" : "was found",
+                     camera.known ? "the given one" : "the estimated one",
                      camera.known ? "check --camera" : "give --camera if you know it")});
   }
   if (uncertainty > kWeakDepth) {
@@ -144,12 +144,11 @@ Judgement JudgeModel(const WorkingModel& model,
                                 {{"depth_uncertainty", uncertainty}}});
   }
   if (unexplained > kMuchUnexplained) {
-    judgement.doubts.push_back(
-        {DoubtCode::kUnexplainedParallax,
-         DescribeUnexplained(unexplained) +
-             ": the tracks drift, are on things that move, or the camera hardly left its place; "
-             "film a longer way, in more light",
-         {{"unexplained_parallax", unexplained}}});
+    judgement.doubts.push_back({DoubtCode::kUnexplainedParallax,
+                                DescribeUnexplained(unexplained) +
+                                    ": the tracks drift or lie on moving objects, or the camera "
+                                    "hardly moved; film along a longer path, in more light",
+                                {{"unexplained_parallax", unexplained}}});
   }
   return judgement;
 }
@@ -170,33 +169,31 @@ std::optional<Doubt> DescribeExpectedError(double expected_error) {
   constexpr double kMostError = 0.01;
   constexpr double kSpread = 2.0;
   if (!(kSpread * expected_error > kMostError)) return std::nullopt;
-  return Doubt{
-      DoubtCode::kCamerasUncertain,
-      fmt::format(
-          "the cameras are expected to be off by {:.1f} % of the extent of their path, perhaps by "
-          "twice as much: film a longer way, in steady light, with more texture in the picture",
-          100.0 * expected_error),
-      {{"expected_error", expected_error}}};
+  return Doubt{DoubtCode::kCamerasUncertain,
+               fmt::format("the cameras are expected to be off by {:.1f} % of the extent of their "
+                           "path, perhaps by twice as much: film along a longer path, in steady "
+                           "light, with more texture in the picture",
+                           100.0 * expected_error),
+               {{"expected_error", expected_error}}};
 }
 
 std::optional<Doubt> DescribeUncertainFocal(double focal_sigma) {
   constexpr double kUncertain = 0.05;
   if (!(focal_sigma > kUncertain)) return std::nullopt;
   return Doubt{DoubtCode::kFocalUncertain,
-               fmt::format("the focal length is known to {:.0f} % only, and depths as badly: turn "
-                           "the camera while it moves, or give --camera",
+               fmt::format("the focal length is known to {:.0f} % only, and depths are as "
+                           "uncertain: turn the camera while it moves, or give --camera",
                            100.0 * focal_sigma),
                {{"focal_sigma", focal_sigma}}};
 }
 
 Doubt DescribeRivalCamera(const Camera& camera, const Camera& rival) {
-  return Doubt{
-      DoubtCode::kTwoCameras,
-      fmt::format("two cameras explain the tracks equally well, of the focal lengths {:.0f} "
-                  "and {:.0f} px: turn the camera while it moves, or give --camera",
-                  camera.fx,
-                  rival.fx),
-      {{"focal_px", camera.fx}, {"rival_focal_px", rival.fx}}};
+  return Doubt{DoubtCode::kTwoCameras,
+               fmt::format("two cameras explain the tracks equally well, with focal lengths of "
+                           "{:.0f} and {:.0f} px: turn the camera while it moves, or give --camera",
+                           camera.fx,
+                           rival.fx),
+               {{"focal_px", camera.fx}, {"rival_focal_px", rival.fx}}};
 }
 
 double SpreadAcrossLine(const Reconstruction& reconstruction) {
@@ -229,8 +226,8 @@ std::optional<Doubt> DescribeLine(const Reconstruction& reconstruction) {
   const double spread = SpreadAcrossLine(reconstruction);
   if (!(spread < kLine)) return std::nullopt;
   return Doubt{DoubtCode::kPointsOnALine,
-               "the points lie along a line, about which the cameras may be turned at will: film "
-               "what has texture beside it, too",
+               "the points lie along a line, about which the cameras may rotate freely: also film "
+               "textured surfaces beside it",
                {{"spread_across_line", spread}}};
 }
 
@@ -260,16 +257,14 @@ std::optional<Doubt> DescribeFewPoints(const Reconstruction& reconstruction) {
   if (few.empty()) return std::nullopt;
   return Doubt{
       DoubtCode::kFewPoints,
-      fmt::format(
-          "{} frames, the first of them {} and the last {}, are held by few points, one of them by "
-          "{} "
-          "where the others have {:.0f}, and few points may drift together: film what has texture "
-          "there, or leave these frames out by --frames",
-          few.size(),
-          ToInt(few.front()),
-          ToInt(few.back()),
-          least,
-          median),
+      fmt::format("{} frames, the first of them {} and the last {}, are constrained by few points, "
+                  "one of them by {} where the others have {:.0f}, and few points may drift "
+                  "together: film textured surfaces there, or leave these frames out by --frames",
+                  few.size(),
+                  ToInt(few.front()),
+                  ToInt(few.back()),
+                  least,
+                  median),
       {{"frames", static_cast<double>(few.size())},
        {"points", static_cast<double>(least)},
        {"median_points", median}}};
@@ -318,9 +313,8 @@ std::optional<Doubt> DescribeExcessNoise(const WorkingModel& model) {
   return Doubt{
       DoubtCode::kExcessNoise,
       fmt::format(
-          "the model leaves a noise of {:.2f} px where that of the tracks is {:.2f} px: the "
-          "camera is another than the one given, or the tracks drift or are on things that move; "
-          "check --camera",
+          "the model leaves a noise of {:.2f} px where that of the tracks is {:.2f} px: the given "
+          "camera is wrong, or the tracks drift or lie on moving objects; check --camera",
           left_px,
           noise_px),
       {{"noise_left_px", left_px}, {"noise_px", noise_px}}};

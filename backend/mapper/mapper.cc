@@ -34,7 +34,7 @@ constexpr int kMinKeyframes = 10;
 
 Camera CameraOrGuess(const TrackFile& file) {
   if (file.width_px <= 0 || file.height_px <= 0) {
-    ThrowError("the tracks do not say the picture size ({} x {} px): import them with --images",
+    ThrowError("the tracks have no valid picture size ({} x {} px): import them with --images",
                file.width_px,
                file.height_px);
   }
@@ -121,7 +121,7 @@ MapperResult WithSummary(MapperResult result, const TrackFile& file, const Stopw
 
 Doubt DescribeBetterCamera(const Camera& better, const Camera& given) {
   std::string sentence = fmt::format(
-      "the tracks contradict the camera given: they ask for fx {:.1f} instead of {:.1f} px and k1 "
+      "the tracks contradict the given camera: they imply fx {:.1f} instead of {:.1f} px and k1 "
       "{:.3f}, k2 {:.3f} instead of {:.3f}, {:.3f}: give another --camera, or none",
       better.fx,
       given.fx,
@@ -218,10 +218,11 @@ std::vector<Doubt> DoubtModel(const MapperResult& result,
   if (judged.parts.size() > 1) {
     doubts.push_back(
         {DoubtCode::kParts,
-         fmt::format("the clip breaks into {} parts, this is the largest{}: film what lies between "
-                     "them slower or, where it is cut, give its scenes one by one",
-                     judged.parts.size(),
-                     judged.chosen > 0 ? " of worth" : ""),
+         fmt::format(
+             "the clip breaks into {} parts, of which this is the largest{}: film the places "
+             "between them more slowly or, if the clip is cut, give its scenes one by one",
+             judged.parts.size(),
+             judged.chosen > 0 ? " usable part" : ""),
          {{"parts", static_cast<double>(judged.parts.size())}}});
   }
   if (result.better_camera) {
@@ -317,9 +318,8 @@ MapperResult MapAtOneFocalLength(const TrackFile& file, const MapperOptions& opt
 
   if (options.readout != 0.0 && !HasNeighbours(file.frames)) {
     result.warnings.push_back(
-        fmt::format("the readout of {:g} changes nothing: no two frames lie {:g} or less apart, so "
-                    "that nothing is "
-                    "known of how the camera moves within one",
+        fmt::format("the readout of {:g} has no effect: no two frames are {:g} or less apart, so "
+                    "the motion of the camera within a frame is unknown",
                     options.readout,
                     kMostFramesApart));
   }

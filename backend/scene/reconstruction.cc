@@ -108,14 +108,13 @@ ReconstructionSummary Summarize(const Reconstruction& reconstruction, std::size_
     summary.mean_reprojection_px = error_sum / static_cast<double>(summary.observations);
   }
   if (summary.registered > 0 && TooFewRegistered(summary.registered, frames)) {
-    summary.reasons.push_back(
-        {DoubtCode::kFewFrames,
-         fmt::format("only {} of {} frames have a camera: film the others slower, in more light, "
-                     "or with more overlap",
-                     summary.registered,
-                     frames),
-         {{"registered", static_cast<double>(summary.registered)},
-          {"frames", static_cast<double>(frames)}}});
+    summary.reasons.push_back({DoubtCode::kFewFrames,
+                               fmt::format("only {} of {} frames have a camera: film the others "
+                                           "more slowly, in more light, or with more overlap",
+                                           summary.registered,
+                                           frames),
+                               {{"registered", static_cast<double>(summary.registered)},
+                                {"frames", static_cast<double>(frames)}}});
   }
   return summary;
 }

@@ -88,7 +88,7 @@ cv::Mat SensorSignal(cv::Mat image,
                      RandomStream& random) {
   constexpr int kMostSidePx = 32766;  // of OpenCV's remap
   if (std::max(image.cols, image.rows) > kMostSidePx) {
-    ThrowError("pictures of {}x{}: the recipes sensor and phone take sides of up to {} px",
+    ThrowError("pictures of {}x{}: the recipes sensor and phone support sides of up to {} px",
                image.cols,
                image.rows,
                kMostSidePx);
@@ -420,14 +420,14 @@ class SequenceDegrader {
     const auto decoded = OpenVideo(video, {});
     for (Job& job : jobs) {
       const auto frame = decoded->Next();
-      if (!frame) ThrowError("{} lost frames: is ffmpeg sound?", video.string());
+      if (!frame) ThrowError("{} lost frames: check the ffmpeg installation", video.string());
       ReadTruePictures(job);
       if (options_.occluder_px_per_frame > 0.0) {
         const cv::Mat blank(size_, CV_8UC1, cv::Scalar(0));
         AddOccluder(DrawOccluder(blank, options_, ToInt(job.frame.index)).mask, job.record);
       }
       if (frame->gray.cols < size_.width || frame->gray.rows < size_.height) {
-        ThrowError("{} has frames of {}x{} instead of {}x{}: is ffmpeg sound?",
+        ThrowError("{} has frames of {}x{} instead of {}x{}: check the ffmpeg installation",
                    video.string(),
                    frame->gray.cols,
                    frame->gray.rows,
@@ -497,7 +497,7 @@ void DegradeSequence(Sequence& sequence,
   ValidateOptions(options);
   std::error_code ignored;
   if (fs::equivalent(source, out, ignored)) {
-    ThrowError("{} is the input itself: give another folder to write", out.string());
+    ThrowError("{} is the input itself: give another folder", out.string());
   }
   TumWriter writer(out);
   if (camera) writer.WriteCamera(*camera);

@@ -52,7 +52,7 @@ void CheckBraces(const std::string& pattern) {
     if (c == '}') count *= choices;
   }
   if (count > kMost) {
-    ThrowError("{}: its braces stand for more than {:.0f} names", OneLine(pattern), kMost);
+    ThrowError("{}: its braces expand to more than {:.0f} names", OneLine(pattern), kMost);
   }
 }
 
@@ -132,7 +132,7 @@ ImageList ListImageFolder(const fs::path& input) {
     names = GlobNames(input, list.root);
     if (names.empty()) {
       ThrowError(
-          "no file is named {}, and no images match it: looked for png, jpg, tif, pgm, bmp, webp "
+          "no file is named {}, and no images match it: searched for png, jpg, tif, pgm, bmp, webp "
           "and the like",
           input.string());
     }
@@ -141,7 +141,7 @@ ImageList ListImageFolder(const fs::path& input) {
     names.erase(std::unique(names.begin(), names.end()), names.end());
   }
   if (names.empty())
-    ThrowError("no images in {}: looked for png, jpg, tif, pgm, bmp, webp and the like",
+    ThrowError("no images in {}: searched for png, jpg, tif, pgm, bmp, webp and the like",
                input.string());
 
   list.name = FolderName(list.root);

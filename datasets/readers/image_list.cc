@@ -36,7 +36,7 @@ class ImageListSequence final : public Sequence {
       : list_(std::move(list)), range_(range), count_(range.Count(list_.images.size())) {
     if (list_.images.empty()) ThrowError("{} lists no images", list_.name);
     if (count_ == 0) {
-      ThrowError("{} has {} frames, the range starts at frame {}: give an earlier one",
+      ThrowError("{} has {} frames, but the range starts at frame {}: give an earlier one",
                  list_.name,
                  list_.images.size(),
                  range.first);
@@ -54,7 +54,7 @@ class ImageListSequence final : public Sequence {
     if (back != list_.images.end()) {
       Warn(
           fmt::format("{}: the time of {} is before that of {}, which is listed before it: frames "
-                      "come as listed",
+                      "are read in the listed order",
                       list_.name,
                       std::next(back)->name,
                       back->name));
@@ -69,7 +69,7 @@ class ImageListSequence final : public Sequence {
       }
       if (cv::Size(camera->width_px, camera->height_px) != size_) {
         ThrowError(
-            "the calibration of {} is for {}x{}, its images are {}x{}: use the one that "
+            "the calibration of {} is for {}x{}, but its images are {}x{}: use the one that "
             "belongs to these images",
             list_.name,
             camera->width_px,
@@ -127,7 +127,7 @@ class ImageListSequence final : public Sequence {
     if (found == list_.depth_files.end()) return std::nullopt;
     const cv::Mat units = ReadImage(found->second);
     if (units.type() != CV_16UC1) {
-      ThrowError("depth map {} is no 16-bit grey image", found->second.string());
+      ThrowError("depth map {} is not a 16-bit grey image", found->second.string());
     }
     RequireSize(units.size(), size_, found->second.string());
     cv::Mat metres;
@@ -191,12 +191,12 @@ class ImageListSequence final : public Sequence {
     if (white_ == kWhite) return;
     if (!warned_of_white_ && Brightest(picture) > white_) {
       warned_of_white_ = true;
-      Warn(fmt::format(
-          "{} is brighter than {}, which by other pictures of the clip is white: brighter pixels "
-          "are cut off; give the clip with its pictures made brighter by one factor, so that none "
-          "is",
-          file,
-          white_));
+      Warn(
+          fmt::format("{} is brighter than {}, which is white according to other pictures of the "
+                      "clip: brighter pixels are clipped; to avoid this, multiply all pictures of "
+                      "the clip by one factor",
+                      file,
+                      white_));
     }
     picture.convertTo(picture, -1, kWhite / white_);
   }

@@ -13,7 +13,7 @@ TextTable::TextTable(const std::filesystem::path& file) : file_(file.string()) {
   constexpr std::uint64_t kMaxBytes = std::uint64_t{1} << 28;  // in memory some 30 times as many
   LineReader reader(file);
   if (std::filesystem::file_size(file) > kMaxBytes) {
-    ThrowError("cannot read {}: tables of up to {} bytes are read", file_, kMaxBytes);
+    ThrowError("cannot read {}: tables of up to {} bytes are supported", file_, kMaxBytes);
   }
   constexpr std::string_view kSeparators = " \t,\r";
   while (reader.Next()) {
@@ -46,7 +46,7 @@ T TextTable::Parse(std::size_t row, std::size_t column, std::string_view kind) c
   T value{};
   const char* const end = text.data() + text.size();
   const auto [rest, error] = std::from_chars(text.data(), end, value);
-  if (error != std::errc() || rest != end) Fail(row, fmt::format("'{}' is no {}", text, kind));
+  if (error != std::errc() || rest != end) Fail(row, fmt::format("'{}' is not a {}", text, kind));
   if constexpr (std::is_floating_point_v<T>) {
     if (!std::isfinite(value)) Fail(row, fmt::format("'{}' is not finite", text));
   }

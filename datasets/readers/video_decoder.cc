@@ -65,7 +65,7 @@ T* Allocated(T* pointer) {
 // It may be the file that asks for it.
 void CheckMemory(int code, const std::string& name) {
   if (code == AVERROR(ENOMEM)) {
-    ThrowError("cannot read {}: FFmpeg has not the memory that it asks for", name);
+    ThrowError("cannot read {}: FFmpeg ran out of memory", name);
   }
 }
 
@@ -82,14 +82,14 @@ std::optional<int> FirstVideo(const AVFormatContext& format) {
 
 void CheckPixels(int width_px, int height_px, const std::string& name) {
   if (std::int64_t{width_px} * height_px > VideoDecoder::kMaxPixels) {
-    ThrowError("cannot read {}: its frames are {}x{}, and {} pixels are the most: make it smaller",
+    ThrowError("cannot read {}: its frames are {}x{}, but {} pixels are the maximum: scale it down",
                name,
                width_px,
                height_px,
                VideoDecoder::kMaxPixels);
   }
   if (std::max(width_px, height_px) > kMaxPictureSidePx) {
-    ThrowError("cannot read {}: its frames are {}x{}, and {} pixels a side are the most",
+    ThrowError("cannot read {}: its frames are {}x{}, but {} pixels per side are the maximum",
                name,
                width_px,
                height_px,
@@ -192,7 +192,7 @@ VideoDecoder::VideoDecoder(const std::filesystem::path& file)
       frame_(Allocated(av_frame_alloc())) {
   av_log_set_level(AV_LOG_QUIET);  // our errors and warnings say what matters
   if (NamesOtherFiles(source_.file)) {
-    ThrowError("{} is a list of other files: give the video that it names", name_);
+    ThrowError("{} is a list of other files: give the video that it refers to", name_);
   }
   OpenFile();
   OpenStream();
@@ -239,7 +239,7 @@ void VideoDecoder::OpenFile() {
                name_,
                format_ != nullptr && format_->nb_streams > 0
                    ? "only sound, a cover or text"
-                   : "an MP4 that was cut short has lost its index");
+                   : "a truncated MP4 has lost its index");
   }
 }
 
@@ -262,7 +262,7 @@ void VideoDecoder::OpenStream() {
   CheckMemory(opened, name_);
   if (opened < 0) {
     ThrowError(
-        "cannot open {} as a video: FFmpeg's decoder {} does not take it", name_, decoder->name);
+        "cannot open {} as a video: FFmpeg's decoder {} does not accept it", name_, decoder->name);
   }
 
   frames_per_second_ = RateOf(stream.avg_frame_rate);

@@ -29,13 +29,13 @@ class VideoSequence final : public Sequence {
     focal_guess_ =
         FocalGuessOfVideo(file, decoder_->FocalLengthIn35mmFilm(), {size_.width, size_.height});
     if (const double aspect = decoder_->PixelAspect(); aspect != 1.0) {
-      Warn(fmt::format(
-          "the pixels of {} are not square, {:.3g} times as wide as high: its frames are read "
-          "as {}x{}, of square ones",
-          file_,
-          aspect,
-          size_.width,
-          size_.height));
+      Warn(
+          fmt::format("the pixels of {} are not square but {:.3g} times as wide as high: its "
+                      "frames are read as {}x{} with square pixels",
+                      file_,
+                      aspect,
+                      size_.width,
+                      size_.height));
     }
   }
 
@@ -52,7 +52,7 @@ class VideoSequence final : public Sequence {
                  VideoDecoder::kMaxPixels);
     }
     if (!first_) {
-      ThrowError("{} has {} frames, the range starts at frame {}: give an earlier one",
+      ThrowError("{} has {} frames, but the range starts at frame {}: give an earlier one",
                  file_,
                  grabbed_,
                  range_.first);
@@ -101,8 +101,8 @@ class VideoSequence final : public Sequence {
   std::optional<Frame> End() {
     if (source_frames_ && EndsEarly(grabbed_, *source_frames_, *decoder_)) {
       Warn(
-          fmt::format("decoded {} frames of about {}: {} is cut short or damaged, or its header "
-                      "promises too many; the last frame may be incomplete",
+          fmt::format("decoded {} frames of about {}: {} is truncated or damaged, or its header "
+                      "announces too many; the last frame may be incomplete",
                       grabbed_,
                       *source_frames_,
                       file_));

@@ -40,7 +40,7 @@ std::vector<double> Autocorrelation(double sigma_px, int longest) {
 // q^2 = 1 / (12 255^2): the rounding to 8 bits.
 PositionBound::PositionBound(const DegradeOptions& options, int window_px)
     : recipe_(options.recipe), half_px_(window_px / 2) {
-  Check(recipe_ != DegradeRecipe::kPhone, "the noise that a phone leaves is not known");
+  Check(recipe_ != DegradeRecipe::kPhone, "the noise of a phone's video is unknown");
   if (recipe_ == DegradeRecipe::kSensor) {
     const SensorLevel level = SensorLevelAt(options.level, options.light);
     shot_ = level.shot;

@@ -217,13 +217,14 @@ void CheckSize(const SceneFile& scene,
   const cv::Size size = SizeOfPictures(sequence);
   const SyntheticSceneOptions& made = scene.options;
   if (size.empty() || size == cv::Size(made.width_px, made.height_px)) return;
-  ThrowError("{} is of a scene of {}x{}, the pictures of {} are {}x{}: it is not theirs",
-             (folder / "scene.json").string(),
-             made.width_px,
-             made.height_px,
-             sequence.Name(),
-             size.width,
-             size.height);
+  ThrowError(
+      "{} describes a scene of {}x{}, but the pictures of {} are {}x{}: it belongs to another clip",
+      (folder / "scene.json").string(),
+      made.width_px,
+      made.height_px,
+      sequence.Name(),
+      size.width,
+      size.height);
 }
 
 }  // namespace

@@ -72,7 +72,8 @@ cv::Mat ReadImage(const std::filesystem::path& file, int flags) {
   if (bytes.empty()) ThrowError("cannot decode {}: the file is empty", file.string());
   if (!IsPicture(bytes)) {
     ThrowError(
-        "cannot decode {}: it is no PNG, JPEG, TIFF, BMP, PNM, WebP, JPEG 2000 or Sun raster",
+        "cannot decode {}: it is not a PNG, JPEG, TIFF, BMP, PNM, WebP, JPEG 2000 or Sun raster "
+        "file",
         file.string());
   }
   cv::Mat picture;
@@ -88,7 +89,7 @@ cv::Mat ReadImage(const std::filesystem::path& file, int flags) {
     }
   }
   if (picture.empty()) {
-    ThrowError("cannot decode {}: it is damaged, cut short or of a kind that OpenCV does not read",
+    ThrowError("cannot decode {}: it is damaged, truncated or of a kind that OpenCV does not read",
                file.string());
   }
   return picture;

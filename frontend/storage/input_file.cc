@@ -25,13 +25,13 @@ namespace fs = std::filesystem;
 // Throws unless `status` is of a file.
 void CheckIsFile(const fs::path& path, const struct stat& status) {
   if (S_ISREG(status.st_mode)) return;
-  ThrowError("cannot read {}: it is {}, no file",
+  ThrowError("cannot read {}: it is {}, not a file",
              path.string(),
              S_ISDIR(status.st_mode) ? "a folder" : "a pipe, a socket or a device");
 }
 
 [[noreturn]] void ThrowTooLarge(const fs::path& path, std::uint64_t max_bytes) {
-  ThrowError("cannot read {}: it has more than the {} bytes that such files may have",
+  ThrowError("cannot read {}: it is larger than the {} bytes that such files may have",
              path.string(),
              max_bytes);
 }

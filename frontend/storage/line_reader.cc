@@ -16,7 +16,7 @@ bool LineReader::Next() {
   if (stream_.bad()) ThrowError("cannot read {}: {}", path_.string(), std::strerror(errno));
   if (stream_.fail() && count == 0) return false;
   ++number_;
-  if (stream_.fail()) Throw("longer than {} characters: this is no table", buffer_.size() - 1);
+  if (stream_.fail()) Throw("longer than {} characters: this is not a table", buffer_.size() - 1);
   // getline counts the line's end, except at the end of the file.
   line_ = {buffer_.data(), stream_.eof() ? count : count - 1};
   if (line_.ends_with('\r')) line_.remove_suffix(1);

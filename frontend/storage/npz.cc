@@ -246,10 +246,10 @@ class Member {
   std::uint64_t bytes_left() const { return bytes_left_; }
 
   void Read(char* bytes, std::size_t size) {
-    if (size > bytes_left_) Fail("it is cut short");
+    if (size > bytes_left_) Fail("it is truncated");
     for (std::size_t at = 0; at < size;) {
       const zip_int64_t n = zip_fread(member_.get(), bytes + at, size - at);
-      if (n <= 0) Fail(n < 0 ? zip_file_strerror(member_.get()) : "it is cut short");
+      if (n <= 0) Fail(n < 0 ? zip_file_strerror(member_.get()) : "it is truncated");
       at += static_cast<std::size_t>(n);
     }
     bytes_left_ -= size;
@@ -273,14 +273,15 @@ class Member {
 Header ReadHeader(Member& member) {
   std::array<char, 12> start{};
   member.Read(start.data(), 8);
-  if (std::string_view(start.data(), kMagic.size()) != kMagic) member.Fail("it is no .npy array");
+  if (std::string_view(start.data(), kMagic.size()) != kMagic)
+    member.Fail("it is not a .npy array");
   const int version = static_cast<unsigned char>(start[6]);
   if (version < 1 || version > 3) {
-    member.Fail(fmt::format("version {} of .npy is none of 1, 2 and 3", version));
+    member.Fail(fmt::format("version {} of .npy is not supported: 1, 2 and 3 are", version));
   }
   std::uint32_t length = 0;
   member.Read(reinterpret_cast<char*>(&length), version == 1 ? 2 : 4);
-  if (length > kMaxHeaderBytes) member.Fail("its header is longer than NumPy writes any");
+  if (length > kMaxHeaderBytes) member.Fail("its header is longer than any that NumPy writes");
   std::string text(length, '\0');
   member.Read(text.data(), length);
   if (text.find("'descr': [") != std::string::npos) {
@@ -299,10 +300,11 @@ const Type* FindType(const Header& header) {
 const Type& TypeOf(const Header& header, const Member& member) {
   if (const Type* type = FindType(header)) return *type;
   if (header.descr == "|O") {
-    member.Fail("it holds Python objects, which are not read: save arrays of numbers");
+    member.Fail("it holds Python objects, which are not supported: save arrays of numbers");
   }
-  member.Fail(fmt::format("its type {} is not read: save bool, integers or floats of up to 8 bytes",
-                          header.descr));
+  member.Fail(
+      fmt::format("its type {} is not supported: save bool, integers or floats of up to 8 bytes",
+                  header.descr));
 }
 
 }  // namespace
@@ -371,7 +373,7 @@ NpzArray NpzReader::Read(const std::string& name, std::size_t max_values) {
   const auto count = CountOf(header.shape);
   if (!count || *count > max_values) {
     member.Fail(
-        fmt::format("it is {}: {} numbers are the most", ShapeText(header.shape), max_values));
+        fmt::format("it is {}: {} numbers are the maximum", ShapeText(header.shape), max_values));
   }
   if (*count * type.bytes != member.bytes_left()) {
     member.Fail(fmt::format("its shape {} does not fit its {} bytes of {}",

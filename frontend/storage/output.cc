@@ -71,9 +71,10 @@ void CheckIsNoInput(const fs::path& path) {
 // Nor is what it is written as, which is removed.
 void CheckPartialIsNoInput(const fs::path& path) {
   if (InputRecord::Holds(PartialOf(path))) {
-    ThrowError("cannot write {}: this run reads {}, which it is written as; give another name",
-               path.string(),
-               PartialOf(path).string());
+    ThrowError(
+        "cannot write {}: this run reads {}, the temporary name of that output; give another name",
+        path.string(),
+        PartialOf(path).string());
   }
 }
 
@@ -125,7 +126,7 @@ void OutputFile::Commit() {
   CheckIsNoInput(path_);  // once more: what came later
   if (!lock_->IsAt(partial_)) {
     committed_ = true;
-    ThrowError("cannot write {}: something has taken the place of {} meanwhile",
+    ThrowError("cannot write {}: {} has been replaced by something else in the meantime",
                path_.string(),
                partial_.string());
   }
@@ -169,7 +170,7 @@ void OutputFolder::CheckOld() const {
   std::error_code ignored;
   if (!fs::exists(path_)) {
     if (fs::is_symlink(path_, ignored)) {
-      ThrowError("cannot write folder {}: it is a link to nothing; remove it", path_.string());
+      ThrowError("cannot write folder {}: it is a dangling link; remove it", path_.string());
     }
     return;
   }
@@ -179,14 +180,16 @@ void OutputFolder::CheckOld() const {
   for (const auto& entry : fs::directory_iterator(path_)) {
     const std::string name = entry.path().filename().string();
     if (!is_own_(name)) {
-      ThrowError("cannot replace folder {}: it holds {}, which is not ours; give another folder",
-                 path_.string(),
-                 name);
+      ThrowError(
+          "cannot replace folder {}: it holds {}, which cohort did not write; give another folder",
+          path_.string(),
+          name);
     }
   }
   if (was_ours_ && !fs::is_empty(path_) && !was_ours_(path_)) {
-    ThrowError("cannot replace folder {}: what it holds was not written by us; give another folder",
-               path_.string());
+    ThrowError(
+        "cannot replace folder {}: its contents were not written by cohort; give another folder",
+        path_.string());
   }
   if (IsMountPoint(path_)) {
     ThrowError("cannot replace folder {}: something is mounted there; give a folder in it",
@@ -203,10 +206,12 @@ void OutputFolder::CheckPartial() const {
        entry.increment(error)) {
     const std::string name = entry->path().filename().string();
     if (!is_own_(name) && !is_own_(name.substr(0, name.find(".partial")))) {
-      ThrowError("cannot write folder {}: it is written as {}, which holds {}, not ours: move it",
-                 path_.string(),
-                 partial_.string(),
-                 name);
+      ThrowError(
+          "cannot write folder {}: its temporary folder {} holds {}, which cohort did not write: "
+          "move it",
+          path_.string(),
+          partial_.string(),
+          name);
     }
   }
   CheckFolderHoldsNoInput(partial_);
@@ -235,7 +240,7 @@ void OutputFolder::Commit() {
       } catch (const Error& error) {
         const fs::path kept = fs::path(old) / "old";
         if (std::rename(kept.c_str(), path_.c_str()) != 0) {
-          ThrowError("{}; what was there before is {}", error.what(), kept.string());
+          ThrowError("{}; the previous contents are in {}", error.what(), kept.string());
         }
         RemoveQuietly(old);
         throw;
@@ -249,11 +254,12 @@ void OutputFolder::Commit() {
 }
 
 void CheckOutputPath(const fs::path& path) {
-  if (path == "-") ThrowError("cannot write to the standard output: give a name of a file");
+  if (path == "-") ThrowError("cannot write to the standard output: give the name of a file");
   if (fs::is_directory(path)) ThrowError("cannot write {}: it is a folder", path.string());
   if (IsOfTheSystem(path) || (fs::exists(path) && !fs::is_regular_file(path))) {
     ThrowError(
-        "cannot write {}: it is no file, but a pipe, a socket or a device; give a name of a file",
+        "cannot write {}: it is not a file but a pipe, a socket or a device; give the name of a "
+        "file",
         path.string());
   }
   CheckParent(path);
@@ -282,10 +288,8 @@ void CheckDistinctOutputs(
     if (path.empty()) continue;
     const auto [other, is_new] = options.emplace(EntryOf(path), option);
     if (!is_new) {
-      ThrowUsageError("{} and {} are both {}: give each a name of its own",
-                      other->second,
-                      option,
-                      path.string());
+      ThrowUsageError(
+          "{} and {} are both {}: give each its own name", other->second, option, path.string());
     }
   }
 }

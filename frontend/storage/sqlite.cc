@@ -29,7 +29,7 @@ constexpr std::uint64_t kReadings = 4;  // of a text or blob by one statement
 // What to do about it, where the message alone does not say.
 const char* Advice(int code) {
   if (code == SQLITE_READONLY_ROLLBACK) {
-    return " (a program died while it wrote it: open it by that program once)";
+    return " (a program died while writing it: open it once with that program)";
   }
   if (code == SQLITE_INTERRUPT) return " (it is damaged: it has more rows than it has room for)";
   switch (code & 0xFF) {
@@ -39,7 +39,7 @@ const char* Advice(int code) {
     case SQLITE_READONLY:
       return " (check that the file and its folder may be written)";
     case SQLITE_BUSY:
-      return " (another program has locked it: wait for its end)";
+      return " (another program has locked it: wait until that program ends)";
     default:
       return "";
   }
@@ -291,9 +291,10 @@ void SqliteDatabase::CheckTables() {
       "SELECT name FROM sqlite_master WHERE type = 'table' AND (rootpage = 0 OR EXISTS "
       "(SELECT 1 FROM pragma_table_xinfo(sqlite_master.name) WHERE hidden > 0)) LIMIT 1");
   if (table.Step()) {
-    ThrowError("database {}: its table {} is virtual or has computed columns, which are not read",
-               sqlite3_db_filename(db_.get(), "main"),
-               table.Text(0));
+    ThrowError(
+        "database {}: its table {} is virtual or has computed columns, which are not supported",
+        sqlite3_db_filename(db_.get(), "main"),
+        table.Text(0));
   }
 }
 

@@ -51,7 +51,7 @@ void LockOrThrow(int descriptor,
   while (!try_lock(descriptor, kind)) {
     if (std::chrono::steady_clock::now() > until) {
       ThrowError(
-          "cannot write {}: another run is writing it; wait for its end, or give another output",
+          "cannot write {}: another run is writing it; wait until it ends, or give another output",
           path.string());
     }
     std::this_thread::sleep_for(kPause);
@@ -97,7 +97,7 @@ WriteLock WriteLock::OfNew(const fs::path& path, bool folder) {
     const int why_not = old.descriptor_ < 0 ? errno : 0;
     // What is no file has no lock, what may not be opened may be another user's who is writing it.
     if (why_not != 0 && why_not != ENOENT && why_not != ELOOP && why_not != ENXIO) {
-      ThrowError("cannot write {}: what is in its place cannot be opened: {}; remove it",
+      ThrowError("cannot write {}: the existing file cannot be opened: {}; remove it",
                  path.string(),
                  std::strerror(why_not));
     }
@@ -121,7 +121,7 @@ WriteLock WriteLock::OfNew(const fs::path& path, bool folder) {
   if (folder) ThrowError("cannot make folder {}: {}", path.string(), std::strerror(error));
   ThrowError("cannot write {}: {}",
              path.string(),
-             error == EISDIR ? "a folder is in its place, remove it" : std::strerror(error));
+             error == EISDIR ? "a folder of that name exists, remove it" : std::strerror(error));
 }
 
 // Another run may have put its own there while we waited.

@@ -105,7 +105,7 @@ void TrackLoop::HoldFeatures(FrameIndex frame, FrameResult& result) {
 
 void TrackLoop::MoveFeatures(const Pyramid& pyramid, FrameIndex frame, FrameResult& result) {
   const std::vector<Move> moves = mover_->MoveFeatures(pyramid);
-  Check(moves.size() == features_.size(), "a mover answers for every feature");
+  Check(moves.size() == features_.size(), "a mover returns a result for every feature");
   UseMoves(moves, frame, result);
 }
 

@@ -140,7 +140,7 @@ int ReadSize(const std::string& text, const fs::path& path) {
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
   if (error != std::errc() || end != text.data() + text.size() || value < 0 ||
       value > kMaxPictureSidePx) {
-    ThrowDamaged(path, fmt::format("'{}' is no image size", text));
+    ThrowDamaged(path, fmt::format("'{}' is not an image size", text));
   }
   return value;
 }
@@ -187,13 +187,14 @@ SqliteDatabase OpenTracks(const fs::path& path) {
   auto db = SqliteDatabase::Open(path, SqliteDatabase::Mode::kRead);
   auto id = db.Prepare("PRAGMA application_id");
   if (!id.Step() || id.Int(0) != kApplicationId) {
-    ThrowError("{} is no .tracks file of cohort", path.string());
+    ThrowError("{} is not a .tracks file of cohort", path.string());
   }
   if (db.UserVersion() != kVersion) {
-    ThrowError("{} is a .tracks file of version {}, this program reads version {}: make it again",
-               path.string(),
-               db.UserVersion(),
-               kVersion);
+    ThrowError(
+        "{} is a .tracks file of version {}, but this program reads version {}: make it again",
+        path.string(),
+        db.UserVersion(),
+        kVersion);
   }
   return db;
 }
@@ -246,7 +247,7 @@ std::vector<TrackEnd> ReadEnds(SqliteDatabase& db, const fs::path& path) {
                                     kLossReasonNames.end(),
                                     [&](const auto& entry) { return entry.first == row.Text(2); });
     if (name == kLossReasonNames.end()) {
-      ThrowDamaged(path, fmt::format("'{}' is no reason to end a track", row.Text(2)));
+      ThrowDamaged(path, fmt::format("'{}' is not a reason to end a track", row.Text(2)));
     }
     ends.push_back({.feature = FeatureId{ReadId(row.Int(0), path, "track")},
                     .last_frame = FrameIndex{ReadId(row.Int(1), path, "frame")},
@@ -278,7 +279,7 @@ TrackFile ReadTrackFile(const fs::path& path) {
   if (file.found_camera &&
       (file.found_camera->known || file.found_camera->width_px != file.width_px ||
        file.found_camera->height_px != file.height_px)) {
-    ThrowDamaged(path, "the camera that was found is not of these pictures");
+    ThrowDamaged(path, "the camera that was found does not belong to these pictures");
   }
   auto frames = db.Prepare("SELECT \"index\", name, timestamp_ns FROM frames ORDER BY \"index\"");
   while (frames.Step()) {
@@ -292,7 +293,7 @@ TrackFile ReadTrackFile(const fs::path& path) {
     }
   }
   if (!file.frames.empty() && (file.width_px == 0 || file.height_px == 0)) {
-    ThrowDamaged(path, "it has frames of no size");
+    ThrowDamaged(path, "it has frames without a size");
   }
   auto unlisted = db.Prepare(
       "SELECT frame FROM observations WHERE frame NOT IN (SELECT \"index\" FROM frames) LIMIT 1");

@@ -28,7 +28,7 @@ namespace cohort {
 namespace {
 
 constexpr const char* kOutOfMemory =
-    "out of memory: give fewer frames, smaller pictures or fewer features, or a smaller file";
+    "out of memory: use fewer frames, smaller pictures, fewer features or a smaller file";
 
 // A message of the log without line breaks.
 class OneLineOfLog : public spdlog::custom_flag_formatter {
@@ -86,7 +86,7 @@ int Dispatch(const std::vector<Command>& commands, std::span<const std::string> 
   std::error_code ignored;
   if (std::filesystem::exists(name, ignored)) {
     ThrowUsageError(
-        "{} is no command: 'cohort sfm {} --out scene' makes a scene of it", name, name);
+        "{} is not a command: 'cohort sfm {} --out scene' makes a scene from it", name, name);
   }
   ThrowUsageError("unknown command '{}': 'cohort --help' lists the commands", name);
 }
@@ -143,11 +143,10 @@ int RunProgram(const std::vector<Command>& commands, std::span<const std::string
     if (std::ferror(stdout) != 0) return Fail(1, "", "cannot write to standard output");
     // As libraries say it that begin threads.
     if (std::string_view(e.what()).find(std::strerror(EAGAIN)) != std::string_view::npos) {
-      return Fail(
-          1,
-          "",
-          "the system gives no more threads: there are too many processes (ulimit -u), or too "
-          "little memory (ulimit -v); fewer threads: --threads 1, where there is that option");
+      return Fail(1,
+                  "",
+                  "the system cannot start more threads: there are too many processes (ulimit -u) "
+                  "or too little memory (ulimit -v); use --threads 1 where that option exists");
     }
     return Fail(1, "internal: ", e.what());
   }

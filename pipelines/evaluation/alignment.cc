@@ -35,7 +35,7 @@ std::string_view Reason(AlignmentStatus status) {
     case AlignmentStatus::kTooFewPoints:
       return "fewer than 3 cameras have a true pose";
     case AlignmentStatus::kOnePlace:
-      return "all cameras, or all true ones, are in one place";
+      return "all cameras, or all true ones, are at one position";
   }
   return "";
 }

@@ -66,7 +66,7 @@ std::vector<StampedPose> ReadTumTrajectory(const std::filesystem::path& path) {
     pose.world_from_cam.translation = {number(1), number(2), number(3)};
     const Eigen::Quaterniond rotation(number(7), number(4), number(5), number(6));
     if (!(rotation.norm() > 0.0 && std::isfinite(rotation.norm()))) {
-      table.Fail(row, "the quaternion is none");
+      table.Fail(row, "the quaternion is invalid");
     }
     pose.world_from_cam.rotation = rotation.normalized();
   }

@@ -53,10 +53,10 @@ TrackJobOptions TrackOf(const ExperimentOptions& options, const TrackCell& cell)
 
 Json TrackCeiling(const ExperimentOptions& options, const TrackCell& cell) {
   if (!cell.condition.IsDegraded()) {
-    return NotAvailable("the noise of a clip as it is is not known: give --levels");
+    return NotAvailable("the noise of an undegraded clip is unknown: give --levels");
   }
   if (cell.condition.Recipe() == DegradeRecipe::kPhone) {
-    return NotAvailable("what noise a phone's denoising and encoder leave is not known");
+    return NotAvailable("the noise that a phone's denoising and encoding leave is unknown");
   }
   if (!cell.condition.clip.has_track_truth) return NotAvailable("no truth of tracks");
   const auto clip = OpenInput(ClipInput(options, cell.condition));
@@ -94,7 +94,7 @@ Json RunPaperProtocol(const InputOptions& clip_input,
       *MakeMover(tracker), next, points, static_cast<std::size_t>(options.window_frames));
   const double ms = stopwatch.Milliseconds();
   if (trajectories.features == 0) {
-    ThrowError("{}: no corner of its first frame stays visible for {} frames",
+    ThrowError("{}: no corner of the first frame stays visible for {} frames",
                clip_input.input,
                options.window_frames);
   }

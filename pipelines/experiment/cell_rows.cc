@@ -205,7 +205,7 @@ void AddHalvesRows(const TrackCell& cell,
     rows.Fail(fmt::format("halves: {}", WhyFailed(half)));
     return;
   }
-  rows.Fail("halves: their cameras fix no alignment");
+  rows.Fail("halves: their cameras do not determine an alignment");
 }
 
 }  // namespace cohort

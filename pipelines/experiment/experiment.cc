@@ -61,11 +61,11 @@ void CheckWhatIsFinished(const ExperimentOptions& options, const ExperimentPlan&
         return IsFinished(options, plan, cell);
       });
   if (finished == 0) {
-    ThrowError("no cell of this grid is finished in {}: run it, or shards of it, first",
+    ThrowError("no cell of this grid is finished in {}: first run it, or shards of it",
                options.out);
   }
   if (finished < std::ssize(plan.cells)) {
-    spdlog::warn("{} of {} cells are not finished: the results are without them",
+    spdlog::warn("{} of {} cells are not finished: the results do not include them",
                  std::ssize(plan.cells) - finished,
                  plan.cells.size());
   }
@@ -83,8 +83,9 @@ void CheckCellsAreOurs(const ExperimentOptions& options, const fs::path& cells) 
       return;
     }
   }
-  ThrowError("{} is in the way of the cells, and not of a comparison: give another --out",
-             cells.string());
+  ThrowError(
+      "{} is where the cells belong, but was not written by a comparison: give another --out",
+      cells.string());
 }
 
 // Nobody else makes the same shard: a queue may have started it twice.

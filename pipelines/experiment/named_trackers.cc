@@ -96,7 +96,8 @@ GridTracker NamedGridTracker(const std::string& name,
   // Of a file its name alone.
   const std::string stem = std::filesystem::path(first_pass).stem().string();
   if (stem != first_pass && IsTaken(stem)) {
-    ThrowUsageError("tracker '{}': '{}' is the name of another one: rename the file", name, stem);
+    ThrowUsageError(
+        "tracker '{}': '{}' is the name of another tracker: rename the file", name, stem);
   }
   tracker.name = stem + with_pass;
   return tracker;

@@ -27,7 +27,7 @@ Shard ParseShard(const std::string& text) {
     const auto count = ParseUnsigned(std::string_view(text).substr(slash + 1));
     if (index && count && *index < *count) return {*index, *count};
   }
-  ThrowUsageError("--shard '{}' is none: give i/n with i from 0 to n - 1", text);
+  ThrowUsageError("--shard '{}' is invalid: give i/n with i from 0 to n - 1", text);
 }
 
 void CheckLevel(const std::string& level) {
@@ -45,7 +45,7 @@ unsigned ParseSeed(const std::string& text) {
   const auto seed = ParseUnsigned(text);
   constexpr unsigned kMost = std::numeric_limits<int>::max();  // COLMAP's
   if (!seed || *seed > kMost) {
-    ThrowUsageError("--seeds '{}' is no seed: give whole numbers from 0 to {}", text, kMost);
+    ThrowUsageError("--seeds '{}' is not a seed: give whole numbers from 0 to {}", text, kMost);
   }
   return *seed;
 }
@@ -61,7 +61,7 @@ GridBackend ParseBackend(const std::string& text) {
 void CheckDistinct(const char* option, const std::vector<std::string>& names) {
   std::set<std::string> seen;
   for (const std::string& name : names) {
-    if (!seen.insert(name).second) ThrowUsageError("--{} has {} twice", option, name);
+    if (!seen.insert(name).second) ThrowUsageError("--{} contains {} twice", option, name);
   }
 }
 
@@ -81,20 +81,20 @@ void CheckTracker(const ExperimentOptions& options,
                   const GridTracker& tracker) {
   if (options.protocol == Protocol::kPaper) {
     if (tracker.source != TrackSource::kTracker) {
-      ThrowUsageError("--trackers {}: not with --protocol paper", tracker.name);
+      ThrowUsageError("--trackers {}: not available with --protocol paper", tracker.name);
     }
     if (tracker.second_pass != options.second_pass.mode ||
         tracker.second_pass == SecondPassMode::kOn) {
       ThrowUsageError(
-          "--trackers {}: --protocol paper is of trackers without a second pass: give "
-          "no NAME-refined or NAME-online, and --second-pass.mode auto",
+          "--trackers {}: --protocol paper compares trackers without a second pass: give no "
+          "NAME-refined or NAME-online, and --second-pass.mode auto",
           tracker.name);
     }
   }
   if (tracker.source == TrackSource::kSift &&
       std::find(plan.backends.begin(), plan.backends.end(), GridBackend::kColmap) ==
           plan.backends.end()) {
-    ThrowUsageError("--trackers sift is COLMAP alone: add colmap to --backends");
+    ThrowUsageError("--trackers sift needs backend colmap: add colmap to --backends");
   }
 }
 
@@ -123,7 +123,7 @@ InputOptions FramesOf(const ExperimentOptions& options, const Condition& conditi
 
 ExperimentPlan PlanWithoutClips(const ExperimentOptions& options) {
   if (options.collect && !options.shard.empty()) {
-    ThrowUsageError("--collect gathers what all shards have finished: leave out --shard");
+    ThrowUsageError("--collect gathers the finished cells of all shards: leave out --shard");
   }
   ExperimentPlan plan;
   plan.cells_folder = fs::path(options.out) / "cells";
@@ -183,7 +183,7 @@ std::vector<GridClip> ProbeClips(const ExperimentOptions& options, const Experim
                      figures["has_track_truth"],
                      figures["camera_prior"]});
     if (options.protocol == Protocol::kPaper && !clips.back().has_track_truth) {
-      ThrowError("{} has no truth of tracks: --protocol paper needs clips of `cohort synth`",
+      ThrowError("{} has no true tracks: --protocol paper needs clips of `cohort synth`",
                  clips.back().input);
     }
   }

@@ -116,7 +116,7 @@ bool IsDone(const Task& task) {
       done = result.at("error").is_null() && IsOf(result, task) && HasMade(result, task);
     });
   } catch (const Error& error) {
-    spdlog::warn("{}; it is made anew", error.what());
+    spdlog::warn("{}; it is run again", error.what());
   }
   return done;
 }
@@ -154,7 +154,8 @@ void RunTasks(const std::string& stage, const std::vector<Task>& tasks, int jobs
     if (interrupt.Requested()) {
       for (const auto& [child, task] : running) kill(child, SIGKILL);
       for (const auto& [child, task] : running) waitpid(child, &status, 0);
-      ThrowError("interrupted; what is finished is kept: the same command with --resume goes on");
+      ThrowError(
+          "interrupted; finished cells are kept: run the same command with --resume to continue");
     }
     const auto it = running.find(ended);
     if (it == running.end()) {

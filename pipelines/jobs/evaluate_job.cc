@@ -83,12 +83,12 @@ Json CalibrationToJson(const CalibrationFigure& figure) {
           {"tenths", tenths}};
 }
 
-// Throws Error where the clip ends before the last frame of `what`; `kind`: "tracks are", "model
-// is".
+// Throws Error if the clip ends before the last frame of `what`; `kind`: "tracks were made" or
+// "model was made".
 void CheckHasFrame(Sequence& sequence, FrameIndex last, const std::string& what, const char* kind) {
   const auto frames = sequence.FrameCount();
   if (!frames || ToInt(last) < *frames) return;
-  ThrowError("{} has a frame {}, {} has {} frames: give the clip that the {} of",
+  ThrowError("{} has a frame {}, but {} has {} frames: give the clip that the {} from",
              what,
              ToInt(last),
              sequence.Name(),
@@ -123,8 +123,8 @@ void WarnIfOtherFrames(std::span<const FrameInfo> of_subject,
     const auto named = names.Find(frame.name);
     if (!named || *named == frame.index) continue;
     spdlog::warn(
-        "frame {} of {} is called {}, which is frame {} of {}: frames are compared by their "
-        "numbers, so give the truth of the same pictures",
+        "frame {} of {} is called {}, which is the name of frame {} of {}: frames are compared by "
+        "number, so give the truth of the same pictures",
         ToInt(frame.index),
         subject,
         frame.name,
@@ -143,8 +143,8 @@ void WarnIfOtherFrames(std::span<const FrameInfo> of_subject,
     const double in_clip = TimeFromTo(times[a.index], times[b.index]);
     if (in_subject <= 0.0 || in_clip <= 0.0 || std::abs(in_subject - in_clip) <= kSameNs) continue;
     spdlog::warn(
-        "between frames {} and {} are {:.0f} ms in {}, and {:.0f} ms in {}: are they the same "
-        "frames?",
+        "frames {} and {} are {:.0f} ms apart in {}, but {:.0f} ms in {}: check that they are the "
+        "same frames",
         ToInt(a.index),
         ToInt(b.index),
         1e-6 * in_subject,
@@ -161,7 +161,8 @@ void CheckIsClipOf(const TrackFile& file, const std::string& tracks, Sequence& s
   sequence.Rewind();
   if (picture && (picture->gray.cols != file.width_px || picture->gray.rows != file.height_px)) {
     ThrowError(
-        "{} is of pictures of {}x{}, those of {} have {}x{}: give the clip that the tracks are of",
+        "{} was made from pictures of {}x{}, but those of {} have {}x{}: give the clip that the "
+        "tracks were made from",
         tracks,
         file.width_px,
         file.height_px,
@@ -170,7 +171,7 @@ void CheckIsClipOf(const TrackFile& file, const std::string& tracks, Sequence& s
         picture->gray.rows);
   }
   if (!file.frames.empty()) {
-    CheckHasFrame(sequence, file.frames.back().index, tracks, "tracks are");
+    CheckHasFrame(sequence, file.frames.back().index, tracks, "tracks were made");
   }
   WarnIfOtherFrames(file.frames, tracks, sequence);
 }
@@ -181,8 +182,8 @@ Json EvaluateTrackFile(const std::string& path,
                        double edge_px) {
   if (truth == nullptr) {
     ThrowError(
-        "{} has no truth of tracks: it needs true poses and depth pictures, as `cohort "
-        "synth` writes them",
+        "{} has no true tracks: this needs true poses and depth pictures, such as those of `cohort "
+        "synth`",
         sequence.Name());
   }
   const TrackFile file = ReadTrackFile(path);
@@ -238,7 +239,7 @@ std::vector<FrameIndex> FramesOfModel(const fs::path& folder, const ModelTruth& 
   }
   const std::size_t count = range.Count(range.end.value_or(range.first));
   if (count > kMostFrames) {
-    ThrowError("{}: frame_range '{}' has {} frames: up to {} are evaluated",
+    ThrowError("{}: frame_range '{}' has {} frames: up to {} are supported",
                summary.string(),
                *text,
                count,
@@ -282,8 +283,7 @@ std::map<FrameIndex, Rigid3> PosesOfSameFrames(const Reconstruction& model,
     if (const auto named = names.Find(name)) poses[*named] = pose->second;
   }
   if (!poses.empty()) return poses;
-  spdlog::warn(
-      "the two models share no name of an image: their images are matched by their numbers");
+  spdlog::warn("the two models share no image names: their images are matched by number");
   return other.cam_from_world;
 }
 
@@ -318,7 +318,8 @@ Reconstruction ReadModelOf(const fs::path& folder, Sequence& sequence) {
   if (IsNumberedByFrame(folder)) {
     Reconstruction model = ReadReconstruction(folder);
     if (!model.cam_from_world.empty()) {
-      CheckHasFrame(sequence, model.cam_from_world.rbegin()->first, folder.string(), "model is");
+      CheckHasFrame(
+          sequence, model.cam_from_world.rbegin()->first, folder.string(), "model was made");
     }
     std::vector<FrameInfo> frames;
     for (const auto& [frame, pose] : model.cam_from_world) {
@@ -331,13 +332,15 @@ Reconstruction ReadModelOf(const fs::path& folder, Sequence& sequence) {
     const auto picture = sequence.Next();
     if (picture && (picture->gray.cols != model.camera.width_px ||
                     picture->gray.rows != model.camera.height_px)) {
-      spdlog::warn("{} is of pictures of {}x{}, those of {} have {}x{}: is it of this clip?",
-                   folder.string(),
-                   model.camera.width_px,
-                   model.camera.height_px,
-                   sequence.Name(),
-                   picture->gray.cols,
-                   picture->gray.rows);
+      spdlog::warn(
+          "{} was made from pictures of {}x{}, but those of {} have {}x{}: check that it belongs "
+          "to this clip",
+          folder.string(),
+          model.camera.width_px,
+          model.camera.height_px,
+          sequence.Name(),
+          picture->gray.cols,
+          picture->gray.rows);
     }
     return model;
   }
@@ -354,8 +357,8 @@ Reconstruction ReadModelOf(const fs::path& folder, Sequence& sequence) {
     ModelOfClip clip = ReadModelOfClip(model, frames, folder);
     if (clip.unknown_images > 0) {
       spdlog::warn(
-          "{}: {} of its images are no frame of {} and are left out, {} for one: where that is the "
-          "first or the last, names are numbers that are off by one",
+          "{}: {} of its images are not frames of {} and are left out, such as {}: if that is the "
+          "first or the last image, the names are numbers that are off by one",
           folder.string(),
           clip.unknown_images,
           sequence.Name(),
@@ -364,8 +367,8 @@ Reconstruction ReadModelOf(const fs::path& folder, Sequence& sequence) {
     return std::move(clip.reconstruction);
   }
   spdlog::warn(
-      "no image of {} has the name of a frame of {}: they are matched by their numbers, image 1 "
-      "with frame 0",
+      "no image of {} has the name of a frame of {}: they are matched by number, image 1 with "
+      "frame 0",
       folder.string(),
       sequence.Name());
   return ReadReconstruction(folder);
@@ -406,14 +409,15 @@ Json RunEvaluateJob(const EvaluateJobOptions& options) {
   CheckOutputsGiven({options.json});
   const bool is_model = fs::is_directory(options.subject);
   if (!is_model && IsModelFolder(options.truth)) {
-    ThrowUsageError("{} is a model, of which tracks cannot be judged: give a clip with truth",
-                    options.truth);
+    ThrowUsageError(
+        "{} is a model, against which tracks cannot be evaluated: give a clip with truth",
+        options.truth);
   }
   if (is_model && options.edge_px != EvaluateJobOptions().edge_px) {
     ThrowUsageError("--edge-px is for tracks: leave it out with the model {}", options.subject);
   }
   if (IsModelFolder(options.truth) && options.layout != Layout::kAuto) {
-    ThrowUsageError("--layout is of a clip: leave it out with the model {}", options.truth);
+    ThrowUsageError("--layout is for a clip: leave it out with the model {}", options.truth);
   }
   Json figures;
   if (is_model && IsModelFolder(options.truth)) {
@@ -444,10 +448,11 @@ Json RunEvaluateJob(const EvaluateJobOptions& options) {
           model.cam_from_world,
           [&poses](const auto& camera) { return !poses.cam_from_world.contains(camera.first); });
       if (without > 0) {
-        spdlog::warn("{} has no true pose of {} of the {} cameras: the errors are of the others",
-                     sequence->Name(),
-                     without,
-                     model.cam_from_world.size());
+        spdlog::warn(
+            "{} has no true pose for {} of the {} cameras: the errors are those of the others",
+            sequence->Name(),
+            without,
+            model.cam_from_world.size());
       }
     } else {
       figures = EvaluateTrackFile(options.subject, *sequence, truth.get(), options.edge_px);

@@ -115,11 +115,11 @@ fs::path MakeModel(const SfmJobOptions& options, std::size_t frames, const Json&
   job.reconstruct = options.reconstruct;
   if (frames > kMostFramesWithCovariances && job.reconstruct.ceres.covariances) {
     job.reconstruct.ceres.covariances = false;
-    spdlog::info("more than {} frames: without covariances of cameras and points",
+    spdlog::info("more than {} frames: the covariances of cameras and points are not estimated",
                  kMostFramesWithCovariances);
   }
   if (options.resume && HasModel(options.out, made_of)) {
-    spdlog::info("{} is complete already", job.out);
+    spdlog::info("{} is already complete", job.out);
   } else {
     const fs::path stamp = fs::path(options.out) / kModelStamp;
     std::error_code ignored;
@@ -237,7 +237,7 @@ SfmFigures RunSfmJob(const SfmJobOptions& options) {
   if (options.resume && IsStillThere(folder, "summary.json", made_of) &&
       HasModel(folder, model_made_of)) {
     WarnAgain(ReadTrackFile(folder / "clip.tracks"));
-    spdlog::info("{} is complete already", options.out);
+    spdlog::info("{} is already complete", options.out);
     SfmFigures figures = FiguresOfSummary(folder);
     figures.lock = std::move(lock);
     return figures;
@@ -246,7 +246,7 @@ SfmFigures RunSfmJob(const SfmJobOptions& options) {
 
   const TrackJobOptions track = TrackOptionsOf(options);
   if (options.resume && HasTracksOfJob(track)) {
-    spdlog::info("{} is complete already", track.out);
+    spdlog::info("{} is already complete", track.out);
   } else {
     RunTrackJob(track);
   }

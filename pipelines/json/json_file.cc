@@ -29,9 +29,9 @@ Json ReadJsonFile(const std::filesystem::path& path) {
   } catch (const Error& e) {
     ThrowError("{}: {}", path.string(), e.what());
   } catch (const nlohmann::json::parse_error& e) {
-    ThrowError("{}: is no JSON (byte {})", path.string(), e.byte);
+    ThrowError("{}: is not valid JSON (byte {})", path.string(), e.byte);
   } catch (const nlohmann::json::exception& e) {  // a number that fits none
-    ThrowError("{}: is no JSON that is read: {}", path.string(), e.what());
+    ThrowError("{}: is not supported JSON: {}", path.string(), e.what());
   }
 }
 
@@ -44,7 +44,7 @@ void UseJsonFile(const std::filesystem::path& path, const std::function<void(con
   try {
     use(json);
   } catch (const Json::exception& e) {
-    ThrowError("{}: is not as cohort writes it: {}", path.string(), e.what());
+    ThrowError("{}: does not have the form that cohort writes: {}", path.string(), e.what());
   }
 }
 

@@ -16,7 +16,7 @@ std::thread::id exits;  // before `exiting`
 }  // namespace
 
 CallWithoutGil::Counted::Counted() {
-  if (MustEnd()) ThrowError("the interpreter exits: nothing new is begun");
+  if (MustEnd()) ThrowError("the interpreter is exiting: no new work is started");
   ++calls;
 }
 

@@ -63,8 +63,8 @@ struct TrackArguments {
   template <typename Self, typename Visitor>
   static void Visit(Self& o, Visitor& v) {
     InputOptions::Visit(o.input, v);
-    v.Text("mask", o.mask, "as of `cohort track`");
-    v.Number("threads", o.threads, 0, 1024, "as of `cohort track`");
+    v.Text("mask", o.mask, "as in `cohort track`");
+    v.Number("threads", o.threads, 0, 1024, "as in `cohort track`");
     TrackerOptions::Visit(o.tracker, v);
     v.Group("second_pass", o.second_pass, "the second pass");
   }
@@ -86,7 +86,7 @@ Options FromJsonText(const std::string& json, const std::string& function) {
   try {
     SetFromJson(ListOptions(options), Json::parse(json), function);
   } catch (const Json::exception& e) {  // names that are no text, numbers that fit none
-    ThrowUsageError("{}: the options are none that JSON can hold ({})", function, e.what());
+    ThrowUsageError("{}: the options cannot be represented as JSON ({})", function, e.what());
   }
   return options;
 }
@@ -183,7 +183,7 @@ TrackFile Track(const ClipArgument& clip,
   TrackArguments arguments = FromJsonText<TrackArguments>(options, "track()");
   // Before all the work.
   if (GivenCamera(arguments.input, 0, 0) && camera) {
-    ThrowUsageError("a Camera is given, and another one by text or a prior: give one of them");
+    ThrowUsageError("a Camera and another camera, as text or a prior, are given: give one of them");
   }
   const bool second_pass = WantsSecondPass(arguments.second_pass.mode, arguments.tracker);
   const cv::Mat mask = MaskOf(mask_array, arguments.mask);
@@ -299,7 +299,7 @@ std::vector<FrameInfo> FramesNumbered(const py::array_t<std::uint32_t>& numbers,
   for (py::ssize_t i = 0; i < numbers.size(); ++i) {
     const std::uint32_t number = numbers.at(i);
     if (number >= kMostFrames) {
-      ThrowUsageError("frame {}: up to {} are taken, counted from 0", number, kMostFrames);
+      ThrowUsageError("frame {}: up to {} are supported, counted from 0", number, kMostFrames);
     }
     if (!frames.empty() && number <= ToInt(frames.back().index)) {
       ThrowUsageError("frame {} comes after frame {}: give the frames in order, each once",
@@ -310,7 +310,7 @@ std::vector<FrameInfo> FramesNumbered(const py::array_t<std::uint32_t>& numbers,
   }
   for (const FrameIndex frame : tracks.frames()) {
     if (!std::ranges::binary_search(frames, frame, {}, &FrameInfo::index)) {
-      ThrowError("there is an observation in frame {}, which is none of the {} frames",
+      ThrowError("there is an observation in frame {}, which is not one of the {} frames",
                  ToInt(frame),
                  frames.size());
     }
@@ -326,8 +326,9 @@ std::pair<TrackFile, std::string> MakeTracks(const py::array_t<ObservationRow>& 
                                              const std::optional<Camera>& camera) {
   if (width_px < 1 || height_px < 1 || width_px > kMaxPictureSidePx ||
       height_px > kMaxPictureSidePx) {
-    ThrowUsageError(
-        "no picture has {} x {} px: give width_px and height_px of the clip", width_px, height_px);
+    ThrowUsageError("{} x {} px is not a picture size: give width_px and height_px of the clip",
+                    width_px,
+                    height_px);
   }
   TrackFile file;
   file.width_px = width_px;
@@ -348,7 +349,7 @@ std::string DoubtOfOrder(const ColmapDatabase& database, const fs::path& path) {
   for (const auto& [id, image] : database.images) names.push_back(image.name);
   if (std::ranges::is_sorted(names, NaturalLess)) return "";
   return fmt::format(
-      "{}: its images are not numbered in the order of their names, but the numbers are taken for "
+      "{}: its images are not numbered in the order of their names, but the numbers are taken as "
       "frames: 'cohort import' with the clip puts them in order",
       path.string());
 }
@@ -456,7 +457,7 @@ void BindCamera(py::module_& module) {
       .def_readonly("known", &Camera::known)
       .def_readonly("guess_log_sigma",
                     &Camera::guess_log_sigma,
-                    "Of a guess: standard deviation of the logarithm of its focal length.")
+                    "For a guess: the standard deviation of the logarithm of its focal length.")
       .def_property_readonly(
           "model",
           [](const Camera& camera) { return std::string(NameOf(kCameraModelNames, camera.model)); })
@@ -467,13 +468,13 @@ void BindCamera(py::module_& module) {
                        ? std::vector<double>{c.k1, c.k2, c.k3, c.k4}
                        : std::vector<double>{c.k1, c.k2, c.p1, c.p2, c.k3, c.k4, c.k5, c.k6};
           },
-          "As OpenCV has it: k1,k2,p1,p2,k3,k4,k5,k6; of a fisheye k1,k2,k3,k4.")
+          "In OpenCV's order: k1,k2,p1,p2,k3,k4,k5,k6; for a fisheye lens k1,k2,k3,k4.")
       .def_property_readonly(
           "text",
           [](const Camera& camera) {
             return fmt::format("{}", fmt::join(WordsOfCamera(camera), ","));
           },
-          "As the program's --camera takes it.")
+          "In the form that the program's --camera takes.")
       .def("project",
            &ProjectAll,
            py::arg("points_in_cam"),
@@ -684,7 +685,7 @@ void BindWork(py::module_& module) {
 }
 
 PYBIND11_MODULE(_cohort, module) {
-  module.doc() = "What the package cohort is made of; its names are no interface.";
+  module.doc() = "The implementation of the package cohort; its names are not a public interface.";
   module.attr("__version__") = kVersion;
   RegisterRows();
   BindErrors(module);

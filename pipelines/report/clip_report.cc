@@ -281,7 +281,7 @@ ClipReport ReadClipReport(const fs::path& model_folder) {
   UseJsonFile(model_folder / "summary.json", [&](const Json& summary) {
     if (summary.at("registered") != 0 && !fs::exists(model_folder / "images.bin")) {
       ThrowError(
-          "{}: it has no images.bin: give a model folder, of a scene of `cohort sfm` that is {}",
+          "{}: it has no images.bin: give a model folder; in a scene of `cohort sfm` that is {}",
           model_folder.string(),
           (model_folder / "model").string());
     }

@@ -133,7 +133,7 @@ void WriteMp4(const fs::path& path,
     cv::hconcat(panels, picture);
     if (std::max(picture.cols, picture.rows) > kMostSidePx) {
       ThrowError(
-          "cannot write {}: its pictures would be {}x{}, and H.264 has {} at most: give a "
+          "cannot write {}: its pictures would be {}x{}, but H.264 supports {} at most: give a "
           "smaller --width-px",
           name,
           picture.cols,
@@ -146,8 +146,8 @@ void WriteMp4(const fs::path& path,
                                            frames_per_second,
                                            picture.size())) {
       ThrowError(
-          "cannot write {}: OpenCV's FFmpeg begins no video in H.264: it has none, the system "
-          "gives no threads or memory, or the disk is full",
+          "cannot write {}: OpenCV's FFmpeg cannot start an H.264 video: it has no encoder, the "
+          "system has no threads or memory left, or the disk is full",
           name);
     }
     writer.write(picture);
@@ -201,7 +201,7 @@ void WriteTrackVideo(const fs::path& path,
                      int width_px,
                      const StageProgress& progress) {
   if (path.extension() != ".mp4" && path.extension() != ".gif") {
-    ThrowUsageError("{}: give a name that ends in .mp4 or .gif, or for a page in .html",
+    ThrowUsageError("{}: give a name that ends in .mp4 or .gif or, for a page, in .html",
                     path.string());
   }
   constexpr double kFastestGif = 50.0;  // viewers take its next unit, of 100/s, for 10/s

@@ -162,30 +162,30 @@ std::string_view WhyNoModel(std::string_view termination) {
     return termination.find(phrase) != std::string_view::npos;
   };
   if (ended(MapperTermination::kStaticCamera) || says("no initial pair: the camera stands still")) {
-    return "The camera stood still: only a camera that moves sees how far away things are. Walk "
+    return "The camera stood still: only a moving camera can measure how far away things are. Walk "
            "past what you film, or around it.";
   }
   if (ended(MapperTermination::kPureRotation) ||
       says("no initial pair: the camera turns on the spot")) {
-    return "The camera only turned on its spot, or one thing that moves filled the picture. A "
-           "camera that turns does not see how far away things are: walk sideways while you film, "
-           "a tenth of the distance to what you film or more.";
+    return "The camera only turned on the spot, or a moving object filled the picture. A camera "
+           "that only turns cannot measure how far away things are: walk sideways while you film, "
+           "at least a tenth of the distance to what you film.";
   }
   if (ended(MapperTermination::kNotRigid)) {
-    return "What can be followed does not move as one rigid scene: much of it moves on its own, or "
-           "bends. Keep people, cars, leaves and water out of the picture, or cover them by "
-           "--mask.";
+    return "The points that can be tracked do not move like one rigid scene: many of them move on "
+           "their own, or lie on something that bends. Keep people, cars, leaves and water out of "
+           "the picture, or cover them by --mask.";
   }
   if (ended(MapperTermination::kWeakDepth) || says("no initial pair: too little parallax")) {
-    return "The camera went too little way for so uncertain points. Walk further, sideways to what "
-           "you film, in more light.";
+    return "The camera moved too little for points that are so uncertain. Walk further, sideways "
+           "to what you film, in more light.";
   }
   if (ended(MapperTermination::kTooFewTracks)) {
-    return "Hardly a point can be followed from frame to frame. Film things with texture, in more "
+    return "Hardly any points can be tracked from frame to frame. Film textured surfaces, in more "
            "light, and move slowly.";
   }
-  return "No two places of the camera could be found that show one rigid scene. Film what stands "
-         "still and has texture, and walk slowly past it or around it.";
+  return "No two positions of the camera could be found that show one rigid scene. Film something "
+         "static and textured, and walk slowly past it or around it.";
 }
 
 void AdviseOnLight(const FilmedClip& clip,
@@ -213,13 +213,13 @@ void AdviseOnLight(const FilmedClip& clip,
   // Over the clip. 1.4 and less: cameras that look around in one light; 35: from black to glare.
   constexpr double kChange = 4.0;
   if (!jumps.empty()) {
-    advice.push_back(
-        fmt::format("The light jumps at {}. Lock the exposure of the camera, and keep lamps on.",
-                    StretchesText(jumps)));
+    advice.push_back(fmt::format(
+        "The light changes abruptly at {}. Lock the exposure of the camera, and keep lamps on.",
+        StretchesText(jumps)));
   } else if (measures.bright + kBlack > kChange * (measures.dark + kBlack)) {
     advice.push_back(
         fmt::format("The light changes from {:.0f} to {:.0f} of 255. Lock the exposure of the "
-                    "camera, and film in one light.",
+                    "camera, and film in constant light.",
                     255.0 * measures.dark,
                     255.0 * measures.bright));
   }
@@ -252,33 +252,31 @@ std::vector<std::string> FilmAdvice(const FilmedClip& clip, const ClipMeasures& 
            });
   });
   if (file.frames.size() < 3 && clip.model.cam_from_world.empty()) {
-    advice.push_back(
-        fmt::format("The clip has {}: a model needs three, better many, from different places.",
-                    file.frames.size() < 2 ? "one frame" : "two frames"));
+    advice.push_back(fmt::format(
+        "The clip has {}: a model needs at least three, preferably many, from different positions.",
+        file.frames.size() < 2 ? "one frame" : "two frames"));
   } else if (clip.model.cam_from_world.empty()) {
     advice.emplace_back(WhyNoModel(clip.termination));
   } else if (!without_pose.empty()) {
     advice.push_back(
-        fmt::format("Nothing is known of {}: the picture there has too little in common with the "
-                    "rest. Film that place again, slowly, and come back to what was seen before.",
+        fmt::format("The model does not cover {}: the picture there has too little in common with "
+                    "the rest. Film that place again, slowly, and return to what was seen before.",
                     StretchesText(without_pose)));
   }
   if (!clip.other_parts.empty()) {
-    advice.push_back(
-        fmt::format("There are models of their own of {}, in other_parts: nothing ties them to the "
-                    "rest.{}",
-                    StretchesText(clip.other_parts),
-                    cuts.empty() ? " Film what lies between them slowly." : ""));
+    advice.push_back(fmt::format(
+        "Separate models of {} are in other_parts: nothing connects them to the rest.{}",
+        StretchesText(clip.other_parts),
+        cuts.empty() ? " Film the places between them slowly." : ""));
   }
   // Whole clips had 2.4 degrees and more (the least: a street, driven along; a hand that turns the
   // camera), pieces of 4 to 10 frames of them 0.2 to 1.4: models, but off by 2 to 60 % of their path.
   constexpr double kLittleParallaxDeg = 1.5;
   if (measures.parallax_deg && *measures.parallax_deg < kLittleParallaxDeg) {
-    advice.push_back(
-        fmt::format("The camera hardly left its place: it saw half of the points from directions "
-                    "at most {:.1f} degrees apart. Walk further, sideways to what you film; from "
-                    "ten degrees on depths are sure.",
-                    *measures.parallax_deg));
+    advice.push_back(fmt::format(
+        "The camera hardly moved: it saw half of the points from directions at most {:.1f} degrees "
+        "apart. Walk further, sideways to what you film; from ten degrees on, depths are reliable.",
+        *measures.parallax_deg));
   }
   // Still scenes had up to 0.034 (the most: a kitchen, a box of tags), also in the dark and with one
   // small walker; a box in a hand 0.08 and 0.21, a cloth 0.14, boxes that move and a castle that is
@@ -287,9 +285,9 @@ std::vector<std::string> FilmAdvice(const FilmedClip& clip, const ClipMeasures& 
   constexpr double kMuchMoves = 0.06;
   if (measures.moving_share && *measures.moving_share > kMuchMoves) {
     advice.push_back(
-        fmt::format("Something moves in the picture: {:.0f} % of what can be followed. The model "
-                    "is of the rest, or of that alone. Keep people, cars, leaves and water out, or "
-                    "cover by --mask what the model is not to be of.",
+        fmt::format("Something moves in the picture: {:.0f} % of the observations. The model shows "
+                    "either the rest or only the moving part. Keep people, cars, leaves and water "
+                    "out, or cover by --mask what the model should not show.",
                     100.0 * *measures.moving_share));
   }
   // The fewest were 0.62 (a drive, a headset at a low rate) in real clips that can be followed, and
@@ -302,8 +300,8 @@ std::vector<std::string> FilmAdvice(const FilmedClip& clip, const ClipMeasures& 
   });
   if (!cuts.empty()) {
     advice.push_back(
-        fmt::format("The clip is cut at {}: what is seen behind a cut has nothing in common with "
-                    "what is before it. Give its scenes one by one, by --frames.",
+        fmt::format("The clip is cut at {}: the pictures after a cut have nothing in common with "
+                    "those before it. Give its scenes one by one, by --frames.",
                     CutsText(cuts)));
   }
   if (!lost.empty()) {
@@ -317,8 +315,8 @@ std::vector<std::string> FilmAdvice(const FilmedClip& clip, const ClipMeasures& 
   constexpr double kFew = 100.0;
   if (measures.observed < std::min(kFew, 0.5 * static_cast<double>(clip.features_wanted))) {
     advice.push_back(
-        fmt::format("Only {:.0f} points can be followed in a frame. Have more in the picture that "
-                    "has texture, and keep it sharp.",
+        fmt::format("Only {:.0f} points per frame can be tracked. Get more texture into the "
+                    "picture, and keep it sharp.",
                     measures.observed));
   }
   AdviseOnLight(clip, measures, advice);

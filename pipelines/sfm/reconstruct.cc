@@ -121,13 +121,14 @@ bool IsOfTracks(DoubtCode code) {
 // anywhere then. So what Ceres finds to doubt of the same tracks counts.
 std::vector<Doubt> DoubtsByCeres(const MapperResult& by_ceres) {
   if (by_ceres.summary.registered == 0) {
-    return {{DoubtCode::kNoModelByCeres,
-             fmt::format("by Ceres these tracks give no model: {}", by_ceres.summary.termination)}};
+    return {
+        {DoubtCode::kNoModelByCeres,
+         fmt::format("Ceres finds no model of these tracks: {}", by_ceres.summary.termination)}};
   }
   std::vector<Doubt> doubts;
   for (Doubt doubt : by_ceres.summary.reasons) {
     if (!IsOfTracks(doubt.code)) continue;
-    doubt.sentence = "by Ceres' model of the same tracks: " + doubt.sentence;
+    doubt.sentence = "according to the model of Ceres from the same tracks: " + doubt.sentence;
     doubts.push_back(std::move(doubt));
   }
   return doubts;
@@ -156,7 +157,7 @@ ReconstructResult MapOrAdjust(const TrackFile& file,
   }
   adjusted.summary.seconds += mapped.summary.seconds;
   adjusted.summary.termination +=
-      fmt::format(", Ceres'; its mapper: {}", mapped.summary.termination);
+      fmt::format(", that of Ceres; COLMAP's mapper: {}", mapped.summary.termination);
   return {std::move(adjusted.reconstruction), std::move(adjusted.summary), {}, std::nullopt};
 }
 
@@ -173,11 +174,10 @@ ReconstructResult ReconstructByColmap(TrackFile file,
   }
   if (!options.global_shutter && !options.ceres_start) {
     ReconstructResult mapped = MapByColmap(file, options.colmap, work_folder);
-    AddDoubts(
-        {{DoubtCode::kNotJudged,
-          "nobody has judged this model, as Ceres was not asked: leave out --no-ceres-start or "
-          "--no-global-shutter"}},
-        mapped);
+    AddDoubts({{DoubtCode::kNotJudged,
+                "this model has not been judged, since Ceres did not run: leave out "
+                "--no-ceres-start or --no-global-shutter"}},
+              mapped);
     return mapped;
   }
   const MapperResult by_ceres = ReconstructWithCeres(file, options.ceres);
@@ -248,8 +248,9 @@ Reconstruction WithFrames(Reconstruction model, const Json& of_image, const fs::
   const bool has_all = std::ranges::all_of(
       model.cam_from_world, [&](const auto& camera) { return frames.contains(camera.first); });
   if (!has_all || apart.size() < frames.size()) {
-    ThrowError("{}: frame_of_image has not one frame for every image of the model: make it again",
-               summary.string());
+    ThrowError(
+        "{}: frame_of_image does not have one frame for every image of the model: make it again",
+        summary.string());
   }
   const auto renumber = [&frames](auto& map) {
     std::remove_reference_t<decltype(map)> by_frame;

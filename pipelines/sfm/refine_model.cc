@@ -49,7 +49,7 @@ void CheckFound(const SecondPassFigures& figures, const fs::path& path, const Se
   constexpr double kLeastFound = 0.1;
   const std::size_t points = figures.replaced + figures.left;
   if (points == 0 && figures.masked > 0) {
-    ThrowError("{}: the mask leaves none of its {} points: give one that is white where they are",
+    ThrowError("{}: the mask covers all of its {} points: give one that is white where they are",
                path.string(),
                figures.masked);
   }
@@ -59,8 +59,7 @@ void CheckFound(const SecondPassFigures& figures, const fs::path& path, const Se
   }
   ThrowError(
       "{}: only {} of its {} points look alike in the frames of {} that see them: give the "
-      "pictures "
-      "that the model was made of",
+      "pictures that the model was made from",
       path.string(),
       figures.replaced,
       points,
@@ -110,8 +109,8 @@ void CheckPointsAreLeft(const Reconstruction& adjusted,
                         const fs::path& path) {
   if (!adjusted.points.empty()) return;
   ThrowError(
-      "{}: none of its {} points is left by an adjustment of its {} images: give COLMAP's largest "
-      "model",
+      "{}: none of its {} points is left after an adjustment of its {} images: give COLMAP's "
+      "largest model",
       path.string(),
       before.points,
       before.registered);
@@ -123,7 +122,7 @@ void NoteWhatIsLeftOut(const ModelOfClip& clip,
                        std::vector<std::string>& notes) {
   if (clip.unknown_images > 0) {
     notes.push_back(
-        fmt::format("{}: {} of its images are no frame of {} and are left out, {} for one",
+        fmt::format("{}: {} of its images are not frames of {} and are left out, such as {}",
                     path.string(),
                     clip.unknown_images,
                     sequence.Name(),
@@ -235,7 +234,7 @@ RefinedModel RefineModel(const ColmapModel& model,
   refined.image_ids = clip.image_ids;
   NoteWhatIsLeftOut(clip, path, sequence, refined.notes);
   if (clip.reconstruction.points.empty()) {
-    ThrowError("{}: none of its points is seen in {}", path.string(), sequence.Name());
+    ThrowError("{}: none of its points is observed in {}", path.string(), sequence.Name());
   }
   refined.before = Summarize(clip.reconstruction, clip.file.frames.size());
   Reconstruction now = clip.reconstruction;
@@ -258,9 +257,10 @@ RefinedModel RefineModel(const ColmapModel& model,
     refined.file = std::move(second.file);
     MapperResult adjusted = AdjustAndJudgeWithCeres(refined.file, now, ceres);
     if (adjusted.better_camera && options.intrinsics == IntrinsicsMode::kAuto) {
-      refined.notes.push_back(fmt::format(
-          "{}: the tracks contradict its camera, which is refined: --intrinsics keep keeps it",
-          path.string()));
+      refined.notes.push_back(
+          fmt::format("{}: the tracks contradict its camera, which is therefore refined: "
+                      "--intrinsics keep prevents this",
+                      path.string()));
       adjusted.reconstruction.camera.known = false;
       adjusted = AdjustAndJudgeWithCeres(refined.file, adjusted.reconstruction, ceres);
     }

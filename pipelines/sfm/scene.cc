@@ -166,7 +166,7 @@ Survey SurveyClip(const TrackFile& file,
   ForEachFrame(file, sequence, "look", progress, [&](const Frame& frame) {
     const cv::Mat bgr = BgrOf(frame);
     if (bgr.cols != model.camera.width_px || bgr.rows != model.camera.height_px) {
-      ThrowError("{} is {}x{}, the model's camera {}x{}: they do not belong together",
+      ThrowError("{} is {}x{}, but the model's camera is {}x{}: they do not belong together",
                  frame.name,
                  bgr.cols,
                  bgr.rows,
@@ -507,7 +507,7 @@ void CheckSceneFolder(const fs::path& folder) {
   names.insert(names.end(), {"summary.json", "report.html"});
   for (const std::string& name : names) {
     if (fs::exists(folder / name) && !is_ours) {
-      ThrowError("{} holds {}, which is not of a scene of ours: give another folder",
+      ThrowError("{} holds {}, which does not belong to a scene of cohort: give another folder",
                  folder.string(),
                  name);
     }
@@ -542,7 +542,7 @@ SceneFigures WriteScene(const TrackFile& file,
                         const SceneOptions& options,
                         const fs::path& folder,
                         const StageProgress& progress) {
-  if (model.cam_from_world.empty()) ThrowError("there is no model to make a scene of");
+  if (model.cam_from_world.empty()) ThrowError("there is no model to make a scene from");
   const Survey survey = SurveyClip(file, model, sequence, progress);
   SceneFigures figures;
   figures.images = ChooseImages(survey.candidates, options);

@@ -316,7 +316,7 @@ void SecondPassFigures::Add(const SecondPassFigures& other) {
 std::string SecondPassFigures::Brief() const {
   return fmt::format(
       "{} tracks measured again, with {} of {} observations and {} more; {} tracks not found again "
-      "stay as they were, {} that move otherwise are dropped",
+      "are kept unchanged, {} that contradict the rigid scene are dropped",
       replaced,
       kept,
       before,

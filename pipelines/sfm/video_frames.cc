@@ -28,10 +28,10 @@ void WriteVideoFrames(const TrackFile& file,
                       const std::filesystem::path& folder,
                       const StageProgress& progress) {
   constexpr const char* kWithout =
-      "--no-write-frames (of sfm --no-model.write-frames) needs no pictures";
+      "--no-write-frames (for sfm --no-model.write-frames) needs no pictures";
   if (!std::filesystem::exists(file.source)) {
     ThrowError(
-        "{}: the video that the tracks are of is not there any more: {}", file.source, kWithout);
+        "{}: the video that the tracks were made from no longer exists: {}", file.source, kWithout);
   }
   std::set<std::string> names;
   for (const FrameInfo& frame : file.frames) names.insert(frame.name);
@@ -48,7 +48,7 @@ void WriteVideoFrames(const TrackFile& file,
     std::optional<Frame> frame = video->Next();
     while (frame && frame->index < wanted.index) frame = video->Next();
     if (!frame || frame->name != wanted.name) {
-      ThrowError("{}: has no frame {} any more: track the video again ({})",
+      ThrowError("{}: no longer has frame {}: track the video again ({})",
                  file.source,
                  wanted.name,
                  kWithout);

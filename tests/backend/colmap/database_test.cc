@@ -572,7 +572,8 @@ TEST(ColmapDatabase, RefusesMatchesThatColmapWouldDrop) {
         database.AddPair(1, 2, {{{0, 0}, {1, 0}}, {}});
       },
       ThrowsMessage<Error>(HasSubstr("match a keypoint twice")));
-  EXPECT_THAT([&] { database.AddPair(2, 2, {}); }, ThrowsMessage<Error>(HasSubstr("no pair")));
+  EXPECT_THAT([&] { database.AddPair(2, 2, {}); },
+              ThrowsMessage<Error>(HasSubstr("not the id of a pair")));
 }
 
 // ---- Schemas of other COLMAPs, as these create them ----
@@ -860,12 +861,12 @@ TEST(ColmapDatabase, NamesADamagedOrForeignFile) {
     db.Execute("CREATE TABLE t(x)");
   }
   EXPECT_THAT([&] { ReadColmapDatabase(dir / "other.db"); },
-              ThrowsMessage<Error>(HasSubstr("is no COLMAP database")));
+              ThrowsMessage<Error>(HasSubstr("is not a COLMAP database")));
   WriteColmapDatabase(dir / "a.db", ThreeFrames());
   Open(dir / "a.db").Execute("UPDATE keypoints SET rows = 5 WHERE image_id = 1");
-  EXPECT_THAT(
-      [&] { ReadColmapDatabase(dir / "a.db"); },
-      ThrowsMessage<Error>(HasSubstr("table keypoints has 16 bytes, no 10 values of 4 bytes")));
+  EXPECT_THAT([&] { ReadColmapDatabase(dir / "a.db"); },
+              ThrowsMessage<Error>(
+                  HasSubstr("table keypoints has 16 bytes instead of 10 values of 4 bytes")));
 }
 
 // Numbers whose product or size in bytes fits no integer.
