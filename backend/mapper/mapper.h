@@ -87,7 +87,7 @@ struct CeresFindings {
   // (UnexplainedParallax).
   double depth_uncertainty = 0.0;
   double unexplained_parallax = 0.0;
-  // The camera that the tracks ask for, if they contradict one that was given as known.
+  // The camera that the tracks imply, if they contradict one that was given as known.
   std::optional<Camera> better_camera;
   // With MapperOptions::covariances: the expected root mean square error of the cameras, as a share
   // of their root mean square distance from their mean, and the relative standard deviation of a

@@ -64,8 +64,8 @@ TrackFigures RunTrackJob(const TrackJobOptions& options);
 // Repeats the warning of tracks that are kept.
 void WarnAgain(const TrackFile& tracks);
 
-// For a job that goes on after an interruption: whether the file at options.out is there; it is
-// warned of again. Throws Error if it was made of another input or with other options.
+// For a job that continues after an interruption: whether the file at options.out exists; its
+// warning is repeated. Throws Error if it was made from another input or with other options.
 bool HasTracksOfJob(const TrackJobOptions& options);
 
 // WithSecondPass, with a progress bar and its outcome in the log.

@@ -113,8 +113,8 @@ std::string AbsolutePath(const std::filesystem::path& path);
 // The same for every spelling of a path, also through links: for comparisons.
 std::string CanonicalPath(const std::filesystem::path& path);
 
-// CV_8UC1, 0 where no feature may be. Empty without a path; throws Error naming a file that is no
-// picture or is entirely black.
+// CV_8UC1, 0 where no feature may be. Empty without a path; throws Error naming a file that is not
+// a picture or is entirely black.
 cv::Mat ReadMask(const std::string& path);
 // Throws Error if the mask of that name is entirely black.
 void CheckMaskIsOpen(const cv::Mat& mask, const std::string& name);

@@ -73,7 +73,7 @@ struct RefinedModel {
 // them (MeasureAgain) and adjusts it to the result until it no longer moves. Drops points that the
 // pictures contradict, unless a frame would keep too few. Images are matched to frames by name;
 // others are left out. Throws Error naming `path` (the model) or the clip if they do not belong
-// together: too few points look as the model has them.
+// together: too few points are found again where the model predicts them.
 RefinedModel RefineModel(const ColmapModel& model,
                          const std::filesystem::path& path,
                          Sequence& sequence,

@@ -71,8 +71,9 @@ Rigid3 SceneFromModel(const Reconstruction& model);
 inline constexpr std::array<const char*, 4> kSceneOutputs{
     "images", "sparse", "sparse_pc.ply", "transforms.json"};
 
-// Throws Error if WriteScene would replace contents of a folder that are no scene of ours: files of
-// those names with neither clip.tracks nor model_of.json, other pictures, or the clip itself.
+// Throws Error if WriteScene would replace contents of a folder that do not belong to a scene of
+// cohort: files of those names with neither clip.tracks nor model_of.json, other pictures, or the
+// clip itself.
 void CheckSceneFolder(const std::filesystem::path& folder);
 // Removes only what WriteScene wrote there.
 void RemoveScene(const std::filesystem::path& folder);
@@ -86,8 +87,8 @@ struct ToneCurve {
   double operator()(double value) const;
 };
 
-// Mean intensity 0..1 of each of the file's frames, if no scene is written that gives it.
-// `sequence`: the clip, rewound here.
+// Mean intensity 0..1 of each of the file's frames, for a run that writes no scene. `sequence`: the
+// clip, rewound here.
 std::vector<double> BrightnessOfFrames(const TrackFile& file,
                                        Sequence& sequence,
                                        const StageProgress& progress = {});
