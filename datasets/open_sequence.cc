@@ -14,7 +14,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// A folder that may not be read, such as lost+found, holds none.
+// Returns false for a folder without read permission, such as lost+found.
 bool HoldsImages(const fs::path& folder) {
   std::error_code error;
   if (!fs::is_directory(folder, error)) return false;

@@ -20,7 +20,8 @@ constexpr std::int64_t kMaxImages = 2147483647;
 constexpr std::int64_t kUserVersion = 3800;
 constexpr std::int64_t kMaxKeypoints = std::int64_t{1} << 32;  // of an image
 
-// COLMAP reads cameras, images, matches and two_view_geometries by column number: the order counts.
+// COLMAP reads cameras, images, matches and two_view_geometries by column number, so the order
+// matters.
 constexpr const char* kSchema = R"(
 CREATE TABLE cameras
    (camera_id            INTEGER  PRIMARY KEY AUTOINCREMENT  NOT NULL,
@@ -85,7 +86,7 @@ std::vector<T> FromBytes(std::span<const std::byte> bytes,
                          std::int64_t count,
                          const std::filesystem::path& path,
                          const char* table) {
-  // Divided, since the product of a number that a file claims need not fit.
+  // Divides, because the product with a number from a file may overflow.
   if (count < 0 || bytes.size() % sizeof(T) != 0 ||
       bytes.size() / sizeof(T) != static_cast<std::size_t>(count)) {
     ThrowError(
@@ -154,7 +155,7 @@ void CheckMatchedOnce(const std::vector<ColmapMatch>& matches,
   }
 }
 
-// The id of a camera that takes all images; one of its own has the image's id.
+// The id of the camera shared by all images; an image's own camera has the image's id.
 constexpr std::int64_t kCameraId = 1;
 
 void WriteCameras(SqliteDatabase& db, const ColmapDatabase& database) {
@@ -215,7 +216,8 @@ void WriteRows(SqliteDatabase& db, const ColmapDatabase& database) {
   }
 }
 
-// The columns that are read; those of other versions' schemas, and their order, do not matter.
+// The columns that are read; further columns of other schema versions, and their order, do not
+// matter.
 constexpr std::pair<const char*, std::array<const char*, 9>> kColumns[] = {
     {"cameras", {"camera_id", "model", "width", "height", "params", "prior_focal_length"}},
     {"images", {"image_id", "name", "camera_id"}},
@@ -269,7 +271,7 @@ ColmapCamera ReadCamera(const SqliteStatement& row, const std::filesystem::path&
   return camera;
 }
 
-// COLMAP makes a camera an image unless told not to: alike, they are one.
+// By default COLMAP creates one camera per image; identical cameras count as one.
 ColmapCamera ReadCameras(SqliteDatabase& db, const std::filesystem::path& path) {
   auto rows = db.Prepare(
       "SELECT model, width, height, params, prior_focal_length FROM cameras "
@@ -339,7 +341,7 @@ std::optional<Rigid3> ReadPose(const SqliteStatement& statement,
   const auto q = FromBytes<double>(statement.Blob(qvec), 4, path, "two_view_geometries");
   const auto t = FromBytes<double>(statement.Blob(tvec), 3, path, "two_view_geometries");
   const Rigid3 pose{{q[0], q[1], q[2], q[3]}, {t[0], t[1], t[2]}};
-  // Unset in 3.x: zeros, or the identity.
+  // An unset pose in 3.x: zeros, or the identity.
   const bool turns = pose.rotation.vec().norm() > 0.0;
   const bool moves = pose.translation.norm() > 0.0;
   if (pose.rotation.norm() == 0.0 || (!turns && !moves)) return std::nullopt;
@@ -449,7 +451,7 @@ void WriteColmapDatabase(const std::filesystem::path& path, const ColmapDatabase
   OutputFile out(path);
   {
     auto db = SqliteDatabase::Open(out.partial(), SqliteDatabase::Mode::kCreate);
-    // The file is thrown away if anything fails: no journal needed.
+    // The file is discarded if anything fails, so no journal is needed.
     db.Execute("PRAGMA journal_mode = OFF; PRAGMA synchronous = OFF; PRAGMA foreign_keys = ON");
     SqliteTransaction transaction(db);
     db.Execute(kSchema);
@@ -457,7 +459,7 @@ void WriteColmapDatabase(const std::filesystem::path& path, const ColmapDatabase
     WriteRows(db, database);
     transaction.Commit();
   }
-  RemoveJournals(path);  // of a colmap run
+  RemoveJournals(path);  // left by a colmap run
   out.Commit();
 }
 

@@ -99,12 +99,13 @@ std::string PointsText(const ColmapModel& model) {
   return text;
 }
 
-// Lines and their fields; says where it stands when something is wrong.
+// Reads lines and their fields; errors name the current position.
 class TextReader {
  public:
   explicit TextReader(fs::path path) : path_(std::move(path)), stream_(ReadBytes(path_)) {}
 
-  // The next line that is no comment; with `may_be_empty` also an empty one. False at the end.
+  // Reads the next line that is not a comment; with `may_be_empty` also an empty one. Returns false
+  // at the end.
   bool NextLine(bool may_be_empty = false) {
     while (std::getline(stream_, line_)) {
       ++number_;
@@ -150,7 +151,7 @@ class TextReader {
   }
 
  private:
-  // As COLMAP does: blanks at a line's ends belong neither to a comment nor to a name.
+  // Like COLMAP: blanks at the ends of a line belong neither to a comment nor to a name.
   void Trim() {
     constexpr const char* kBlanks = " \t\r";
     line_.erase(0, std::min(line_.find_first_not_of(kBlanks), line_.size()));
@@ -164,7 +165,7 @@ class TextReader {
   int number_ = 0;
 };
 
-// The entry of the id that comes next, which must be a new one.
+// Adds an entry for the next id, which must be new.
 template <typename Map>
 typename Map::mapped_type& AddEntry(Map& map, const char* what, TextReader& in) {
   const auto [entry, is_new] = map.try_emplace(in.Number<typename Map::key_type>());
@@ -300,14 +301,15 @@ class BinaryReader {
     return value;
   }
 
-  // A count of records of at least so many bytes: a damaged one is caught before memory is taken.
+  // A count of records of at least that size: a damaged count is detected before memory is
+  // allocated.
   std::uint64_t GetCount(std::size_t record_bytes) {
     const auto count = Get<std::uint64_t>();
     if (count > (bytes_.size() - position_) / record_bytes) Fail();
     return count;
   }
 
-  // As an int; what does not fit, as none that would be taken.
+  // A side as an int; a value that does not fit becomes an invalid side.
   int GetSide() {
     return static_cast<int>(
         std::min<std::uint64_t>(Get<std::uint64_t>(), std::numeric_limits<int>::max()));
@@ -335,7 +337,7 @@ class BinaryReader {
   std::size_t position_ = 0;
 };
 
-// The same of AddEntry.
+// The same as AddEntry.
 template <typename Map>
 typename Map::mapped_type& AddBinaryEntry(Map& map, const char* what, BinaryReader& in) {
   const auto [entry, is_new] = map.try_emplace(in.Get<typename Map::key_type>());
@@ -465,7 +467,7 @@ std::string SecondsText(std::int64_t ns) {
 }
 
 std::int64_t NsOfSeconds(const std::string& text, const TextReader& in) {
-  // Digit by digit: seconds since 1970 have no nanoseconds in a double.
+  // Digit by digit, because a double cannot hold seconds since 1970 to the nanosecond.
   const bool negative = !text.empty() && text[0] == '-';
   const std::size_t point = std::min(text.find('.'), text.size());
   std::string digits = text.substr(negative ? 1 : 0, point - (negative ? 1 : 0));
@@ -578,7 +580,7 @@ SharedCamera ShareCamera(const ColmapModel& model) {
     if (!model.cameras.empty()) shared.camera = FromColmapCamera(model.cameras.begin()->second);
     return shared;
   }
-  std::vector<std::pair<double, std::uint32_t>> focals;  // of an image each: fx, camera
+  std::vector<std::pair<double, std::uint32_t>> focals;  // per image: fx, camera
   for (const auto& [id, image] : model.images) {
     const double fx = FromColmapCamera(model.cameras.at(image.camera_id)).fx;
     focals.emplace_back(fx, image.camera_id);
@@ -750,7 +752,7 @@ void WriteReconstruction(const fs::path& folder, const Reconstruction& reconstru
 Reconstruction ReadReconstruction(const fs::path& folder) {
   Reconstruction reconstruction = FromColmapModel(ReadColmapModel(folder));
   if (fs::exists(folder / "trajectory.tum")) {
-    // One line a registered frame, ascending.
+    // One line per registered frame, ascending.
     TextReader in(folder / "trajectory.tum");
     for (const auto& [frame, pose] : reconstruction.cam_from_world) {
       if (!in.NextLine()) in.Fail("fewer lines than registered frames");

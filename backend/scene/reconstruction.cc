@@ -12,7 +12,8 @@ namespace cohort {
 
 namespace {
 
-// Calls back with every point, its view and how far that is from where the point should be seen.
+// Calls `use` with every point, each of its views, and the view's distance from the point's
+// projection.
 template <typename Model, typename Use>
 void ForEachError(Model& reconstruction, const Use& use) {
   const RowPoses rows(reconstruction.cam_from_world, reconstruction.readout, reconstruction.camera);
@@ -23,7 +24,7 @@ void ForEachError(Model& reconstruction, const Use& use) {
                                         : rows.CamFromWorld(view.frame, view.xy);
       const Camera camera = CameraOf(reconstruction, view.frame);
       const auto xy = camera.Project(cam_from_world * point.in_world);
-      // Behind the camera there is no projection; such a view is a picture's width wrong.
+      // A point behind the camera has no projection; its error counts as the picture's width.
       use(point, view, xy ? (*xy - view.xy).norm() : camera.width_px);
     }
   }

@@ -33,10 +33,10 @@ fs::path Mav(const fs::path& folder) {
   return fs::exists(folder / "mav0") ? folder / "mav0" : folder;
 }
 
-// The part of YAML that calibrations are written in: a line `key: value`, a list of numbers in
-// brackets, of one line or more, comments. What is indented belongs to the last key that is not, and
-// is called by both: T_BS.data. Read by ourselves, as parsers of all of YAML can be made to take all
-// time or the stack. Throws Error naming the file.
+// Reads the subset of YAML in which calibrations are written: lines `key: value`, lists of numbers
+// in brackets over one or more lines, and comments. An indented key belongs to the last key that is
+// not indented, and is named by both: T_BS.data. We parse it ourselves, because malicious files can
+// make full YAML parsers exhaust time or stack. Throws Error naming the file.
 class SensorText {
  public:
   explicit SensorText(const fs::path& path) : file_(path.string()) {
@@ -44,8 +44,8 @@ class SensorText {
     constexpr std::size_t kMaxKeyBytes = 64;
     std::istringstream lines(ReadBytes(path, kMaxBytes));
     std::string section;
-    std::string last;             // key that a value was read for
-    std::string* list = nullptr;  // whose bracket is open
+    std::string last;             // key whose value was read last
+    std::string* list = nullptr;  // the list whose bracket is open
     std::string line;
     for (int number = 1; std::getline(lines, line); ++number) {
       line.resize(std::min(line.size(), line.find('#')));

@@ -31,7 +31,7 @@ constexpr std::int64_t kFramesPerSecond = 30;
 
 bool IsDigit(char c) { return c >= '0' && c <= '9'; }
 
-// The folder in front of the first component with a wildcard.
+// The folder before the first component with a wildcard.
 fs::path GlobRoot(const fs::path& pattern) {
   fs::path root;
   for (const fs::path& component : pattern) {
@@ -137,7 +137,7 @@ ImageList ListImageFolder(const fs::path& input) {
           input.string());
     }
     std::ranges::sort(names, NaturalLess);
-    // What several of its braces match.
+    // Removes names that several of its braces match.
     names.erase(std::unique(names.begin(), names.end()), names.end());
   }
   if (names.empty())

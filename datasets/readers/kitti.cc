@@ -41,7 +41,8 @@ Matrix34 ReadMatrix(const TextTable& table, std::size_t row, std::size_t first_c
   return matrix;
 }
 
-// P of a camera: its line begins with `P2:`, or is the third of a file without such names.
+// P of a camera. For camera 2, the line begins with `P2:`, or is the third of a file without such
+// names.
 Matrix34 ReadProjection(const fs::path& file, std::size_t camera) {
   const TextTable table(file);
   const std::string name = fmt::format("P{}:", camera);
@@ -56,7 +57,8 @@ Matrix34 ReadProjection(const fs::path& file, std::size_t camera) {
   ThrowError("{} has no projection matrix of camera {}", file.string(), camera);
 }
 
-// Row i is image i. Where there are more rows, and images are missing between, it would be another's.
+// Row i belongs to image i. If there are more rows and some images are missing, it would belong to
+// another one.
 void CheckRowsAreImages(const fs::path& file, std::size_t rows, const ImageList& list) {
   if (rows <= list.images.size()) return;
   for (std::size_t i = 0; i < list.images.size(); ++i) {

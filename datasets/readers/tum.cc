@@ -21,7 +21,7 @@ std::vector<ImageList::Image> ReadList(const fs::path& file) {
   return images;
 }
 
-// The files of a list beside rgb.txt by the frame they belong to; empty without the list.
+// The files of a list beside rgb.txt, by the frame to which they belong; empty without the list.
 std::map<FrameIndex, fs::path> ReadCompanions(const fs::path& folder,
                                               const char* list,
                                               const std::vector<ImageList::Image>& images) {

@@ -11,9 +11,9 @@
 namespace cohort {
 namespace {
 
-// Headers are often wrong by one frame: in a long clip that is no news. Where they do not count
-// frames, the time tells; but a sound track that outlasts the picture makes them promise up to a
-// second too much.
+// Headers are often wrong by one frame, which is not worth a warning in a long clip. If they do not
+// count frames, the time decides; but a sound track that is longer than the picture makes them
+// promise up to a second too much.
 bool EndsEarly(std::size_t decoded, std::size_t promised, const VideoDecoder& decoder) {
   if (decoder.CountsFrames()) return decoded + 2 <= promised || decoded * 1.02 < promised;
   const double frames_left = decoder.SecondsLeft() * decoder.FramesPerSecond();
@@ -39,7 +39,7 @@ class VideoSequence final : public Sequence {
     }
   }
 
-  // Seeking is not exact in every container: opening again is.
+  // Seeking is not exact in every container, but reopening is.
   void Rewind() override {
     decoder_.emplace(file_);
     if (!source_frames_) source_frames_ = decoder_->PromisedFrames();
@@ -116,8 +116,8 @@ class VideoSequence final : public Sequence {
   std::string name_;
   FrameRange range_;
   std::optional<VideoDecoder> decoder_;
-  std::optional<std::size_t> source_frames_;  // what the header says, from the end on what is there
-  std::size_t grabbed_ = 0;                   // frames of the source behind us
+  std::optional<std::size_t> source_frames_;  // the header's count; after the end, the actual one
+  std::size_t grabbed_ = 0;                   // frames of the source read so far
   std::size_t next_ = 0;                      // frame of the source that Decode gives next
   std::optional<Frame> first_;                // decoded already when the file was opened
   cv::Size size_;

@@ -21,7 +21,7 @@
 namespace cohort {
 namespace {
 
-// Raise it when the same options give another scene.
+// Increase it when the same options give another scene.
 constexpr int kSceneVersion = 2;
 constexpr std::int64_t kFramesPerSecond = 30;
 
@@ -33,7 +33,7 @@ Enum ChoiceNamed(const ChoiceNames<Enum, N>& names, const std::string& text) {
 
 int Integer(const nlohmann::json& file, const char* key) {
   const nlohmann::json& value = file.at(key);
-  // As a wide number first: get<int> would cut it.
+  // Converted to a wide number first, because get<int> would truncate it.
   const auto wide = value.is_number_integer() ? value.get<double>() : -1e300;
   if (!(std::abs(wide) <= std::numeric_limits<int>::max())) ThrowError("{} is not a count", key);
   return static_cast<int>(wide);
@@ -130,7 +130,7 @@ std::optional<SceneFile> ReadSceneFile(const std::filesystem::path& folder) {
     scene.options.width_px = Integer(file, "width_px");
     scene.options.height_px = Integer(file, "height_px");
     scene.options.focal_px = file.at("focal_px").get<double>();
-    scene.options.readout = file.value("readout", 0.0);  // not there: a global shutter
+    scene.options.readout = file.value("readout", 0.0);  // missing: a global shutter
     const auto seed = file.at("seed").get<std::string>();
     const char* const end = seed.data() + seed.size();
     const auto [stop, fault] = std::from_chars(seed.data(), end, scene.options.seed);

@@ -12,7 +12,7 @@ namespace {
 
 constexpr double kRoundingVariance = 1.0 / (12.0 * 255.0 * 255.0);
 
-// sum_k w_k w_(k + d) of the kernel that cv::GaussianBlur takes for pictures of floats.
+// sum_k w_k w_(k + d) of the kernel that cv::GaussianBlur uses for float pictures.
 std::vector<double> Autocorrelation(double sigma_px, int longest) {
   std::vector<double> result(static_cast<std::size_t>(longest) + 1, 0.0);
   result[0] = 1.0;
