@@ -36,7 +36,7 @@ std::vector<double> Autocorrelation(double sigma_px, int longest) {
 //           blur's kernel; so the noise that is blurred with the picture counts with its exact
 //           correlation, not as white noise of some effective size
 //   sensor  C_ii = v_i = shot s_i + read in linear light, where noise is independent; the variance
-//           tells of the signal too: F has 1 / v + shot^2 / (2 v^2) in place of 1 / v
+//           depends on the signal too, so F has 1 / v + shot^2 / (2 v^2) instead of 1 / v
 // q^2 = 1 / (12 255^2): the rounding to 8 bits.
 PositionBound::PositionBound(const DegradeOptions& options, int window_px)
     : recipe_(options.recipe), half_px_(window_px / 2) {
@@ -44,7 +44,7 @@ PositionBound::PositionBound(const DegradeOptions& options, int window_px)
   if (recipe_ == DegradeRecipe::kSensor) {
     const SensorLevel level = SensorLevelAt(options.level, options.light);
     shot_ = level.shot;
-    // Rounding happens behind digital gain and gamma; in linear light it is least where it is dark.
+    // Rounding happens after digital gain and gamma; in linear light it is smallest in the dark.
     read_ = level.read;
     return;
   }

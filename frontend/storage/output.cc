@@ -22,7 +22,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// Without a slash or a dot behind it.
+// Without a trailing slash or dot.
 fs::path NameOfFolder(fs::path path) {
   const fs::path last = path.filename();
   if (last == "." || last == "..") path = fs::weakly_canonical(fs::absolute(path));
@@ -30,7 +30,7 @@ fs::path NameOfFolder(fs::path path) {
 }
 
 void CheckParent(const fs::path& path) {
-  constexpr std::size_t kLongestName = 230;  // of 255 bytes: others get more behind it
+  constexpr std::size_t kLongestName = 230;  // of 255 bytes, because temporary names append to it
   if (path.filename().native().size() > kLongestName) {
     ThrowError("cannot write {}: its name is longer than {} bytes; give a shorter one",
                path.string(),
@@ -44,7 +44,7 @@ void CheckParent(const fs::path& path) {
     ThrowError(
         "cannot write {}: folder {}: {}", path.string(), parent.string(), std::strerror(errno));
   }
-  // In a folder such as /tmp nobody replaces what another user has put there.
+  // In a sticky folder such as /tmp, files of another user cannot be replaced.
   struct stat of_parent {};
   struct stat old {};
   const uid_t user = geteuid();
@@ -54,7 +54,7 @@ void CheckParent(const fs::path& path) {
   }
 }
 
-// Of /dev and /proc files can be made, and a device or the link to a stream replaced: by root at least.
+// In /dev and /proc, root at least could create files, or replace a device or the link to a stream.
 bool IsOfTheSystem(const fs::path& path) {
   std::error_code error;
   const std::string folder = fs::canonical(fs::absolute(path).parent_path(), error).string() + "/";
@@ -68,7 +68,7 @@ void CheckIsNoInput(const fs::path& path) {
   }
 }
 
-// Nor is what it is written as, which is removed.
+// The partial file must not be an input either, because it is removed.
 void CheckPartialIsNoInput(const fs::path& path) {
   if (InputRecord::Holds(PartialOf(path))) {
     ThrowError(
@@ -78,7 +78,7 @@ void CheckPartialIsNoInput(const fs::path& path) {
   }
 }
 
-// Into which another file system is mounted, or a folder of another place.
+// Whether another file system, or another folder, is mounted on the folder.
 bool IsMountPoint(const fs::path& folder) {
   struct statx status {};
   return statx(AT_FDCWD, folder.c_str(), 0, STATX_TYPE, &status) == 0 &&
@@ -123,7 +123,7 @@ void OutputFile::LockAnew() {
 }
 
 void OutputFile::Commit() {
-  CheckIsNoInput(path_);  // once more: what came later
+  CheckIsNoInput(path_);  // again, for later changes
   if (!lock_->IsAt(partial_)) {
     committed_ = true;
     ThrowError("cannot write {}: {} has been replaced by something else in the meantime",
@@ -198,10 +198,10 @@ void OutputFolder::CheckOld() const {
   CheckFolderHoldsNoInput(path_);
 }
 
-// What a killed run left has our names, or those on the way to them.
+// The leftovers of a killed run have our names or our partial names.
 void OutputFolder::CheckPartial() const {
   std::error_code error;
-  if (fs::is_symlink(partial_, error)) return;  // the link is removed, and not what it leads to
+  if (fs::is_symlink(partial_, error)) return;  // the link itself is removed, not its target
   for (fs::directory_iterator entry(partial_, error), end; !error && entry != end;
        entry.increment(error)) {
     const std::string name = entry->path().filename().string();
@@ -218,10 +218,10 @@ void OutputFolder::CheckPartial() const {
 }
 
 void OutputFolder::Commit() {
-  CheckOld();  // once more: what came later
+  CheckOld();  // again, for later changes
   if (fs::exists(path_)) {
-    // Swapped in one step, so that there is a whole folder at every moment; file systems that
-    // cannot do that get two renames.
+    // Swapped atomically, so that a complete folder exists at every moment; file systems that do
+    // not support this get two renames.
     if (renameat2(AT_FDCWD, partial_.c_str(), AT_FDCWD, path_.c_str(), RENAME_EXCHANGE) == 0) {
       // The old folder, unless another run is about to remove it already.
       if (const auto old = WriteLock::TryOf(partial_)) RemoveQuietly(partial_);

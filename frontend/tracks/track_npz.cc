@@ -22,7 +22,7 @@ namespace fs = std::filesystem;
 constexpr std::size_t kMaxCells = std::size_t{1} << 27;
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
-// Under what names trackers and their users save them; the first that is there counts.
+// The names under which trackers and their users save the arrays; the first existing one counts.
 constexpr std::initializer_list<const char*> kTrackNames = {"tracks", "pred_tracks", "pred_track"};
 constexpr std::initializer_list<const char*> kVisibilityNames = {"visibility",
                                                                  "visibilities",
@@ -63,7 +63,7 @@ Size ParseSize(const std::string& text) {
   return {static_cast<double>(*width), static_cast<double>(*height)};
 }
 
-// The arrays of one file, brought to frames first.
+// The arrays of one file, with frames as the first axis.
 class TracksReader {
  public:
   TracksReader(const fs::path& path,
@@ -101,7 +101,7 @@ class TracksReader {
   }
   const std::string& tracks_name() const { return tracks_name_; }
 
-  // Values of cells, none where the file has no such array.
+  // The values of the cells; empty if the file has no such array.
   std::vector<double> Cells(const std::string& name, std::size_t values_a_cell) {
     NpzArray array = npz_.Read(name, values_a_cell * kMaxCells);
     std::vector<std::size_t> shape{frames_.size(), track_count_};
@@ -145,7 +145,7 @@ class TracksReader {
         npz_.names().empty() ? "none" : fmt::format("{}", fmt::join(npz_.names(), ", ")));
   }
 
-  // A first axis of 1 more than it should have.
+  // Removes an additional first axis of 1.
   static void DropBatch(NpzArray& array, std::size_t dimensions) {
     while (array.shape.size() > dimensions && array.shape.front() == 1) {
       array.shape.erase(array.shape.begin());
@@ -155,7 +155,7 @@ class TracksReader {
   void ReadFrames(std::span<const FrameInfo> frames) {
     for (const char* name : {"frame_indices", "frame_index", "frame_ids", "frames"}) {
       if (!npz_.Has(name)) continue;
-      // `frames` may be the pictures themselves.
+      // An array `frames` may be the pictures themselves.
       const NpzReader::Description about = npz_.Describe(name);
       if (about.shape.size() != 1 || about.kind != NpzKind::kInteger) continue;
       const NpzArray indices = npz_.Read(name, kMaxCells);
@@ -177,7 +177,7 @@ class TracksReader {
     for (const FrameInfo& frame : frames) frames_.push_back(frame.index);
   }
 
-  // Which axis is of frames.
+  // Decides which axis is the frame axis.
   void Decide(const std::vector<std::size_t>& shape) {
     const bool first = shape[0] == frames_.size();
     const bool second = shape[1] == frames_.size();
@@ -216,7 +216,7 @@ bool MeansHidden(const std::string& name) {
   return name.starts_with("occ") || name.find("_occ") != std::string::npos;
 }
 
-// Whether a cell is visible: empty, if all are.
+// Whether each cell is visible; empty if all are.
 std::vector<bool> ReadVisible(TracksReader& reader, const NpzTracksOptions& options) {
   std::string name = options.visibility;
   if (!name.empty() && !reader.Has(name)) reader.Fail(name, "there is none of this name");
@@ -303,7 +303,7 @@ ImportedTracks ReadTracksNpz(const fs::path& path,
   const Size size{static_cast<double>(width_px), static_cast<double>(height_px)};
   const Size made_on = options.size.empty() ? size : ParseSize(options.size);
   const Eigen::Array2d scale(size.width / made_on.width, size.height / made_on.height);
-  // Of the file's (0, 0) from the corner of the top-left pixel.
+  // Distance of the file's (0, 0) from the corner of the top-left pixel.
   const double shift = options.origin == NpzOrigin::kPixelCentre ? 0.5 : 0.0;
   const bool as_it_is = options.origin == NpzOrigin::kPixelCentre && (scale == 1.0).all();
 
@@ -317,7 +317,7 @@ ImportedTracks ReadTracksNpz(const fs::path& path,
 
   ImportedTracks result;
   std::vector<Observation> observations;
-  observations.reserve(reader.PositionCount());  // growing would hold them twice
+  observations.reserve(reader.PositionCount());  // growing would hold them twice in memory
   std::size_t observed = 0;
   for (std::size_t n = 0; n < reader.track_count(); ++n) {
     for (std::size_t t = 0; t < reader.frame_count(); ++t) {
@@ -375,7 +375,7 @@ void WriteTracksNpz(const fs::path& path, const TrackFile& file) {
   std::vector<std::int64_t> frame_indices;
   for (const FeatureId feature : features) track_ids.push_back(ToInt(feature));
   for (const FrameInfo& frame : file.frames) frame_indices.push_back(ToInt(frame.index));
-  // Frame by frame: most of the cells of a long clip are empty, and all together may be many GB.
+  // Frame by frame, because most cells of a long clip are empty, and all together may take many GB.
   const auto each = [&](std::size_t t, const auto& visit) {
     auto column = features.begin();
     for (const Observation* o : file.tracks.InFrame(file.frames[t].index)) {

@@ -20,7 +20,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::int64_t kApplicationId = 0x636F6872;  // "cohr": tells our SQLite files from others
+constexpr std::int64_t kApplicationId = 0x636F6872;  // "cohr": distinguishes our SQLite files from
+                                                     // others
 constexpr std::int64_t kVersion = 1;
 
 constexpr const char* kSchema = R"(
@@ -128,7 +129,7 @@ std::uint32_t ReadId(std::int64_t value, const fs::path& path, std::string_view 
   return static_cast<std::uint32_t>(value);
 }
 
-// Also in COLMAP's models, which number images from 1.
+// The limit is that of COLMAP's models, which number images from 1.
 std::uint32_t ReadFrameIndex(std::int64_t value, const fs::path& path) {
   constexpr std::int64_t kMost = 2'147'483'645;
   if (value > kMost) ThrowDamaged(path, fmt::format("it has frame {} of {} at most", value, kMost));
@@ -202,7 +203,7 @@ SqliteDatabase OpenTracks(const fs::path& path) {
 std::vector<Observation> ReadObservations(SqliteDatabase& db, const fs::path& path) {
   std::vector<Observation> observations;
   auto count = db.Prepare("SELECT COUNT(frame) FROM observations");
-  constexpr std::uint64_t kBytesARow = 16;  // and more, of what is no lie
+  constexpr std::uint64_t kBytesARow = 16;  // at least, unless the file is malicious
   if (count.Step()) {
     observations.reserve(std::min(static_cast<std::uint64_t>(count.Int(0)),
                                   static_cast<std::uint64_t>(fs::file_size(path)) / kBytesARow));
@@ -286,7 +287,7 @@ TrackFile ReadTrackFile(const fs::path& path) {
     file.frames.push_back({.index = FrameIndex{ReadFrameIndex(frames.Int(0), path)},
                            .name = std::string(frames.Text(1)),
                            .timestamp_ns = frames.Int(2)});
-    // Frames that came from no file may have none.
+    // Frames that did not come from files may have no name.
     const std::string& name = file.frames.back().name;
     if (const std::string fault = FaultOfPictureName(name); !name.empty() && !fault.empty()) {
       ThrowDamaged(path, fmt::format("the name of frame '{}' {}", name, fault));
@@ -314,7 +315,7 @@ void WriteTrackFile(const fs::path& path, const TrackFile& file) {
   OutputFile out(path);
   {
     auto db = SqliteDatabase::Open(out.partial(), SqliteDatabase::Mode::kCreate);
-    // The file is thrown away if anything fails: no journal needed.
+    // The file is discarded if anything fails, so no journal is needed.
     db.Execute("PRAGMA journal_mode = OFF");
     SqliteTransaction transaction(db);
     CreateSchema(db, file);
@@ -334,7 +335,7 @@ void WriteTrackFile(const fs::path& path, const TrackFile& file) {
     for (const TrackEnd& end : file.tracks.ends()) insert.Insert(end);
     transaction.Commit();
   }
-  RemoveJournals(path);  // of another program
+  RemoveJournals(path);  // left by another program
   out.Commit();
 }
 

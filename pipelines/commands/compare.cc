@@ -32,7 +32,7 @@ void PrintNotes(const char* what, const std::vector<CellNote>& notes) {
 void RunCompare(const ExperimentOptions& options) {
   const ExperimentPlan plan = RunCells(options);
   const std::filesystem::path out = options.out;
-  // Shards may end together: the last to write has seen what all others finished.
+  // Shards may end at the same time; the last one to write includes the results of all others.
   const WriteLock lock = WriteLock::Await(out / "cells" / "results.lock");
   const ExperimentResults results = CollectResults(options, plan);
   const auto headline = MakeHeadline(results);

@@ -25,7 +25,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// Before the inputs are read. To have looked into it makes it none.
+// Called before the inputs are read. Inspecting the output must not make it an input, so it is
+// forgotten.
 void CheckHoldsNoDescriptors(const std::string& database) {
   if (!fs::is_regular_file(database) || InputRecord::Holds(database)) return;
   const std::int64_t images = CountDescribedImages(database);
@@ -52,7 +53,7 @@ void ExportColmapDatabase(TrackFile file,
   FocalScales focal_scale;
   if (model && !model->focal_scale.empty()) {
     focal_scale = model->focal_scale;
-    Camera camera = model->camera;  // which the scales are of
+    Camera camera = model->camera;  // to which the scales belong
     camera.known = file.KnowsCamera();
     file.camera = camera;
   }

@@ -23,7 +23,7 @@
 namespace cohort {
 namespace {
 
-// All of the file but the tracks.
+// Everything in the file except the tracks.
 TrackFile ReadFrames(const InputOptions& input) {
   const auto sequence = OpenInput(input);
   TrackFile file;
@@ -57,7 +57,7 @@ void CheckFramesKnown(const TrackSet& tracks,
   }
 }
 
-// What a file is, by its first bytes.
+// The format of a file, from its first bytes.
 TracksForm FormOf(const std::string& path) {
   if (std::filesystem::is_directory(path)) return TracksForm::kColmap;
   std::array<char, 4096> start{};
@@ -151,7 +151,7 @@ void RunImport(const ImportCommandOptions& options) {
                  options.input.input,
                  imported.an_unknown_image);
   }
-  // What the command line says, then who is sure of it: a calibration before a guess.
+  // The command line takes precedence, then a calibration over a guess.
   const bool given = !options.input.camera.empty() || !options.input.camera_prior.empty();
   if (imported.camera && !given && (!file.camera || imported.camera->known)) {
     NoteCamera(imported.camera, file);

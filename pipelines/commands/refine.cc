@@ -23,7 +23,7 @@
 namespace cohort {
 namespace {
 
-// Of tracks these do nothing: who gives one expects something.
+// These options have no effect on tracks, which a user who gives one would not expect.
 void CheckNoneIsOfModels(const RefineModelOptions& options) {
   for (const std::string& path : ChangedOptions(options)) {
     ThrowUsageError("--{} is for a COLMAP model: leave it out with a .tracks file", FlagName(path));
@@ -35,7 +35,7 @@ void RefineTracks(const RefineCommandOptions& options) {
   CheckDistinctOutputs({{"--out", options.out}, {"--json", options.json}});
   const TrackFile file = ReadTrackFile(options.tracks);
   const Reconstruction model = ReadModelFolder(options.model);
-  // In the place of the old ones, where the same name is given.
+  // The new tracks may replace the old ones if the same name is given.
   if (CanonicalPath(options.out) == CanonicalPath(options.tracks)) InputRecord::Forget(options.out);
   CheckOutputsGiven({options.out, options.json});
   if (model.points.empty()) {

@@ -40,11 +40,11 @@ void PrintFigures(const SfmFigures& figures, const std::string& out) {
   for (const std::string& advice : figures.film_better) PrintLine("To film better: {}", advice);
 }
 
-// SCENE/report.html, unless it is of this scene already.
+// Writes SCENE/report.html, unless it already belongs to this scene.
 void WriteSceneReport(const SfmJobOptions& options, const SfmFigures& figures) {
   const fs::path folder = options.out;
   const fs::path page = folder / "report.html";
-  if (fs::exists(page)) return;  // RunSfmJob has removed that of another
+  if (fs::exists(page)) return;  // RunSfmJob has removed any other scene's
   ClipReport report = ReadClipReport(folder / "model");
   report.sentences.insert(
       report.sentences.end(), figures.film_better.begin(), figures.film_better.end());

@@ -16,7 +16,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// Throws Error where the files are of two clips, as far as they know.
+// Throws Error if the files belong to two clips, as far as they record it.
 void CheckOneClip(const ShowOptions& options, const std::vector<TrackFile>& files) {
   const TrackFile& a = files.front();
   const TrackFile& b = files.back();
@@ -27,7 +27,7 @@ void CheckOneClip(const ShowOptions& options, const std::vector<TrackFile>& file
                b.width_px,
                b.height_px);
   }
-  if (!options.images.empty()) return;  // whoever gives them knows
+  if (!options.images.empty()) return;  // the user has decided
   const bool both_tell = !a.meta.fingerprint.empty() && !b.meta.fingerprint.empty();
   if (both_tell ? a.meta.fingerprint == b.meta.fingerprint : a.source == b.source) return;
   if (a.source != b.source) {

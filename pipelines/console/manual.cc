@@ -9,8 +9,8 @@
 namespace cohort {
 namespace {
 
-// Text as roff prints it: what it would take for its own, or make typographic, is escaped. A line
-// that begins with one of those escapes is no request.
+// Text for roff: characters with a special meaning, or that roff would replace typographically, are
+// escaped. A line that begins with such an escape is not a request.
 std::string Escaped(std::string_view text) {
   std::string escaped;
   for (const char c : text) {
@@ -52,7 +52,7 @@ std::string Upper(std::string text) {
 
 std::string Bold(std::string_view text) { return "\\fB" + Escaped(text) + "\\fR"; }
 
-// No justified lines and no hyphens of its own, which would stand in names of options.
+// Without justification and hyphenation, which would break the names of options.
 std::string Head(const std::string& page, const std::string& summary) {
   return fmt::format(
       ".\\\" Made by write_manual from the declarations that --help shows.\n"

@@ -43,7 +43,7 @@ void CheckLevel(const std::string& level) {
 
 unsigned ParseSeed(const std::string& text) {
   const auto seed = ParseUnsigned(text);
-  constexpr unsigned kMost = std::numeric_limits<int>::max();  // COLMAP's
+  constexpr unsigned kMost = std::numeric_limits<int>::max();  // COLMAP's limit
   if (!seed || *seed > kMost) {
     ThrowUsageError("--seeds '{}' is not a seed: give whole numbers from 0 to {}", text, kMost);
   }
@@ -57,7 +57,7 @@ GridBackend ParseBackend(const std::string& text) {
   ThrowUsageError("--backends '{}' is unknown: give ceres, colmap or triangulation", text);
 }
 
-// Cells of the same name would share a folder and count twice.
+// Cells with the same name would share a folder and count twice.
 void CheckDistinct(const char* option, const std::vector<std::string>& names) {
   std::set<std::string> seen;
   for (const std::string& name : names) {
@@ -98,7 +98,7 @@ void CheckTracker(const ExperimentOptions& options,
   }
 }
 
-// A degraded clip has lost it, and is to be as well known as the one that it is made of.
+// A degraded clip has lost its metadata, but must be known as well as its source.
 std::string CameraPriorOfFiles(const Sequence& sequence) {
   if (sequence.KnownCamera()) return "";
   const auto guess = sequence.FocalGuessOfFile();
@@ -106,7 +106,7 @@ std::string CameraPriorOfFiles(const Sequence& sequence) {
   return fmt::format("{}+-{}", guess->focal_px, guess->log_sigma * guess->focal_px);
 }
 
-// What the trackers read.
+// The input of the trackers.
 InputOptions FramesOf(const ExperimentOptions& options, const Condition& condition) {
   InputOptions frames = ClipInput(options, condition);
   if (!condition.IsDegraded()) return frames;
@@ -143,10 +143,10 @@ ExperimentPlan PlanWithoutClips(const ExperimentOptions& options) {
 }
 
 std::vector<GridClip> ProbeClips(const ExperimentOptions& options, const ExperimentPlan& plan) {
-  // Every shard asks for itself.
+  // Every shard probes the clips itself.
   std::string shard_suffix = options.shard.empty() ? "" : "_shard_" + options.shard;
   std::replace(shard_suffix.begin(), shard_suffix.end(), '/', '_');
-  // Before hours of cells that all fail for want of them.
+  // Checked now, because otherwise all cells would fail, hours later.
   ReadMask(options.mask);
   GivenCamera(ClipInput(options, {}), 0, 0);
   std::vector<Task> tasks;
@@ -165,7 +165,7 @@ std::vector<GridClip> ProbeClips(const ExperimentOptions& options, const Experim
                                    {"camera_prior", CameraPriorOfFiles(*sequence)}};
                      }});
   }
-  RunTasks("open", tasks, options.jobs, false);  // always: the files may have changed
+  RunTasks("open", tasks, options.jobs, false);  // always, since the files may have changed
   std::set<std::string> names;
   std::vector<GridClip> clips;
   for (std::size_t i = 0; i < tasks.size(); ++i) {

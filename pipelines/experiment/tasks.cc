@@ -44,7 +44,7 @@ bool IsOf(const Json& result, const Task& task) {
          result.at("options") == Json::parse(task.options);
 }
 
-// Is what it makes there, or needs not be?
+// Whether its output exists or is not needed.
 bool HasMade(const Json& result, const Task& task) {
   return task.makes.empty() || result.at("figures").contains("not_available") ||
          fs::exists(task.makes);
@@ -52,10 +52,12 @@ bool HasMade(const Json& result, const Task& task) {
 
 [[noreturn]] void RunInChild(const Task& task, pid_t parent) {
   prctl(PR_SET_PDEATHSIG, SIGKILL);
-  if (getppid() != parent) _exit(EXIT_FAILURE);  // it died before the line above
+  if (getppid() != parent) _exit(EXIT_FAILURE);  // the parent died before the prctl above
   const std::string log = task.result.string() + ".log";
   int descriptor = open(log.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_NOFOLLOW | O_CLOEXEC, 0644);
-  if (descriptor < 0) descriptor = open("/dev/null", O_WRONLY | O_CLOEXEC);  // the parent says why
+  if (descriptor < 0)
+    descriptor = open("/dev/null", O_WRONLY | O_CLOEXEC);  // the parent reports
+                                                           // the reason
   if (descriptor >= 0) {
     dup2(descriptor, STDOUT_FILENO);
     dup2(descriptor, STDERR_FILENO);
@@ -96,7 +98,7 @@ pid_t Start(const Task& task) {
   return child;
 }
 
-// A process that died without a word: its result says how.
+// Writes the result of a process that died without writing one.
 void RecordEnd(const Task& task, int status) {
   if (WIFEXITED(status) && WEXITSTATUS(status) == 0) return;
   const std::string how =

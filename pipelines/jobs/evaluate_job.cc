@@ -33,7 +33,7 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
-// null where a figure cannot be computed.
+// null if a figure cannot be computed.
 template <typename T>
 Json OrNull(const std::optional<T>& value) {
   return value ? Json(*value) : Json(nullptr);
@@ -96,7 +96,7 @@ void CheckHasFrame(Sequence& sequence, FrameIndex last, const std::string& what,
              kind);
 }
 
-// Frames without times of their own are a thirtieth of a second apart.
+// Whether the times are counted: frames without their own times are a thirtieth of a second apart.
 bool AreTimesCounted(std::span<const FrameInfo> frames) {
   return std::ranges::all_of(frames, [](const FrameInfo& frame) {
     constexpr std::uint64_t kSameNs = 1'000'000;
@@ -105,12 +105,12 @@ bool AreTimesCounted(std::span<const FrameInfo> frames) {
   });
 }
 
-// Frames are compared by their numbers. Where those are of other frames, as of a clip that was
-// thinned out or of some of its pictures, names or times may tell. `of_subject`: ascending.
+// Frames are compared by number. If the numbers belong to other frames, as with every n-th frame of
+// a clip or a selection of its pictures, names or times may reveal it. `of_subject`: ascending.
 void WarnIfOtherFrames(std::span<const FrameInfo> of_subject,
                        const std::string& subject,
                        Sequence& sequence) {
-  constexpr double kSameNs = 2e7;  // as of true poses
+  constexpr double kSameNs = 2e7;  // as for true poses
   if (of_subject.empty()) return;
   std::vector<FrameInfo> of_clip;
   while (const auto frame = sequence.Next()) {
@@ -155,7 +155,7 @@ void WarnIfOtherFrames(std::span<const FrameInfo> of_subject,
   }
 }
 
-// Throws Error where the tracks cannot be of the clip.
+// Throws Error if the tracks cannot belong to the clip.
 void CheckIsClipOf(const TrackFile& file, const std::string& tracks, Sequence& sequence) {
   const auto picture = sequence.Next();
   sequence.Rewind();
@@ -213,15 +213,15 @@ Json EvaluateTrackFile(const std::string& path,
            figures.trajectory_l1 ? Json(figures.trajectory_l1->mean_px) : Json(nullptr)}};
 }
 
-// Those that have a true pose.
+// The frames that have a true pose.
 std::vector<FrameIndex> FramesOf(const ModelTruth& truth) {
   std::vector<FrameIndex> frames;
   for (const auto& [frame, pose] : truth.cam_from_world) frames.push_back(frame);
   return frames;
 }
 
-// The frames that a model was to have: summary.json says so; of another program's model all that
-// have a true pose.
+// The frames that a model should contain: those in summary.json or, for another program's model,
+// all that have a true pose.
 std::vector<FrameIndex> FramesOfModel(const fs::path& folder, const ModelTruth& truth) {
   const fs::path summary = folder / "summary.json";
   if (!fs::exists(summary)) return FramesOf(truth);
@@ -251,15 +251,15 @@ std::vector<FrameIndex> FramesOfModel(const fs::path& folder, const ModelTruth& 
   return frames;
 }
 
-// Does a model number its images as we do, by frame? Another program's does not, nor what was made
-// of one.
+// Whether a model numbers its images by frame, as ours do. Models of other programs do not, nor do
+// refinements of these.
 bool IsNumberedByFrame(const fs::path& folder) {
   const fs::path summary = folder / "summary.json";
   return fs::exists(summary) && !ReadJsonFile(summary).contains("refined_from");
 }
 
-// The frames that a refined model was to have, under the clip's: those that it has, and as many
-// others as it says that there were besides, which count as missing.
+// The frames that a refined model should contain, by the clip's numbers: those that it has, and as
+// many others as its summary states in addition, which count as missing.
 std::vector<FrameIndex> FramesOfRefined(const Reconstruction& model, std::size_t count) {
   std::vector<FrameIndex> frames;
   for (const auto& [frame, pose] : model.cam_from_world) frames.push_back(frame);
@@ -269,8 +269,8 @@ std::vector<FrameIndex> FramesOfRefined(const Reconstruction& model, std::size_t
   return frames;
 }
 
-// The poses of another model, under the frames of the first: by their names where the two share
-// some, as other programs number images their own way, else by number.
+// The poses of another model under the frames of the first one: matched by name if the two share
+// names, because other programs number images differently, else by number.
 std::map<FrameIndex, Rigid3> PosesOfSameFrames(const Reconstruction& model,
                                                const Reconstruction& other) {
   std::vector<FrameInfo> frames;
@@ -291,7 +291,7 @@ bool IsModelFolder(const fs::path& folder) {
   return fs::exists(folder / "images.bin") || fs::exists(folder / "images.txt");
 }
 
-// Of a clip, or of another model: then in its unit of length.
+// The truth of a clip, or of another model, then in that model's unit of length.
 ModelTruth TruthOfPoses(const Sequence& sequence, TrackTruth* truth) {
   ModelTruth model_truth;
   model_truth.cam_from_world = sequence.TrueCamFromWorld();
@@ -312,8 +312,8 @@ ModelTruth TruthOfPoses(const Sequence& sequence, TrackTruth* truth) {
   return model_truth;
 }
 
-// A model under the frames of a clip: by the names of its images where they are its frames', else
-// by number.
+// A model under the frames of a clip: matched by the names of its images if they are names of
+// frames, else by number.
 Reconstruction ReadModelOf(const fs::path& folder, Sequence& sequence) {
   if (IsNumberedByFrame(folder)) {
     Reconstruction model = ReadReconstruction(folder);
@@ -428,7 +428,7 @@ Json RunEvaluateJob(const EvaluateJobOptions& options) {
                                                ? FramesOfModel(options.subject, other)
                                                : FramesOf(other);
     figures = EvaluateModelFolder(model, frames, other);
-    // Lengths are in the other model's unit, which is no metre.
+    // Lengths are in the other model's unit, which is not the metre.
     for (const char* key : {"ate_m", "rpe_trans_m", "auc_5", "auc_10", "auc_20"}) {
       figures[key] = nullptr;
     }
