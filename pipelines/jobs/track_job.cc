@@ -49,7 +49,8 @@ bool SameCamera(const std::optional<Camera>& a, const std::optional<Camera>& b) 
          WordsOfCamera(*a) == WordsOfCamera(*b);
 }
 
-// Was the file made of the same, with the same options? What a run found does not count.
+// Whether the file was made from the same input with the same options. What a run found does not
+// count.
 bool IsOfJob(const TrackFile& file, const TrackFile& header) {
   const auto asked = [](TrackMeta meta) {
     meta.second_pass = false;

@@ -21,8 +21,8 @@ void WriteJsonFile(const std::filesystem::path& path, const Json& json) {
 }
 
 Json ReadJsonFile(const std::filesystem::path& path) {
-  constexpr std::uint64_t kMaxBytes = std::uint64_t{1} << 26;  // in memory some 30 times as many
-  const OwnFile own(path);  // nearly all are ours, and written again
+  constexpr std::uint64_t kMaxBytes = std::uint64_t{1} << 26;  // about 30 times as many in memory
+  const OwnFile own(path);  // nearly all are ours and may be rewritten
   const std::string text = ReadBytes(path, kMaxBytes);
   try {
     return ParseWithoutTwins<Json>(text);
@@ -30,7 +30,7 @@ Json ReadJsonFile(const std::filesystem::path& path) {
     ThrowError("{}: {}", path.string(), e.what());
   } catch (const nlohmann::json::parse_error& e) {
     ThrowError("{}: is not valid JSON (byte {})", path.string(), e.byte);
-  } catch (const nlohmann::json::exception& e) {  // a number that fits none
+  } catch (const nlohmann::json::exception& e) {  // a number out of range
     ThrowError("{}: is not supported JSON: {}", path.string(), e.what());
   }
 }

@@ -104,7 +104,7 @@ cv::Mat GrayOfArray(const py::object& object, bool rgb, const std::string& what)
       given.shape(1) > kMaxPictureSidePx) {
     ThrowError("{} has the shape {}: give (height, width) or (height, width, 3)", what, shape());
   }
-  constexpr py::ssize_t kMostPixels = py::ssize_t{1} << 30;  // as of files
+  constexpr py::ssize_t kMostPixels = py::ssize_t{1} << 30;  // as for files
   if (given.shape(0) > kMostPixels / given.shape(1)) {
     ThrowError("{} has the shape {}: up to 2^30 pixels are supported", what, shape());
   }

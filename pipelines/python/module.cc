@@ -1,5 +1,5 @@
-// The module _cohort: what the Python package cohort (cohort/__init__.py) is made of. Options come
-// as JSON with the names that `--dump-config` prints, results as arrays.
+// The module _cohort, which implements the Python package cohort (cohort/__init__.py). Options are
+// passed as JSON with the names that `--dump-config` prints, results as arrays.
 
 #include <pybind11/functional.h>
 #include <pybind11/numpy.h>
@@ -52,7 +52,7 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-// What `cohort track` takes, but for the files that it reads and writes.
+// The options of `cohort track`, except for the files that it reads and writes.
 struct TrackArguments {
   InputOptions input;
   std::string mask;
@@ -70,7 +70,7 @@ struct TrackArguments {
   }
 };
 
-// What `cohort refine` takes, but for the files.
+// The options of `cohort refine`, except for the files.
 struct RefineArguments {
   SecondPassOptions second_pass;
 
@@ -85,7 +85,7 @@ Options FromJsonText(const std::string& json, const std::string& function) {
   Options options;
   try {
     SetFromJson(ListOptions(options), Json::parse(json), function);
-  } catch (const Json::exception& e) {  // names that are no text, numbers that fit none
+  } catch (const Json::exception& e) {  // names that are not text, numbers out of range
     ThrowUsageError("{}: the options cannot be represented as JSON ({})", function, e.what());
   }
   return options;
@@ -105,7 +105,7 @@ std::string DefaultOptions(const std::string& function) {
                   function);
 }
 
-// As os.fsdecode has it: names of files may be of any bytes, so what is no UTF-8 becomes
+// Like os.fsdecode: names of files may contain any bytes, so bytes that are not UTF-8 become
 // surrogates.
 py::str ToStr(const std::string& text) {
   PyObject* const decoded =
@@ -114,8 +114,9 @@ py::str ToStr(const std::string& text) {
   return py::reinterpret_steal<py::str>(decoded);
 }
 
-// While one lives, OpenCV has as many threads as asked for; 0: as before. Of several calls at once
-// the last that was asked counts, and the last that ends puts back what was before all of them.
+// While an instance lives, OpenCV has the requested number of threads; 0: unchanged. If several
+// calls run at once, the latest request counts, and the last one to end restores the number from
+// before all of them.
 class ThreadsOfOpenCv {
  public:
   explicit ThreadsOfOpenCv(int threads) {
@@ -136,9 +137,9 @@ class ThreadsOfOpenCv {
   static inline int before = 0;
 };
 
-// Throws KeyboardInterrupt after Ctrl-C, or what else a signal's handler raises. May be called as
-// often as one likes: it asks Python, which other threads may keep busy, a hundred times a second
-// at most.
+// Throws KeyboardInterrupt after Ctrl-C, or whatever else a signal's handler raises. It may be
+// called at any rate: it asks Python, which other threads may keep busy, at most a hundred times a
+// second.
 void RaiseOfSignals() {
   static thread_local std::chrono::steady_clock::time_point asked;
   const auto now = std::chrono::steady_clock::now();
@@ -149,7 +150,8 @@ void RaiseOfSignals() {
   if (PyErr_CheckSignals() != 0) throw py::error_already_set();
 }
 
-// To be called without the GIL. `callback`: progress(stage, done, total or None), or None.
+// The result is to be called without the GIL. `callback`: progress(stage, done, total or None), or
+// None.
 StageProgress ProgressTo(const py::object& callback) {
   return [&callback](std::string_view stage, std::size_t done, std::optional<std::size_t> total) {
     RaiseOfSignals();
@@ -193,7 +195,7 @@ TrackFile Track(const ClipArgument& clip,
   const CallWithoutGil no_gil;
   const InterruptionCheck interruption(RaiseOfSignals);
   const ThreadsOfOpenCv threads(arguments.threads);
-  // Destroyed without the GIL, which the thread that reads ahead may wait for.
+  // Destroyed without the GIL, for which the thread that reads ahead may be waiting.
   const std::unique_ptr<Sequence> opened = [&] {
     if (sequence) return std::move(sequence);
     arguments.input.input = std::get<fs::path>(clip).string();
@@ -209,7 +211,7 @@ TrackFile Track(const ClipArgument& clip,
   DescribeInput(arguments.input, *opened, file);
   file.meta.program = fmt::format("cohort {}", kVersion);
   NoteMask(arguments.mask, file);
-  if (camera) NoteCamera(camera, file);  // and not what the clip says
+  if (camera) NoteCamera(camera, file);  // instead of the clip's own
   if (second_pass) {
     file = WithSecondPass(std::move(file), *opened, mask, arguments.second_pass, progress).file;
   }
@@ -217,7 +219,7 @@ TrackFile Track(const ClipArgument& clip,
   return file;
 }
 
-// The tracks, and what there is to doubt of them. Without a clip, that which `file` names.
+// The tracks and the doubts about them. Without a clip, uses the one that `file` names.
 std::pair<TrackFile, std::vector<std::string>> Refine(const TrackFile& file,
                                                       const Reconstruction& model,
                                                       const std::optional<ClipArgument>& clip,
@@ -249,7 +251,7 @@ std::pair<TrackFile, std::vector<std::string>> Refine(const TrackFile& file,
   return {std::move(second.file), std::move(doubts)};
 }
 
-// A model with what Reconstruct says of it; of one that was read, summary.json or nothing.
+// A model with its summary by Reconstruct; for a model that was read, that of summary.json or none.
 struct Model {
   Reconstruction reconstruction;
   std::string summary = "{}";
@@ -292,7 +294,7 @@ py::array_t<T> AsArray(const std::vector<T>& values) {
 
 constexpr std::uint32_t kMostFrames = 10'000'000;
 
-// Ascending, all that observations are of.
+// The frames with these numbers, ascending. Throws Error if an observation is in another frame.
 std::vector<FrameInfo> FramesNumbered(const py::array_t<std::uint32_t>& numbers,
                                       const TrackSet& tracks) {
   std::vector<FrameInfo> frames;
@@ -318,7 +320,7 @@ std::vector<FrameInfo> FramesNumbered(const py::array_t<std::uint32_t>& numbers,
   return frames;
 }
 
-// Named as a video's are. And what there is to doubt of them.
+// The tracks, with frames named like those of a video, and the doubts about them.
 std::pair<TrackFile, std::string> MakeTracks(const py::array_t<ObservationRow>& rows,
                                              const py::array_t<std::uint32_t>& frames,
                                              int width_px,
@@ -342,8 +344,8 @@ std::pair<TrackFile, std::string> MakeTracks(const py::array_t<ObservationRow>& 
   return {std::move(file), std::move(doubt)};
 }
 
-// Where the images of a database are not numbered in the order of their names, as COLMAP leaves
-// them that looked for features on several threads; else empty.
+// The doubt about a database whose images are not numbered in the order of their names, which
+// happens if COLMAP extracted features on several threads; else empty.
 std::string DoubtOfOrder(const ColmapDatabase& database, const fs::path& path) {
   std::vector<std::string> names;
   for (const auto& [id, image] : database.images) names.push_back(image.name);
@@ -354,7 +356,7 @@ std::string DoubtOfOrder(const ColmapDatabase& database, const fs::path& path) {
       path.string());
 }
 
-// All of a database: its images are the frames. And what there is to doubt of them.
+// The tracks of a database, whose images are the frames, and the doubts about them.
 std::pair<TrackFile, std::string> ReadDatabaseTracks(const fs::path& path) {
   const ColmapDatabase database = ReadColmapDatabase(path);
   TrackFile file;
@@ -382,7 +384,7 @@ std::vector<std::tuple<std::uint32_t, std::uint32_t, std::string>> EndsOf(const 
   return ends;
 }
 
-// Names of files need not be UTF-8: their other bytes are surrogates, as in Python's own paths.
+// Names of files need not be UTF-8; other bytes become surrogates, as in Python's own paths.
 void SetError(const py::handle& type, const std::string& what) {
   const std::string line = OneLine(what);
   const auto text = py::reinterpret_steal<py::object>(
@@ -395,7 +397,7 @@ void BindErrors(py::module_& module) {
   const py::tuple bases = py::make_tuple(error, py::handle(PyExc_ValueError));
   static const py::exception<UsageError> usage_error(module, "UsageError", bases);
   py::register_exception_translator(
-      [](std::exception_ptr pointer) {  // NOLINT: by value, as pybind11 asks
+      [](std::exception_ptr pointer) {  // NOLINT: by value, as pybind11 requires
         try {
           if (pointer) std::rethrow_exception(pointer);
         } catch (const UsageError& e) {

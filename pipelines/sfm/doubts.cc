@@ -14,12 +14,12 @@
 namespace cohort {
 namespace {
 
-// Tracks that a model was made of, or that were measured again where it says that they are, lie
-// within a pixel or two of its views; others of the same ids anywhere.
+// The tracks from which a model was made, or that were measured again where it predicts them, lie
+// within a pixel or two of its views; other tracks with the same ids lie anywhere.
 constexpr double kOtherTracksShareOfWidth = 0.02;
 
-// Median over the model's views of the distance to the track of that id in that frame; a picture's
-// width where it has none there. 0 without views.
+// Median over the model's views of the distance to the track with that id in that frame, or a
+// picture's width if there is none. 0 without views.
 double DistanceToViews(const TrackFile& file, const Reconstruction& model) {
   std::vector<double> distances;
   for (const auto& [feature, point] : model.points) {
@@ -102,7 +102,7 @@ std::string DoubtOfIds(const TracksCsv& csv, const std::string& tracks_name) {
 }
 
 std::string DoubtOfCamera(const Camera& camera) {
-  // No lens does that, decimals with a comma do: 525,5 525,5 ...
+  // No lens has such focal lengths; decimals with a comma cause them: 525,5 525,5 ...
   if (camera.fx > 2.0 * camera.fy || camera.fy > 2.0 * camera.fx) {
     return fmt::format(
         "the camera's focal lengths {:g} and {:g} px do not belong to a real lens: check the "

@@ -22,7 +22,7 @@ std::string FramesText(FrameIndex first, FrameIndex last) {
                        : fmt::format("frames {} to {}", ToInt(first), ToInt(last));
 }
 
-// Of the longest three stretches of frames for which `holds`, and how many more there are.
+// Describes the three longest stretches of frames, and how many more there are.
 std::string StretchesText(std::vector<Stretch> stretches) {
   constexpr std::size_t kMost = 3;
   const auto length = [](const Stretch& s) { return ToInt(s.last) - ToInt(s.first); };
@@ -42,7 +42,7 @@ std::string StretchesText(std::vector<Stretch> stretches) {
   return text;
 }
 
-// Runs of consecutive frames of the file of which `holds` is true.
+// Runs of consecutive frames of the file for which `holds` is true.
 std::vector<Stretch> Runs(const TrackFile& file, const std::function<bool(std::size_t)>& holds) {
   std::vector<Stretch> runs;
   bool inside = false;
@@ -55,8 +55,8 @@ std::vector<Stretch> Runs(const TrackFile& file, const std::function<bool(std::s
   return runs;
 }
 
-// Pairs of consecutive frames of which less than `share` of the features observed in the first are
-// observed in the second, joined where they meet.
+// Pairs of consecutive frames for which less than `share` of the features observed in the first are
+// observed in the second; adjacent pairs are joined.
 std::vector<Stretch> Losses(const TrackFile& file, double share) {
   std::vector<Stretch> losses;
   for (std::size_t i = 1; i < file.frames.size(); ++i) {
@@ -106,12 +106,12 @@ std::optional<double> ParallaxDeg(const Reconstruction& model) {
   return Median(std::move(angles));
 }
 
-// How far the observations are from the point of a still world that explains them best, median
+// Median distance of the observations from the point of a static world that explains them best
 // [px].
 double MisfitOfTrackPx(const std::vector<Ray>& rays,
                        const std::vector<double>& focals_px,
                        double distance) {
-  // Of parallel rays a point far away.
+  // For parallel rays, a point far away.
   constexpr double kFar = 1e4;
   const Rigid3 world_from_cam = rays.front().cam_from_world.Inverse();
   const Eigen::Vector3d point = Triangulate(rays).value_or(
@@ -152,12 +152,13 @@ std::optional<double> MovingShare(const TrackFile& file, const Reconstruction& m
   return static_cast<double>(moving) / static_cast<double>(all);
 }
 
-// Why there is no model and what to do about it, by how the reconstruction ended.
+// Explains why there is no model and what to do about it, from the termination of the
+// reconstruction.
 std::string_view WhyNoModel(std::string_view termination) {
   const auto ended = [&](MapperTermination end) {
     return termination.starts_with(NameOf(kMapperTerminationNames, end));
   };
-  // The others are of COLMAP's (backend/start/initial_pair.cc).
+  // The other terminations are those with COLMAP (backend/start/initial_pair.cc).
   const auto says = [&](std::string_view phrase) {
     return termination.find(phrase) != std::string_view::npos;
   };
@@ -192,8 +193,8 @@ void AdviseOnLight(const FilmedClip& clip,
                    const ClipMeasures& measures,
                    std::vector<std::string>& advice) {
   if (clip.brightness.empty()) return;
-  // 11 of 255 were a street at night, 15 to 23 rendered clips in the dark whose cameras were 45 times
-  // as wrong as by day; 34 and more dim rooms, and things before a dark ground.
+  // A street at night had 11 of 255; dark rendered clips, whose cameras had 45 times the error of
+  // daylight, had 15 to 23; dim rooms and objects in front of a dark background had 34 and more.
   constexpr double kDark = 0.11;
   if (measures.brightness < kDark) {
     advice.push_back(
@@ -202,7 +203,8 @@ void AdviseOnLight(const FilmedClip& clip,
                     255.0 * measures.brightness));
   }
   constexpr double kBlack = 0.01;
-  // Between two frames. Up to 1.22: a phone's steps of exposure, a lamp that comes into the picture.
+  // Ratio between two frames. A phone's exposure steps, or a lamp that enters the picture, give up
+  // to 1.22.
   constexpr double kJump = 1.5;
   const std::vector<Stretch> jumps = Runs(clip.file, [&](std::size_t i) {
     if (i == 0 || i >= clip.brightness.size()) return false;
@@ -210,7 +212,8 @@ void AdviseOnLight(const FilmedClip& clip,
     const double now = clip.brightness[i] + kBlack;
     return now > kJump * before || before > kJump * now;
   });
-  // Over the clip. 1.4 and less: cameras that look around in one light; 35: from black to glare.
+  // Ratio over the clip. Cameras that look around in constant light give up to 1.4; a change from
+  // black to glare gives 35.
   constexpr double kChange = 4.0;
   if (!jumps.empty()) {
     advice.push_back(fmt::format(
@@ -238,8 +241,9 @@ ClipMeasures MeasureClip(const FilmedClip& clip) {
   return measures;
 }
 
-// The thresholds stand between clips of known kinds, on which `cohort sfm --features 400` wrote these
-// figures (`clip` in summary.json): 17 pieces of real video and 27 rendered ones, of 30 to 120 frames.
+// The thresholds separate clips of known kinds, for which `cohort sfm --features 400` wrote the
+// figures in the comments (`clip` in summary.json): 17 pieces of real video and 27 rendered ones,
+// of 30 to 120 frames.
 std::vector<std::string> FilmAdvice(const FilmedClip& clip, const ClipMeasures& measures) {
   std::vector<std::string> advice;
   const TrackFile& file = clip.file;
@@ -269,8 +273,9 @@ std::vector<std::string> FilmAdvice(const FilmedClip& clip, const ClipMeasures& 
         StretchesText(clip.other_parts),
         cuts.empty() ? " Film the places between them slowly." : ""));
   }
-  // Whole clips had 2.4 degrees and more (the least: a street, driven along; a hand that turns the
-  // camera), pieces of 4 to 10 frames of them 0.2 to 1.4: models, but off by 2 to 60 % of their path.
+  // Whole clips had 2.4 degrees and more (the least: a drive along a street, and a hand that turns
+  // the camera). Pieces of them with 4 to 10 frames had 0.2 to 1.4 degrees; their models were off
+  // by 2 to 60 % of their path.
   constexpr double kLittleParallaxDeg = 1.5;
   if (measures.parallax_deg && *measures.parallax_deg < kLittleParallaxDeg) {
     advice.push_back(fmt::format(
@@ -278,10 +283,10 @@ std::vector<std::string> FilmAdvice(const FilmedClip& clip, const ClipMeasures& 
         "apart. Walk further, sideways to what you film; from ten degrees on, depths are reliable.",
         *measures.parallax_deg));
   }
-  // Still scenes had up to 0.034 (the most: a kitchen, a box of tags), also in the dark and with one
-  // small walker; a box in a hand 0.08 and 0.21, a cloth 0.14, boxes that move and a castle that is
-  // turned before a room 0.26 and 0.28. What moves as if it stood elsewhere is not told: a patch that
-  // goes evenly beside the camera had 0.
+  // Static scenes had up to 0.034 (the most: a kitchen, a box of tags), also in the dark and with
+  // one small walking person; a box in a hand had 0.08 and 0.21, a cloth 0.14, moving boxes 0.26,
+  // and a castle that is turned in front of a room 0.28. Motion that looks like a static object
+  // elsewhere is not detected: a patch that moves uniformly beside the camera had 0.
   constexpr double kMuchMoves = 0.06;
   if (measures.moving_share && *measures.moving_share > kMuchMoves) {
     advice.push_back(
@@ -290,8 +295,8 @@ std::vector<std::string> FilmAdvice(const FilmedClip& clip, const ClipMeasures& 
                     "out, or cover by --mask what the model should not show.",
                     100.0 * *measures.moving_share));
   }
-  // The fewest were 0.62 (a drive, a headset at a low rate) in real clips that can be followed, and
-  // 0.09 where the light goes on.
+  // The minimum was 0.62 (a drive, a headset at a low frame rate) in real clips that can be
+  // tracked, and 0.09 where a light is switched on.
   constexpr double kFewTies = 0.5;
   std::vector<Stretch> lost = Losses(file, kFewTies);
   std::erase_if(lost, [&](const Stretch& s) {
@@ -310,8 +315,8 @@ std::vector<std::string> FilmAdvice(const FilmedClip& clip, const ClipMeasures& 
                     "the view. Move more slowly there.",
                     StretchesText(lost)));
   }
-  // 62 and 70 (rendered things with plain sides), 98 (from black to glare); 127 by night, whose model
-  // was good, 168 and more elsewhere.
+  // Rendered objects with plain sides had 62 and 70, a change from black to glare 98; a night clip
+  // with a good model had 127, the others 168 and more.
   constexpr double kFew = 100.0;
   if (measures.observed < std::min(kFew, 0.5 * static_cast<double>(clip.features_wanted))) {
     advice.push_back(

@@ -35,7 +35,7 @@ Camera ParseCamera(const std::string& text, int width_px, int height_px) {
   }
 }
 
-// FOCAL_PX or FOCAL_PX+-SIGMA; the character that stands for +- will do, too.
+// FOCAL_PX or FOCAL_PX+-SIGMA; the plus-minus sign is accepted, too.
 Camera ParseCameraPrior(const std::string& text, int width_px, int height_px) {
   constexpr double kShareWithoutSigma = 0.1;
   const auto fail = [&text] {
@@ -64,7 +64,7 @@ Camera ParseCameraPrior(const std::string& text, int width_px, int height_px) {
   const double sigma_px =
       focal.size() == all.size() ? kShareWithoutSigma * focal_px : number(sigma);
   const Camera camera = Camera::Guess(width_px, height_px, focal_px, sigma_px / focal_px);
-  // By the ratio alone two negative numbers would pass.
+  // The ratio alone would accept two negative numbers.
   if (!FaultOf(camera).empty() || sigma_px <= 0.0) fail();
   return camera;
 }

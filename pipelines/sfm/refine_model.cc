@@ -38,13 +38,13 @@ std::vector<FrameInfo> ReadFrames(Sequence& sequence, const StageProgress& progr
   return frames;
 }
 
-// The images' one camera, or where the focal length changes the first of them.
+// The shared camera of the images or, if the focal length changes, that of the first image.
 const ColmapCamera& FirstCameraOf(const ColmapModel& model) {
   return model.cameras.at(model.images.begin()->second.camera_id);
 }
 
-// Do so few of the model's points look the same in the frames that see them that these are not the
-// pictures it was made of, or it is far off?
+// Throws Error if so few of the model's points look the same in the frames that see them that these
+// are not its pictures, or that the model is far off.
 void CheckFound(const SecondPassFigures& figures, const fs::path& path, const Sequence& sequence) {
   constexpr double kLeastFound = 0.1;
   const std::size_t points = figures.replaced + figures.left;
@@ -66,27 +66,29 @@ void CheckFound(const SecondPassFigures& figures, const fs::path& path, const Se
       sequence.Name());
 }
 
-// Was the point never found again, or is it in few of the places where it was measured?
+// Whether the point was never found again, or agrees with too few of its measurements.
 bool IsContradicted(std::span<const Observation> track,
                     const Point3D& point,
                     const Reconstruction& model) {
-  // Of rendered clips by day, points with less are within a centimetre of the surface in a fifth of
-  // the cases, those with .5 to .7 in two fifths, the others in four fifths.
+  // On rendered clips in daylight, points below this share are within a centimetre of the surface
+  // in a fifth of the cases, those with .5 to .7 in two fifths, the others in four fifths.
   constexpr double kLeastShare = 0.5;
   std::size_t sightings = 0;
   for (const Observation& o : track) {
     if (!IsObserved(o) || !model.cam_from_world.contains(o.frame)) continue;
-    if (!o.covariance) return true;  // as it came: MeasureAgain gives every position its own
+    if (!o.covariance)
+      return true;  // not measured again: MeasureAgain gives every position a
+                    // covariance
     ++sightings;
   }
   return static_cast<double>(point.views.size()) < kLeastShare * static_cast<double>(sightings);
 }
 
-// Points that the pictures contradict; but none that is seen in a frame which has few others.
+// Points that the pictures contradict, except those in frames with few other points.
 std::set<FeatureId> FindContradicted(const TrackSet& tracks, const Reconstruction& model) {
   constexpr std::size_t kFewPoints = 30;
   std::set<FeatureId> contradicted;
-  std::map<FrameIndex, std::size_t> sound;  // points a frame
+  std::map<FrameIndex, std::size_t> sound;  // points per frame
   for (const auto& [feature, point] : model.points) {
     if (IsContradicted(tracks.Track(feature), point, model)) {
       contradicted.insert(feature);
@@ -103,7 +105,7 @@ std::set<FeatureId> FindContradicted(const TrackSet& tracks, const Reconstructio
   return contradicted;
 }
 
-// COLMAP keeps its first model however small it is, and may write a whole one beside it.
+// COLMAP keeps its first model even if it is tiny, and may write a complete one beside it.
 void CheckPointsAreLeft(const Reconstruction& adjusted,
                         const ReconstructionSummary& before,
                         const fs::path& path) {
@@ -146,7 +148,7 @@ nlohmann::ordered_json SummaryToJson(const RefinedModel& refined,
   json["mean_reprojection_before_px"] = refined.before.mean_reprojection_px;
   json["frame_range"] = RangeOf(refined.frames);
   json["refined_from"] = AbsolutePath(path);
-  // Its images keep the numbers that others gave them (ReadModelFolder).
+  // Its images keep the numbers of the program that made it (ReadModelFolder).
   for (const auto& [frame, pose] : refined.adjusted.reconstruction.cam_from_world) {
     json["frame_of_image"].push_back({refined.image_ids.at(frame), ToInt(frame)});
   }
@@ -158,8 +160,9 @@ nlohmann::ordered_json SummaryToJson(const RefinedModel& refined,
   return json;
 }
 
-// That puts the cameras of `from`, each as its centre and a point on each of its axes, so that also
-// cameras on a line have a turn, where `to` has them. None where all are in one place.
+// The similarity that aligns the cameras of `from` with those of `to`. Each camera is represented
+// by its centre and a point on each of its axes, so that the rotation of cameras on a line is
+// determined too. Returns nullopt if all cameras are at one position.
 std::optional<Sim3> FindSimilarity(const Reconstruction& from, const Reconstruction& to) {
   const auto count = static_cast<Eigen::Index>(from.cam_from_world.size());
   if (count < 2) return std::nullopt;
@@ -207,7 +210,7 @@ MapperResult InWorldOf(const Reconstruction& world, MapperResult model) {
   for (auto& [feature, covariance] : model.point_covariances) {
     covariance = turn * covariance * turn.transpose();
   }
-  // A camera's rotation is in its own axes, its centre in the world's.
+  // A camera's rotation is expressed in its own axes, its centre in those of the world.
   Eigen::Matrix<double, 6, 6> of_camera = Eigen::Matrix<double, 6, 6>::Identity();
   of_camera.bottomRightCorner<3, 3>() = turn;
   for (auto& [frame, covariance] : model.camera_covariances) {
@@ -222,8 +225,8 @@ RefinedModel RefineModel(const ColmapModel& model,
                          const cv::Mat& mask,
                          const RefineModelOptions& options,
                          const StageProgress& progress) {
-  // Points of a model that did not move gain too: the second time their templates are of all
-  // sightings.
+  // Even the points of a model that did not move improve, because in the second round their
+  // templates use all sightings.
   constexpr int kLeastRounds = 2;
   constexpr int kMostRounds = 3;
   SecondPassOptions measurement = options.second_pass;
@@ -284,7 +287,8 @@ RefinedModel RefineModel(const ColmapModel& model,
   refined.model =
       ReplaceInModel(model, clip, refined.adjusted.reconstruction, refined.camera_refined);
   refined.file.camera = refined.adjusted.reconstruction.camera;
-  // Its poses fit no other. Of one whose focal length changes, tracks have the first guess alone.
+  // Its poses fit no other camera. If the focal length changes, the tracks only have the first
+  // guess.
   refined.file.camera->known = refined.adjusted.reconstruction.focal_scale.empty();
   return refined;
 }

@@ -13,7 +13,8 @@
 namespace cohort {
 namespace {
 
-// As we write them; those that others take from a video have its colours.
+// Whether the pictures are grey, as we write them; pictures that other programs extract from a
+// video have colours.
 bool AreGray(const std::filesystem::path& folder) {
   for (const auto& picture : std::filesystem::directory_iterator(folder)) {
     const cv::Mat read = cv::imread(picture.path().string(), cv::IMREAD_UNCHANGED);
@@ -35,7 +36,7 @@ void WriteVideoFrames(const TrackFile& file,
   }
   std::set<std::string> names;
   for (const FrameInfo& frame : file.frames) names.insert(frame.name);
-  // Also what other tracks of the video have left.
+  // Also accepts the pictures that other tracks of the video have left.
   OutputFolder out(
       folder,
       [&names](const std::string& name) {
