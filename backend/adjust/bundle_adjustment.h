@@ -60,8 +60,8 @@ struct BundleOptions {
   double loss_scale = 1.0;  // in standard deviations of an observation
   int max_iterations = 50;
   double function_tolerance = 1e-6;  // relative decrease of the cost at which it has converged
-  // Large values damp the first step little. A start beside the optimum needs a much larger radius:
-  // the drift of a long clip costs so little that damped steps leave it.
+  // Large values damp the first step little. A start near the optimum needs a much larger radius:
+  // the drift of a long clip costs so little that damped steps do not remove it.
   double trust_radius = 1e4;
   bool refine_focal = false;
   bool refine_principal_point = false;

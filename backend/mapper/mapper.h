@@ -74,7 +74,7 @@ struct MapperOptions {
   }
 };
 
-// What a reconstruction by Ceres finds beside the model.
+// What a reconstruction by Ceres finds besides the model.
 struct CeresFindings {
   std::vector<FeatureId> without_point;  // observed features that have no point in the model
   // Parts of the clip that could not be tied to the model returned, most frames first.
@@ -82,9 +82,8 @@ struct CeresFindings {
   // Robust standard deviation of an observation's coordinate [px]. With covariances, relative to
   // theirs: 1 if they are right.
   double noise = 0.0;
-  // Of the model returned, or of the largest part if none is good enough: the median relative
-  // standard deviation of the depths, and the share of the parallax that it leaves
-  // (UnexplainedParallax).
+  // The median relative standard deviation of the depths, and the share of unexplained parallax
+  // (UnexplainedParallax), of the returned model, or of the largest part if none is good enough.
   double depth_uncertainty = 0.0;
   double unexplained_parallax = 0.0;
   // The camera that the tracks imply, if they contradict one that was given as known.
@@ -103,7 +102,7 @@ struct CeresFindings {
 struct MapperResult : CeresFindings {
   MapperTermination termination = MapperTermination::kTooFewTracks;
   Reconstruction reconstruction;            // empty unless kSuccess or kPartial
-  ReconstructionSummary summary;            // its termination says in words how it ended
+  ReconstructionSummary summary;            // its termination describes how it ended
   std::optional<LensChanges> lens_changes;  // of the model returned
   std::vector<std::string> warnings;        // requests that could not be met, a line each
 };

@@ -41,7 +41,7 @@ fs::path GlobRoot(const fs::path& pattern) {
   return root.empty() ? fs::path(".") : root;
 }
 
-// {a,b}{c,d} is four: glob would list them one by one, however many.
+// Bounds the number of names, of which {a,b}{c,d} has four, because glob would list them all.
 void CheckBraces(const std::string& pattern) {
   constexpr double kMost = 10'000.0;
   double count = 1.0;
@@ -101,7 +101,7 @@ bool NaturalLess(std::string_view a, std::string_view b) {
     if (order != 0) return order < 0;
   }
   if ((i < a.size()) != (j < b.size())) return j < b.size();
-  return a < b;  // equal but for leading zeros
+  return a < b;  // equal except for leading zeros
 }
 
 std::vector<std::string> ImageNames(const fs::path& folder) {

@@ -19,7 +19,7 @@ struct ExperimentPlan;
 
 // The measurement of every cell.
 enum class Protocol {
-  kReconstruction,  // tracks, and the models made of them
+  kReconstruction,  // tracks, and the models made from them
   kPaper,           // the tracking errors of the paper's section 4; paper_protocol.h
 };
 inline constexpr ChoiceNames<Protocol, 2> kProtocolNames{

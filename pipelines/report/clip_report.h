@@ -14,7 +14,7 @@
 
 namespace cohort {
 
-// The contents of a clip's page beside its pictures.
+// The contents of a clip's page besides its pictures.
 struct ClipReport {
   std::string title;
   std::vector<std::pair<std::string, std::string>> facts;  // a word or two, and the value
