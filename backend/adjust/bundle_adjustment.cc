@@ -363,7 +363,7 @@ class Adjuster {
 
   void WriteBack() {
     for (std::size_t i = 0; i < poses_.size(); ++i) {
-      // keeps its bits
+      // A fixed pose keeps its bits.
       if (static_cast<int>(i) == anchor_ || problem_.cameras[i].fixed) continue;
       const CameraPose pose = ReadPose(poses_[i].data());
       problem_.cameras[i].cam_from_world = {pose.rotation, -(pose.rotation * pose.center)};

@@ -72,8 +72,8 @@ std::optional<Eigen::MatrixXd> InvertSchurComplement(const JointEquations& equat
   const Eigen::LLT<Eigen::MatrixXd> cholesky(S);
   if (cholesky.info() != Eigen::Success) return std::nullopt;
   S = Eigen::MatrixXd::Identity(S.rows(), S.cols());
-  constexpr Eigen::Index kColumns = 64;  // at a time, since all columns of a long clip take a
-                                         // minute
+  // In blocks, with checks for interruption, since all columns of a long clip take a minute.
+  constexpr Eigen::Index kColumns = 64;
   for (Eigen::Index first = 0; first < S.cols(); first += kColumns) {
     CheckInterruption();
     auto columns = S.middleCols(first, std::min(kColumns, S.cols() - first));

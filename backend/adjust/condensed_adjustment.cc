@@ -178,9 +178,9 @@ std::vector<std::vector<int>> ShortRuns(const WorkingModel& model) {
   // Chosen on the tuning clips, whose camera errors stayed those of the joint adjustment of all
   // frames; with KLT's short tracks and in a long orbit, some are up to a tenth larger.
   constexpr double kRunsOfTrack = 8.0;
-  constexpr double kShortTracks = 0.25;   // quantile of the lengths of the tracks in a frame
-  constexpr double kMostParallax = 0.05;  // path of the camera in a run divided by the depth of the
-                                          // scene
+  constexpr double kShortTracks = 0.25;  // quantile of the lengths of the tracks in a frame
+  // Path of the camera in a run, divided by the depth of the scene.
+  constexpr double kMostParallax = 0.05;
   const WhitenedTracks& whitened = model.whitened();
   std::vector<int> views(whitened.track_count(), 0);
   for (int o = 0; o < static_cast<int>(whitened.observations().size()); ++o) {

@@ -235,11 +235,11 @@ bool WriteDatabase(const TrackFile& file,
 // The outcome of the mapper's runs.
 struct MapperRuns {
   std::optional<ColmapModel> best;  // with the most images; nullopt if no run registered any
-  std::size_t best_start = 0;       // index of its initial pair; the number of pairs if COLMAP
-                                    // chose
-  std::string failure;              // reason of the last run that registered too few
-  std::string died;                 // how the best model's run ended, if abnormally
-  std::string damaged;              // files that a run which died left half written
+  // The index of its initial pair, or the number of pairs if COLMAP chose.
+  std::size_t best_start = 0;
+  std::string failure;  // reason of the last run that registered too few
+  std::string died;     // how the best model's run ended, if abnormally
+  std::string damaged;  // files that a run which died left half written
   double seconds = 0.0;
 };
 

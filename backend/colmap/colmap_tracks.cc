@@ -194,8 +194,8 @@ ImportedTracks TracksOfColmapModel(const ColmapModel& model,
         model.images.at(*shared.other).name);
   }
   result.camera = shared.camera;
-  result.camera->known = shared.focal_scale.empty();  // a camera whose focal length changes is a
-                                                      // guess
+  // A camera whose focal length changes counts as a guess.
+  result.camera->known = shared.focal_scale.empty();
 
   FrameNames names(frames);
   std::map<ColmapImageId, std::optional<FrameIndex>> frame_of_image;

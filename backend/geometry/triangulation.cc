@@ -69,8 +69,8 @@ Eigen::Vector4d TriangulateDlt(std::span<const Ray> rays) {
   for (const Ray& ray : rays) {
     Eigen::Matrix<double, 3, 4> projection;
     projection << ray.cam_from_world.rotation.toRotationMatrix(), ray.cam_from_world.translation;
-    const double weight = 1.0 / (1.0 + ray.n.squaredNorm());  // gives the row the norm of the unit
-                                                              // ray
+    // Gives the row the norm that it has for the unit ray.
+    const double weight = 1.0 / (1.0 + ray.n.squaredNorm());
     for (int i = 0; i < 2; ++i) {
       const Eigen::RowVector4d row = ray.n[i] * projection.row(2) - projection.row(i);
       gram.noalias() += weight * row.transpose() * row;

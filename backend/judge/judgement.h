@@ -28,8 +28,8 @@ MapperEnd ExplainMissingModel(const WhitenedTracks& whitened,
 
 // The judgement of a model.
 struct Judgement {
-  double depth_uncertainty = 0.0;      // median over points of the depth's relative standard
-                                       // deviation
+  // Median over points of the depth's relative standard deviation.
+  double depth_uncertainty = 0.0;
   double unexplained_parallax = 0.0;   // UnexplainedParallax
   std::optional<MapperEnd> worthless;  // set if the model does not represent the scene: why
   std::vector<Doubt> doubts;           // of a model that is returned

@@ -57,9 +57,9 @@ struct MapperOptions {
              o.readout,
              -1.0,
              1.0,
-             "Rolling shutter: the time from the first row to the last, as a share of the time "
-             "between frames; negative if the rows are read from the bottom up. 0: not known, see "
-             "--ceres.estimate-readout.",
+             "The readout of a rolling shutter: the time from the first row to the last, as a "
+             "share of the time between frames; negative if the rows are read from the bottom up. "
+             "0: not known, see --ceres.estimate-readout.",
              Tier::kCommon);
     v.Flag("estimate_readout",
            o.estimate_readout,

@@ -39,7 +39,7 @@ struct DegradeOptions {
              o.light,
              1e-4,
              1.0,
-             "Recipes sensor and phone: the share of the level's light that is left; 0.125 is "
+             "The share of the level's light that is left with recipes sensor and phone; 0.125 is "
              "three stops less, at the same exposure and sensor noise.",
              Tier::kCommon);
     v.Number("occluder_px_per_frame",
@@ -49,17 +49,17 @@ struct DegradeOptions {
              "The speed of an opaque bar, 80 px wide, that crosses the picture [px per "
              "frame]; 0: no bar.",
              Tier::kCommon);
-    v.Choice(
-        "codec",
-        o.codec,
-        kVideoCodecNames,
-        "Recipe phone: the codec of the video; hevc preserves more detail at the same bit rate.",
-        Tier::kCommon);
+    v.Choice("codec",
+             o.codec,
+             kVideoCodecNames,
+             "The codec of the video with recipe phone; hevc preserves more detail at the same bit "
+             "rate.",
+             Tier::kCommon);
     v.Number("bitrate_kbit",
              o.bitrate_kbit,
              0,
              1000000,
-             "Recipe phone: the bit rate of the video [kbit/s]; a lower one loses more of the "
+             "The bit rate of the video with recipe phone [kbit/s]; a lower one loses more of the "
              "faint detail. 0: that of phones, 2500 for 640 x 480 pixels at 30 frames per second "
              "and in proportion.",
              Tier::kCommon);

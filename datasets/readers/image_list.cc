@@ -43,8 +43,8 @@ class ImageListSequence final : public Sequence {
     }
     CheckGeometry();
     for (const ImageList::Image& image : list_.images) {
-      InputRecord::Add(list_.root / image.name);  // at once rather than when it is read, which may
-                                                  // be hours later
+      // At once rather than when it is read, which may be hours later.
+      InputRecord::Add(list_.root / image.name);
       RequirePictureName(list_.name, image.name);
     }
     for (const auto* files : {&list_.depth_files, &list_.occluder_files}) {

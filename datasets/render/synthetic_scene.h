@@ -63,9 +63,9 @@ struct SyntheticSceneOptions {
              o.readout,
              0.0,
              1.0,
-             "Rolling shutter: the time from the first row's exposure to the last one's, as a "
-             "share of the time between frames, about 0.5 to 0.9 for phones. The true pose of a "
-             "frame is that of its middle row. 0: a global shutter.",
+             "The readout of a rolling shutter: the time from the first row's exposure to the last "
+             "one's, as a share of the time between frames, about 0.5 to 0.9 for phones. The true "
+             "pose of a frame is that of its middle row. 0: a global shutter.",
              Tier::kCommon);
     v.Number("seed",
              o.seed,

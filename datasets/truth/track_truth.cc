@@ -165,8 +165,8 @@ class DepthTruth final : public TrackTruth {
   }
 
  private:
-  static constexpr double kUnitsPerMetre = 5000.0;  // as in TUM's files, so that 16 bits lose
-                                                    // nothing
+  // As in TUM's files, so that 16 bits lose nothing.
+  static constexpr double kUnitsPerMetre = 5000.0;
 
   const cv::Mat& UnitsAt(FrameIndex frame) {
     return depths_.Get(frame, [&] {

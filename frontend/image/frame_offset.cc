@@ -85,8 +85,8 @@ Eigen::Vector2d RegisterFrames(const Pyramid& previous, const Pyramid& current) 
         "RegisterFrames takes pyramids of the same size");
   const cv::Mat& from = previous.levels.back();
   const cv::Mat& to = current.levels.back();
-  constexpr int kLeastSide = 16;  // no pyramid is smaller, and phaseCorrelate() does not accept
-                                  // less
+  // No pyramid is smaller, and phaseCorrelate() does not accept less.
+  constexpr int kLeastSide = 16;
   if (std::min(from.cols, from.rows) < kLeastSide) return Eigen::Vector2d::Zero();
   const double scale = std::ldexp(1.0, static_cast<int>(previous.levels.size()) - 1);
   const cv::Point2d peak = cv::phaseCorrelate(from, to);

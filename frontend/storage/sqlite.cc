@@ -241,8 +241,8 @@ SqliteDatabase SqliteDatabase::Open(const fs::path& path, Mode mode) {
     if (has_log) vfs = "unix-none";
     if (!has_log && SaysItHasALog(path)) uri += "?immutable=1";
   }
-  const std::uint64_t bytes = BytesOf(file) + BytesOf(log);  // before opening, since it may be
-                                                             // renamed later
+  // Before opening, since the file may be renamed later.
+  const std::uint64_t bytes = BytesOf(file) + BytesOf(log);
   sqlite3* raw = nullptr;
   const int result = sqlite3_open_v2(uri.c_str(), &raw, flags, vfs);
   SqliteDatabase db(raw);

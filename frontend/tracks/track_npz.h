@@ -55,14 +55,14 @@ struct NpzTracksOptions {
              o.min_visibility,
              0.0,
              1.0,
-             "If the visibility in a .npz is a number from 0 to 1: positions with at least this "
-             "visibility are observed, others predicted.",
+             "The visibility in a .npz from which a position counts as observed, if it is a number "
+             "from 0 to 1; others are predicted.",
              Tier::kCommon);
     v.Number("min_confidence",
              o.min_confidence,
              0.0,
              1e9,
-             "If a .npz has a confidence too: positions with a lower confidence are predicted.",
+             "The confidence in a .npz below which positions are predicted, if it has one.",
              Tier::kCommon);
     v.Text("tracks",
            o.tracks,

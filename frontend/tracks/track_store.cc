@@ -20,8 +20,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::int64_t kApplicationId = 0x636F6872;  // "cohr": distinguishes our SQLite files from
-                                                     // others
+// "cohr": distinguishes our SQLite files from others.
+constexpr std::int64_t kApplicationId = 0x636F6872;
 constexpr std::int64_t kVersion = 1;
 
 constexpr const char* kSchema = R"(

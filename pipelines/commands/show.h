@@ -31,7 +31,7 @@ struct ShowOptions {
            Tier::kCommon);
     v.Text("model",
            o.model,
-           "For a page: the model folder made from the tracks, to be shown in 3-D.",
+           "The model folder made from the tracks, which a page shows in 3-D.",
            Tier::kCommon);
     v.Number("frames_per_second",
              o.frames_per_second,

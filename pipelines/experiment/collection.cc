@@ -70,9 +70,8 @@ ExperimentResults CollectResults(const ExperimentOptions& options, const Experim
       collected.is_tracked = true;
       UseJsonFile(cell.Result(), [&](const Json& json) { AddTrackRows(cell, json, results); });
     }
-    if (options.protocol == Protocol::kPaper)
-      continue;                                        // existing models belong to the other
-                                                       // protocol
+    // Existing models belong to the other protocol.
+    if (options.protocol == Protocol::kPaper) continue;
     for (const GridBackend backend : plan.backends) {  // missing results belong to another shard
       if (!HasResult(ModelTask(options, cell, backend))) continue;
       collected.modelled.push_back(backend);

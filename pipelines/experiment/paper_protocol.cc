@@ -36,8 +36,8 @@ std::vector<FollowedPoint> ChoosePoints(Sequence& clip,
                                         DetectorOptions detector,
                                         const PaperProtocolOptions& options,
                                         const cv::Mat& mask) {
-  detector.max_features = options.features;  // it determines the share of each cell of the
-                                             // detector's grid
+  // This determines the share of each cell of the detector's grid.
+  detector.max_features = options.features;
   std::vector<FrameIndex> frames;
   std::vector<Frame> starts;
   const auto window = static_cast<std::size_t>(options.window_frames);

@@ -55,9 +55,8 @@ bool HasMade(const Json& result, const Task& task) {
   if (getppid() != parent) _exit(EXIT_FAILURE);  // the parent died before the prctl above
   const std::string log = task.result.string() + ".log";
   int descriptor = open(log.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_NOFOLLOW | O_CLOEXEC, 0644);
-  if (descriptor < 0)
-    descriptor = open("/dev/null", O_WRONLY | O_CLOEXEC);  // the parent reports
-                                                           // the reason
+  // The parent reports why it could not be opened.
+  if (descriptor < 0) descriptor = open("/dev/null", O_WRONLY | O_CLOEXEC);
   if (descriptor >= 0) {
     dup2(descriptor, STDOUT_FILENO);
     dup2(descriptor, STDERR_FILENO);

@@ -50,8 +50,8 @@ Json SceneMadeOf(SfmJobOptions options, const Sequence& sequence) {
                {"options", ToJson(options)}};
   if (!options.mask.empty()) made_of["mask_fingerprint"] = FingerprintOfBytes(options.mask);
   if (const auto camera = sequence.KnownCamera()) made_of["calibration"] = WordsOfCamera(*camera);
-  return Json::parse(JsonLine(made_of));  // in the form in which it is read again, also with names
-                                          // that are not UTF-8
+  // In the form in which it is read again, also with names that are not UTF-8.
+  return Json::parse(JsonLine(made_of));
 }
 
 // The same for the model, which does not depend on the scene's options. clip.tracks records what

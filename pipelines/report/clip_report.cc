@@ -66,8 +66,8 @@ std::map<Id, Eigen::Matrix3d> ById(const std::map<std::uint32_t, Eigen::Matrix3d
 
 // To five digits, which suffice for a page.
 double Rounded(double value) {
-  return std::strtod(fmt::format("{:.5g}", value).c_str(), nullptr);  // not stod, which rejects
-                                                                      // denormals
+  // Not stod, which rejects denormals.
+  return std::strtod(fmt::format("{:.5g}", value).c_str(), nullptr);
 }
 
 void Append(const Eigen::Vector3d& xyz, Json& flat) {

@@ -13,8 +13,8 @@ namespace {
 
 // Tuned on the tuning clips.
 constexpr double kBorderPx = 5.0;  // nothing is measured nearer to the image border
-constexpr double kMaxScale = 2.0;  // nor if it appears that much larger or smaller than its
-                                   // template
+// Nothing is measured if it appears this much larger or smaller than its template.
+constexpr double kMaxScale = 2.0;
 
 }  // namespace
 

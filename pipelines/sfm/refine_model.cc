@@ -76,9 +76,8 @@ bool IsContradicted(std::span<const Observation> track,
   std::size_t sightings = 0;
   for (const Observation& o : track) {
     if (!IsObserved(o) || !model.cam_from_world.contains(o.frame)) continue;
-    if (!o.covariance)
-      return true;  // not measured again: MeasureAgain gives every position a
-                    // covariance
+    // Without a covariance it was not measured again: MeasureAgain gives one to every position.
+    if (!o.covariance) return true;
     ++sightings;
   }
   return static_cast<double>(point.views.size()) < kLeastShare * static_cast<double>(sightings);

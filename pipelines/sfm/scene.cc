@@ -491,8 +491,8 @@ Rigid3 SceneFromModel(const Reconstruction& model) {
   }
   const auto count = static_cast<double>(std::max<std::size_t>(model.cam_from_world.size(), 1));
   center /= count;
-  constexpr double kAgreed = 0.1;  // else the camera rolls through all directions, and there is no
-                                   // upward one
+  // Below this the camera rolls through all directions, and there is no upward one.
+  constexpr double kAgreed = 0.1;
   Rigid3 scene_from_model;
   if (up.norm() > kAgreed * count) {
     scene_from_model.rotation =

@@ -375,8 +375,8 @@ SecondPass WithSecondPass(TrackFile file,
                           const StageProgress& progress) {
   // Bounds the time. If the model is far off at first, each round improves it.
   constexpr int kMostRounds = 3;
-  constexpr std::size_t kLeastFrames = 10;  // of a part besides the largest, since each part takes
-                                            // as much time
+  // Of a part besides the largest, since each part takes as much time.
+  constexpr std::size_t kLeastFrames = 10;
   LightsOfClip lights;
   SecondPass second{std::move(file), {}, {}};
   std::vector<Reconstruction> models;
