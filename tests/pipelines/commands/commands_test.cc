@@ -1349,8 +1349,7 @@ TEST_F(Commands, SaysThatTheClipWasReplacedWhileItWasTracked) {
   DescribeInput(input, *sequence, file);
   EXPECT_EQ(WarningOfClip(*sequence, file, clip), "");
   fs::copy(ImagePath(clip, 0), ImagePath(clip, 4), fs::copy_options::overwrite_existing);
-  EXPECT_THAT(WarningOfClip(*sequence, file, clip),
-              HasSubstr("clip was changed while it was read"));
+  EXPECT_THAT(WarningOfClip(*sequence, file, clip), HasSubstr("clip changed while it was read"));
 }
 
 TEST_F(Commands, SaysThatTheClipIsNotWhatItWasWhenItWasTracked) {

@@ -180,7 +180,8 @@ TEST_F(Show, TellsClipsOfOneSizeApart) {
   const std::string both = "show " + Path("a.tracks") + " " + Path("second.tracks") + " --quiet ";
   const test::ProgramEnd end = test::RunCohort(both + "--out " + Path("never.mp4"));
   EXPECT_EQ(end.exit_code, 1);
-  EXPECT_THAT(end.err, AllOf(HasSubstr("a.tracks is of "), HasSubstr("second.tracks of ")));
+  EXPECT_THAT(end.err,
+              AllOf(HasSubstr("a.tracks was made from "), HasSubstr("second.tracks from ")));
   EXPECT_EQ(std::count(end.err.begin(), end.err.end(), '\n'), 1) << end.err;
   EXPECT_FALSE(fs::exists(Path("never.mp4")));
   // Who says which clip to show knows: such as one clip in daylight and in the dark.
