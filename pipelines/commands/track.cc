@@ -29,24 +29,23 @@ void RunTrack(const TrackJobOptions& options) { PrintFigures(RunTrackJob(options
 }  // namespace
 
 Command TrackCommand() {
-  return MakeCommand(
-      {.name = "track",
-       .usage = "INPUT --out F.tracks [options]",
-       .summary = "Track features through a video",
-       .positionals = {"input"},
-       .required = {"input", "out"},
-       .short_flags =
-           {{"features", {"detector.max_features"}},
-            {"history", {"subspace.history_length"}},
-            {"window",
-             {"klt.window_px", "subspace.template_px"},
-             "The side of the patch of tracker klt and of the template of subspace and descent "
-             "[px], odd. A larger one has less noise, but more often covers two surfaces."},
-            {"constraint", {"subspace.constraint"}},
-            {"penalty", {"subspace.penalty"}},
-            {"uncentered", {"subspace.uncentered"}},
-            {"second-pass", {"second_pass.mode"}}}},
-      RunTrack);
+  return MakeCommand({.name = "track",
+                      .usage = "INPUT --out F.tracks [options]",
+                      .summary = "Track features through a video",
+                      .positionals = {"input"},
+                      .required = {"input", "out"},
+                      .short_flags = {{"features", {"detector.max_features"}},
+                                      {"history", {"subspace.history_length"}},
+                                      {"window",
+                                       {"klt.window_px", "subspace.template_px"},
+                                       "The side of the patch of tracker klt and of the template "
+                                       "of subspace and descent [px], odd. A larger one has less "
+                                       "noise, but more often lies on two surfaces."},
+                                      {"constraint", {"subspace.constraint"}},
+                                      {"penalty", {"subspace.penalty"}},
+                                      {"uncentered", {"subspace.uncentered"}},
+                                      {"second-pass", {"second_pass.mode"}}}},
+                     RunTrack);
 }
 
 }  // namespace cohort
