@@ -14,7 +14,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// A folder that may not be read, such as lost+found, holds none.
+// Returns false for a folder without read permission, such as lost+found.
 bool HoldsImages(const fs::path& folder) {
   std::error_code error;
   if (!fs::is_directory(folder, error)) return false;
@@ -55,7 +55,7 @@ std::unique_ptr<Sequence> OpenFolder(const fs::path& folder,
     if (layout != Layout::kAuto && layout != LayoutOfReader(i)) continue;
     if (reader.recognises(folder)) return OpenImageList(reader.read(folder), range);
     if (layout == LayoutOfReader(i)) {
-      ThrowError("{} is no folder in {} layout: it has no {}",
+      ThrowError("{} is not a folder in {} layout: it has no {}",
                  folder.string(),
                  reader.layout,
                  reader.mark);
@@ -82,7 +82,7 @@ std::unique_ptr<Sequence> OpenSequence(const fs::path& input,
   }
   if (layout != Layout::kAuto && layout != Layout::kVideo) {
     ThrowError(
-        "{} is a file: layout {} wants a folder", input.string(), NameOf(kLayoutNames, layout));
+        "{} is a file: layout {} needs a folder", input.string(), NameOf(kLayoutNames, layout));
   }
   return OpenVideo(input, range);
 }

@@ -1,5 +1,5 @@
-// write_manual FOLDER: the manual pages and the shell completions of the program, of what its --help
-// knows, in the folders below share/ where programs look for them.
+// write_manual FOLDER: writes the manual pages and the shell completions of the program, with the
+// contents of --help, into the folders below share/ in which programs search for them.
 
 #include <fmt/format.h>
 

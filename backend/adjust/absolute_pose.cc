@@ -15,8 +15,8 @@ namespace {
 
 constexpr double kMinPointDepth = 1e-6;
 
-// Reweighted Gauss-Newton. The weights' scale follows the median residual down, so that a start
-// that is off by many pixels still lets all points pull.
+// Reweighted Gauss-Newton. The scale of the weights decreases with the median residual, so that all
+// points still have influence if the start is off by many pixels.
 Rigid3 Refine(std::span<const PointInFrame> points, const Rigid3& start, double max_error) {
   CameraPose pose{start.rotation.normalized(), start.Inverse().translation};
   std::vector<double> errors(points.size());

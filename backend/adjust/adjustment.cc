@@ -13,8 +13,8 @@
 namespace cohort {
 namespace {
 
-// Bundle adjustment of all points with an inlier, every registered camera fixed; and whose points
-// they are.
+// The bundle adjustment of all points that have an inlier, with every registered camera fixed, and
+// the tracks of these points.
 struct PointProblem {
   BundleProblem bundle;
   std::vector<int> tracks;
@@ -45,9 +45,10 @@ PointProblem MakePointProblem(const WorkingModel& model) {
   return problem;
 }
 
-// The variance of every centre (trace of its three coordinates) that is left after the similarity that
-// fits the centres best, P C P' with P = I - Q Q', Q an orthonormal base of what a similarity may do; as
-// a share of the mean square distance of the centres from their mean. `covariance`: of all centres.
+// The variance of every centre (trace over its three coordinates) that remains after the
+// best-fitting similarity, P C P' with P = I - Q Q' and Q an orthonormal basis of the motions of a
+// similarity, as a share of the mean square distance of the centres from their mean. `covariance`:
+// of all centres.
 std::vector<double> SharesAfterSimilarity(const std::vector<Eigen::Vector3d>& centers,
                                           const Eigen::MatrixXd& covariance) {
   const auto count = static_cast<Eigen::Index>(centers.size());
@@ -62,7 +63,7 @@ std::vector<double> SharesAfterSimilarity(const std::vector<Eigen::Vector3d>& ce
     moves.block<3, 1>(3 * i, 6) = c;
     extent2 += c.squaredNorm() / static_cast<double>(count);
   }
-  // Of a straight path one rotation moves nothing.
+  // If the path is straight, one rotation moves nothing.
   const Eigen::ColPivHouseholderQR<Eigen::MatrixXd> qr(moves);
   const Eigen::MatrixXd Q =
       Eigen::MatrixXd(qr.householderQ() * Eigen::MatrixXd::Identity(3 * count, qr.rank()));
@@ -93,7 +94,7 @@ BundleOptions MapperBundleOptions(const WorkingModel& model,
                                   double function_tolerance) {
   BundleOptions bundle;
   bundle.loss = RobustLoss::kCauchy;
-  // Tracks that claim to be exact may be further off than any bound, in their own units.
+  // Tracks with tiny covariances may exceed any bound in units of their standard deviations.
   bundle.loss_scale =
       std::clamp(model.loss_turn(), kMinWhitenedNoise, BundleOptions::kMaxLossScale);
   bundle.max_iterations = max_iterations;
@@ -108,15 +109,14 @@ BundleOptions MapperBundleOptions(const WorkingModel& model,
 }
 
 void AdjustAround(WorkingModel& model, int frame) {
-  // How many frames move, and how many neighbours hold them. Chosen by eye
-  // on the tuning clips.
+  // The number of frames that move, and of neighbours that are fixed. Tuned on the tuning clips.
   constexpr std::size_t kFree = 4;
   constexpr std::size_t kFixed = 6;
   const std::vector<int> near = model.NearestRegistered(frame, kFree + kFixed);
   const std::size_t free = std::min(kFree, near.size());
   BundleOptions bundle = MapperBundleOptions(model, {}, 6, 1e-3);
-  // A new pose is not settled: what the settled part calls noise would leave its observations
-  // without a say.
+  // A new pose is not settled yet: the loss scale of the settled part would treat all its
+  // observations as outliers.
   bundle.loss_scale =
       std::clamp(2.0 * model.MedianError(frame), bundle.loss_scale, BundleOptions::kMaxLossScale);
   model.Adjust(std::span(near).first(free), std::span(near).subspan(free), bundle);
@@ -136,12 +136,12 @@ void AdjustAll(WorkingModel& model) {
 }
 
 void AdjustUntilSettled(WorkingModel& model, int max_rounds, int first_iterations) {
-  // Share of the observations that change sides. Chosen by eye on the tuning clips.
+  // Share of the observations that change between inlier and outlier. Tuned on the tuning clips.
   constexpr double kSettled = 2e-3;
   const auto observations = static_cast<double>(model.whitened().observations().size());
   model.UpdateAllInliers(kInfinity);
   for (int round = 0; round < max_rounds; ++round) {
-    // Later rounds start beside the optimum: half the iterations do.
+    // Later rounds start near the optimum, so half the iterations suffice.
     const int iterations = round == 0 ? first_iterations : std::max(2, first_iterations / 2);
     const BundleResult adjustment =
         AdjustRegistered(model, MapperBundleOptions(model, {}, iterations, 1e-5));
@@ -156,8 +156,9 @@ void AdjustUntilSettled(WorkingModel& model, int max_rounds, int first_iteration
   }
 }
 
-// The cost alone does not tell where the camera is at its minimum: at 1e-4 of it focal lengths were left three
-// standard deviations short, and at 1e-6 outliers go on creeping for twice the iterations.
+// The cost alone does not show when the camera is at its minimum: with a tolerance of 1e-4, focal
+// lengths stopped three standard deviations short, and with 1e-6, outliers keep moving for twice
+// the iterations.
 BundleOptions CameraBundleOptions(const WorkingModel& model, const CameraRefinement& refinement) {
   BundleOptions bundle = MapperBundleOptions(model, refinement, 100, 1e-6);
   bundle.settled_camera = 3e-5;
@@ -165,9 +166,9 @@ BundleOptions CameraBundleOptions(const WorkingModel& model, const CameraRefinem
 }
 
 void AdjustCamera(WorkingModel& model, const CameraRefinement& refinement) {
-  constexpr std::size_t kCalibrationFrames = 60;  // a bound on time
+  constexpr std::size_t kCalibrationFrames = 60;  // bounds the time
   constexpr int kMostRounds = 10;
-  // Share of the picture's half diagonal by which its corner moves from round to round.
+  // Shift of the picture's corner from round to round, as a share of the picture's half diagonal.
   constexpr double kSettled = 1e-3;
   std::vector<int> frames = model.RegisteredFrames();
   if (frames.size() > kCalibrationFrames) frames = Spread(frames, kCalibrationFrames);
@@ -194,7 +195,7 @@ void AdjustCamera(WorkingModel& model, const CameraRefinement& refinement) {
 }
 
 void AdjustToMinimum(WorkingModel& model) {
-  constexpr std::size_t kMostFrames = 300;  // a bound on time, as is that of the iterations
+  constexpr std::size_t kMostFrames = 300;  // bounds the time, as kMostIterations does
   constexpr int kMostIterations = 50;
   const std::vector<int> frames = model.RegisteredFrames();
   if (frames.size() > kMostFrames) return;
@@ -219,8 +220,8 @@ void AdjustPoints(WorkingModel& model) {
 std::optional<Camera> FindBetterCamera(const WorkingModel& model,
                                        const std::vector<int>& keyframes) {
   constexpr std::size_t kMinFrames = 4;
-  constexpr std::size_t kMaxFrames = 16;  // a bound on time
-  // Three more parameters cannot take a fifth of a cost of hundreds of residuals by chance.
+  constexpr std::size_t kMaxFrames = 16;  // bounds the time
+  // Three more parameters cannot remove a fifth of the cost of hundreds of residuals by chance.
   constexpr double kMuchBetter = 0.8;
   std::vector<int> frames;
   for (const int f : keyframes) {
@@ -239,7 +240,7 @@ std::optional<Camera> FindBetterCamera(const WorkingModel& model,
   const BundleResult after = trial.Adjust(frames, {}, bundle).bundle;
   if (before.termination == BundleTermination::kFailed ||
       after.termination == BundleTermination::kFailed) {
-    return std::nullopt;  // and so their costs say nothing
+    return std::nullopt;  // so their costs are not comparable
   }
   spdlog::debug("another camera: fx {:.1f}, k1 {:.4f}, k2 {:.4f}, cost {:.1f} -> {:.1f} ({:.3f})",
                 trial.camera().fx,
@@ -255,7 +256,7 @@ std::optional<Camera> FindBetterCamera(const WorkingModel& model,
 std::optional<ModelCovariances> CovariancesAtOptimum(WorkingModel model,
                                                      const CameraRefinement& refinement) {
   const std::vector<int> frames = model.RegisteredFrames();
-  BundleOptions bundle = MapperBundleOptions(model, refinement, 2, 1e-8);  // it is settled
+  BundleOptions bundle = MapperBundleOptions(model, refinement, 2, 1e-8);  // it has settled
   bundle.covariances = true;
   const ModelAdjustment adjustment = model.Adjust(frames, {}, bundle);
   const std::optional<BundleCovariances>& covariances = adjustment.bundle.covariances;

@@ -55,8 +55,8 @@ void AdjustToMinimum(WorkingModel& model);
 // Adjusts the points to all inliers; poses and camera stay.
 void AdjustPoints(WorkingModel& model);
 
-// The camera that the tracks ask for in place of one that is kept, refined on the keyframes alone.
-// Returns nullopt if it does not fit much better.
+// The camera that the tracks imply instead of one that is kept fixed, refined on the keyframes
+// alone. Returns nullopt if it does not fit much better.
 std::optional<Camera> FindBetterCamera(const WorkingModel& model,
                                        const std::vector<int>& keyframes);
 

@@ -36,7 +36,7 @@ std::vector<int> Indices(const std::array<bool, kSharedSize>& values, bool value
   return indices;
 }
 
-// Lets whoever interrupts a long adjustment end it at the next iteration; nothing is thrown through
+// Ends an interrupted adjustment at the next iteration, because nothing may be thrown through
 // Ceres.
 class InterruptionCallback final : public ceres::IterationCallback {
  public:
@@ -58,7 +58,7 @@ class InterruptionCallback final : public ceres::IterationCallback {
   std::exception_ptr thrown_;
 };
 
-// Ends an adjustment where the camera stays as it is (BundleOptions::settled_camera).
+// Ends an adjustment once the camera has settled (BundleOptions::settled_camera).
 class SettledCameraCallback final : public ceres::IterationCallback {
  public:
   SettledCameraCallback(std::function<Camera()> now, double bound)
@@ -82,7 +82,7 @@ class SettledCameraCallback final : public ceres::IterationCallback {
   int still_ = 0;
 };
 
-// The problem as Ceres holds it. Owns all that Ceres points into.
+// The problem in Ceres' form. Owns everything that Ceres points into.
 class Adjuster {
  public:
   Adjuster(BundleProblem problem, const BundleOptions& options)
@@ -111,19 +111,19 @@ class Adjuster {
 
   BundleResult Run() {
     BundleResult result;
-    // Levenberg-Marquardt answers a step that cannot be computed with a shorter one; Ceres would
-    // print a warning each time.
+    // If a step cannot be computed, Levenberg-Marquardt tries a shorter one; Ceres would print a
+    // warning each time.
     FLAGS_minloglevel = std::max<int>(FLAGS_minloglevel, google::GLOG_ERROR);
     ceres::Solver::Options solver;
     solver.max_num_iterations = options_.max_iterations;
     solver.function_tolerance = options_.function_tolerance;
     solver.initial_trust_region_radius = options_.trust_radius;
-    // Beyond it the damping is below what rounding leaves of the equations, and steps are invalid.
+    // Beyond this the damping is below the rounding errors of the equations, and steps are invalid.
     constexpr double kMostTrust = 1e10;
     solver.max_trust_region_radius = std::max(kMostTrust, options_.trust_radius);
     solver.gradient_tolerance = 1e-10;
     solver.parameter_tolerance = 1e-9;
-    solver.num_threads = 1;  // more add in an order of their own: not the same bytes twice
+    solver.num_threads = 1;  // more threads sum in varying order: results would not be reproducible
     solver.logging_type = ceres::SILENT;
     ChooseLinearSolver(solver);
 
@@ -266,7 +266,7 @@ class Adjuster {
     return !refining_.empty() || !shifted_.empty() || !changing_.empty();
   }
 
-  // Ties the lenses of the cameras that have observations, and holds the first one's.
+  // Links the lenses of the cameras that have observations, and fixes the first one's.
   void WalkLenses() {
     const Eigen::Vector3d sigma(
         options_.zoom_walk_sigma, options_.center_walk_sigma_px, options_.center_walk_sigma_px);
@@ -335,8 +335,8 @@ class Adjuster {
     }
     if (SharesUnknowns()) ordering->AddElementToGroup(shared_.data(), 1);
     solver.linear_solver_ordering = ordering;
-    // Tracks of a video are short against the clip, so the reduced camera matrix is a band and its
-    // sparse factor stays small far beyond the sizes that unordered photographs allow.
+    // Tracks of a video are short compared with the clip, so the reduced camera matrix is banded,
+    // and its sparse factor stays small far beyond the sizes that unordered photographs allow.
     constexpr int kMaxDense = 200;
     constexpr int kMaxSparse = 4000;
     if (free_cameras <= kMaxDense) {
@@ -349,8 +349,8 @@ class Adjuster {
     }
   }
 
-  // The cost does not change with the scale of the world, so it is set after the last step: with
-  // respect to the anchor's centre, back to the length that the problem came with.
+  // The cost does not depend on the scale of the world, so the scale is restored after the last
+  // step: about the anchor's centre, to the problem's initial length.
   void RestoreScale() {
     if (!scale_camera_) return;
     const Eigen::Vector3d origin = Center(anchor_);
@@ -363,7 +363,8 @@ class Adjuster {
 
   void WriteBack() {
     for (std::size_t i = 0; i < poses_.size(); ++i) {
-      if (static_cast<int>(i) == anchor_ || problem_.cameras[i].fixed) continue;  // keep its bits
+      // A fixed pose keeps its bits.
+      if (static_cast<int>(i) == anchor_ || problem_.cameras[i].fixed) continue;
       const CameraPose pose = ReadPose(poses_[i].data());
       problem_.cameras[i].cam_from_world = {pose.rotation, -(pose.rotation * pose.center)};
     }
@@ -414,7 +415,7 @@ class Adjuster {
   std::vector<Eigen::Matrix<double, kPoseSize, 1>> poses_;
   std::vector<SharedVector> lenses_;
   int anchor_ = 0;
-  std::optional<int> scale_camera_;  // none if two cameras or more are fixed
+  std::optional<int> scale_camera_;  // nullopt if two cameras or more are fixed
   double scale_length_ = 0.0;
   std::unique_ptr<ceres::LossFunction> loss_;
   PoseManifold pose_manifold_;

@@ -60,8 +60,8 @@ struct BundleOptions {
   double loss_scale = 1.0;  // in standard deviations of an observation
   int max_iterations = 50;
   double function_tolerance = 1e-6;  // relative decrease of the cost at which it has converged
-  // Large values damp the first step little. A start beside the optimum needs a much larger radius:
-  // the drift of a long clip costs so little that damped steps leave it.
+  // Large values damp the first step little. A start near the optimum needs a much larger radius:
+  // the drift of a long clip costs so little that damped steps do not remove it.
   double trust_radius = 1e4;
   bool refine_focal = false;
   bool refine_principal_point = false;
@@ -97,15 +97,23 @@ struct BundleOptions {
 
   template <typename Self, typename Visitor>
   static void Visit(Self& o, Visitor& v) {
-    v.Choice("loss", o.loss, kRobustLossNames, "robust loss on a whitened residual");
+    v.Choice("loss", o.loss, kRobustLossNames, "robust loss of the whitened residuals");
     v.Number("loss_scale",
              o.loss_scale,
              kMinLossScale,
              kMaxLossScale,
-             "where the loss turns [standard deviations]");
-    v.Number("max_iterations", o.max_iterations, 1, 10000, "at most so many steps");
-    v.Number("function_tolerance", o.function_tolerance, 0.0, 1.0, "relative decrease to stop at");
-    v.Number("trust_radius", o.trust_radius, 1.0, 1e16, "how little the first step is damped");
+             "scale of the robust loss [standard deviations]");
+    v.Number("max_iterations", o.max_iterations, 1, 10000, "maximum number of iterations");
+    v.Number("function_tolerance",
+             o.function_tolerance,
+             0.0,
+             1.0,
+             "relative decrease of the cost at which the adjustment stops");
+    v.Number("trust_radius",
+             o.trust_radius,
+             1.0,
+             1e16,
+             "initial trust region radius; a larger one damps the first step less");
     v.Flag("refine_focal", o.refine_focal, "refine the focal length");
     v.Flag("refine_principal_point", o.refine_principal_point, "refine the principal point");
     v.Flag("refine_radial", o.refine_radial, "refine k1 and k2");
@@ -114,8 +122,12 @@ struct BundleOptions {
              o.focal_prior_log_sigma,
              1e-3,
              1e3,
-             "standard deviation of log(f / guess)");
-    v.Number("focal_prior_px", o.focal_prior_px, 0.0, 1e7, "the guess of the focal length [px]");
+             "standard deviation of log(f / guess) in the prior of the focal length");
+    v.Number("focal_prior_px",
+             o.focal_prior_px,
+             0.0,
+             1e7,
+             "guess of the focal length, the mean of its prior [px]");
     v.Number("radial_prior_sigma",
              o.radial_prior_sigma,
              1e-3,
@@ -126,18 +138,24 @@ struct BundleOptions {
              1e-6,
              1e3,
              "standard deviation of the principal point's distance from the middle, as a share");
-    v.Number("prior_noise", o.prior_noise, 1e-6, 1e6, "whitened residuals that one deviation has");
-    v.Flag("refine_lens_changes", o.refine_lens_changes, "a focal length and centre a camera");
+    v.Number("prior_noise",
+             o.prior_noise,
+             1e-6,
+             1e6,
+             "one standard deviation in units of the whitened residuals");
+    v.Flag("refine_lens_changes",
+           o.refine_lens_changes,
+           "refine a focal length and a centre for each camera");
     v.Number("zoom_walk_sigma",
              o.zoom_walk_sigma,
              1e-9,
              10.0,
-             "deviation of the change of log f from one camera to the next");
+             "standard deviation of the change of log f from one camera to the next");
     v.Number("center_walk_sigma_px",
              o.center_walk_sigma_px,
              1e-9,
              1e4,
-             "deviation of the change of the centre from one camera to the next [px]");
+             "standard deviation of the change of the centre from one camera to the next [px]");
     v.Flag("covariances", o.covariances, "estimate covariances of cameras, points, intrinsics");
   }
 };

@@ -1,6 +1,7 @@
 #pragma once
 
-// The cost functions that Ceres minimises in a bundle adjustment. For bundle_adjustment.cc alone.
+// The cost functions that Ceres minimises in a bundle adjustment. Used only by
+// bundle_adjustment.cc.
 
 #include <ceres/ceres.h>
 

@@ -49,7 +49,7 @@ JointEquations AccumulateNormalEquations(const ceres::CRSMatrix& jacobian, std::
   return equations;
 }
 
-// W' without its columns that are 0, and which columns of U these are.
+// The columns of W' that are not 0, and the columns of U that they belong to.
 std::pair<std::vector<int>, Eigen::Matrix3Xd> DenseColumns(const PointBlock& block) {
   std::pair<std::vector<int>, Eigen::Matrix3Xd> result{
       {}, Eigen::Matrix3Xd(3, static_cast<Eigen::Index>(block.W.size()))};
@@ -72,7 +72,8 @@ std::optional<Eigen::MatrixXd> InvertSchurComplement(const JointEquations& equat
   const Eigen::LLT<Eigen::MatrixXd> cholesky(S);
   if (cholesky.info() != Eigen::Success) return std::nullopt;
   S = Eigen::MatrixXd::Identity(S.rows(), S.cols());
-  constexpr Eigen::Index kColumns = 64;  // at a time: of a long clip all take a minute
+  // In blocks, with checks for interruption, since all columns of a long clip take a minute.
+  constexpr Eigen::Index kColumns = 64;
   for (Eigen::Index first = 0; first < S.cols(); first += kColumns) {
     CheckInterruption();
     auto columns = S.middleCols(first, std::min(kColumns, S.cols() - first));

@@ -18,7 +18,7 @@ double CauchyWeight(double squared_error, double turn) {
   return 1.0 / (1.0 + squared_error / (turn * turn));
 }
 
-// What the frames of one run tell of a point.
+// The information of one run's frames about a point.
 struct Sighting {
   int run = 0;
   Eigen::Matrix2d information = Eigen::Matrix2d::Zero();
@@ -47,14 +47,15 @@ std::vector<Sighting> SightingsOf(const WorkingModel& model,
   return sightings;
 }
 
-// The keyframes and the points that two of them see; and whose points they are.
+// The keyframes, the points that at least two of them see, and the tracks of these points.
 struct CondensedProblem {
   BundleProblem bundle;
   std::vector<int> tracks;
 };
 CondensedProblem Condense(const WorkingModel& model, const FrameRuns& runs, double turn) {
-  // A keyframe need not see what its run does, but beyond that much of the picture's width (near
-  // points that the camera has passed) it would look at it from elsewhere.
+  // A keyframe need not see everything that its run sees. But a point further outside than this
+  // share of the picture's width (a near point that the camera has passed) would be seen from
+  // another direction.
   constexpr double kMostOutside = 0.5;
   const Camera& camera = model.camera();
   CondensedProblem problem;
@@ -85,8 +86,8 @@ CondensedProblem Condense(const WorkingModel& model, const FrameRuns& runs, doub
   return problem;
 }
 
-// Steps of Gauss and Newton for one pose or one point, from observations that are weighed by Cauchy's
-// loss: `terms` adds them up at x, `moved` is x after a step. The best x is kept.
+// Gauss-Newton steps for one pose or one point, from observations weighted by Cauchy's loss:
+// `terms` sums them up at x, `moved` is x after a step. The best x is kept.
 template <int N>
 struct NormalEquations {
   Eigen::Matrix<double, N, N> H = Eigen::Matrix<double, N, N>::Zero();
@@ -172,20 +173,21 @@ void AdjustPointsAlone(WorkingModel& model, double turn) {
   }
 }
 
-// The registered frames, in order.
+// The registered frames in runs, in order.
 std::vector<std::vector<int>> ShortRuns(const WorkingModel& model) {
-  // Chosen by the tuning clips, whose camera errors stayed those of the common adjustment of all
-  // frames; of KLT's short tracks and of a long orbit some are up to a tenth larger.
+  // Chosen on the tuning clips, whose camera errors stayed those of the joint adjustment of all
+  // frames; with KLT's short tracks and in a long orbit, some are up to a tenth larger.
   constexpr double kRunsOfTrack = 8.0;
-  constexpr double kShortTracks = 0.25;   // quantile of the lengths of the tracks in a frame
-  constexpr double kMostParallax = 0.05;  // way of the camera in a run, over the depth of the scene
+  constexpr double kShortTracks = 0.25;  // quantile of the lengths of the tracks in a frame
+  // Path of the camera in a run, divided by the depth of the scene.
+  constexpr double kMostParallax = 0.05;
   const WhitenedTracks& whitened = model.whitened();
   std::vector<int> views(whitened.track_count(), 0);
   for (int o = 0; o < static_cast<int>(whitened.observations().size()); ++o) {
     if (model.IsInlier(o)) ++views[whitened.observations()[o].track];
   }
   std::vector<std::vector<int>> runs;
-  double full = 0.0;  // share of the run that is taken
+  double full = 0.0;  // share of the current run that is used up
   Eigen::Vector3d first_center = Eigen::Vector3d::Zero();
   for (const int frame : model.RegisteredFrames()) {
     std::vector<double> lengths;
@@ -212,7 +214,8 @@ std::vector<std::vector<int>> ShortRuns(const WorkingModel& model) {
   return runs;
 }
 
-// All of the runs, but of those whose tracks cross very many of them evenly as many as these need.
+// Whether each run is used: all are, but where tracks cross very many runs, only as many, evenly
+// spread, as these tracks need.
 std::vector<char> SpeakingRuns(const WorkingModel& model,
                                const std::vector<std::vector<int>>& runs) {
   constexpr double kEnoughOfTrack = 60.0;
@@ -276,11 +279,11 @@ FrameRuns ChooseRuns(const WorkingModel& model) {
 BundleResult AdjustCondensed(WorkingModel& model,
                              const FrameRuns& runs,
                              const BundleOptions& options) {
-  // At 1e4 the cameras of a path of 2000 frames had five times the error.
+  // With 1e4, the cameras of a path of 2000 frames had five times the error.
   constexpr double kTrustRadius = 1e8;
   CondensedProblem problem = Condense(model, runs, options.loss_scale);
   BundleOptions bundle = options;
-  bundle.loss = RobustLoss::kNone;  // it is in the weights
+  bundle.loss = RobustLoss::kNone;  // the weights contain it
   bundle.trust_radius = kTrustRadius;
   BundleResult result = AdjustBundle(std::move(problem.bundle), bundle);
   if (result.termination == BundleTermination::kFailed) return result;

@@ -35,7 +35,8 @@ FocalScales BetweenFrames(const std::vector<FrameInfo>& frames,
   return scales;
 }
 
-// The poses of the measured frames; the others are to the measured one before as they were in the model.
+// The poses of the measured frames; each other frame keeps its pose in the model relative to the
+// measured frame before it.
 std::map<FrameIndex, Rigid3> PosesBetween(const WorkingModel& model,
                                           const std::vector<int>& measured,
                                           const std::vector<BundleCamera>& cameras) {
@@ -50,7 +51,7 @@ std::map<FrameIndex, Rigid3> PosesBetween(const WorkingModel& model,
   return poses;
 }
 
-// Of a bundle adjustment of poses and points.
+// The degrees of freedom of a bundle adjustment of poses and points.
 double DegreesOfFreedom(const BundleProblem& problem) {
   return 2.0 * static_cast<double>(problem.observations.size()) -
          6.0 * static_cast<double>(problem.cameras.size()) -
@@ -60,9 +61,10 @@ double DegreesOfFreedom(const BundleProblem& problem) {
 }  // namespace
 
 bool LensChanges::IsChanging() const {
-  // Of searched cameras those that stayed as they are gained up to 4 %, rendered and real; of zooms by
-  // 5 % to 100 % and of shifted pictures the better of both took 8 to 70 %. Of known ones 29 to 89 %,
-  // and up to 25 % where KLT's tracks drifted on two planes.
+  // For cameras that were searched, constant lenses gained up to 4 % on rendered and real clips;
+  // for zooms by 5 % to 100 % and shifted pictures, the better of both models gained 8 to 70 %. For
+  // known cameras it gained 29 to 89 %, but also up to 25 % where KLT's tracks drifted on two
+  // planes.
   constexpr double kGain = 0.07;
   constexpr double kGainOfKnown = 0.27;
   return std::max(focal_gain, center_gain) > (camera_known ? kGainOfKnown : kGain);
@@ -70,7 +72,7 @@ bool LensChanges::IsChanging() const {
 
 std::optional<LensChanges> MeasureLensChanges(const WorkingModel& model,
                                               const CameraRefinement& refinement) {
-  constexpr std::size_t kMostFrames = 40;  // a bound on time
+  constexpr std::size_t kMostFrames = 40;  // bounds the time
   constexpr std::size_t kLeastFrames = 5;
   constexpr int kPerCell = 2;
   constexpr double kHeld = 1e-6;
@@ -86,10 +88,12 @@ std::optional<LensChanges> MeasureLensChanges(const WorkingModel& model,
     return std::nullopt;
   }
   bundle.refine_lens_changes = true;
-  // What gains nothing shows it in a few iterations; only what gains is brought to its minimum.
+  // A few iterations show whether there is no gain; only a model with a gain is brought to its
+  // minimum.
   constexpr double kCoarse = 1e-3;
   constexpr double kGainsNothing = 0.02;
-  // By chance, `more` parameters take as large a share of the cost as they are of the degrees of freedom.
+  // By chance, `more` parameters remove a share of the cost equal to their share of the degrees of
+  // freedom.
   const double freedom = DegreesOfFreedom(constant.solution);
   const auto gain = [&](const BundleResult& changing, double more) {
     if (!(freedom > more)) return 0.0;
@@ -139,38 +143,36 @@ std::optional<LensChanges> MeasureLensChanges(const WorkingModel& model,
 
 Doubt DescribeFoundZoom(double zoom) {
   return {DoubtCode::kFocalChanges,
-          fmt::format(
-              "the focal length changes during the clip, {:.2f} times; every frame has its own, "
-              "but a zoom looks much like a movement ahead: the cameras may be off along the "
-              "line of sight",
-              zoom),
+          fmt::format("the focal length changes during the clip, {:.2f} times; every frame has its "
+                      "own focal length, but a zoom looks much like forward motion: the cameras "
+                      "may be off along the line of sight",
+                      zoom),
           {{"zoom", zoom}}};
 }
 
 std::optional<Doubt> DescribeLensChanges(const LensChanges& changes) {
   if (!changes.IsChanging()) return std::nullopt;
   if (changes.IsZoom()) {
-    return Doubt{
-        DoubtCode::kFocalChanges,
-        fmt::format("the focal length changes during the clip, about {:.2f} times: it zooms or "
-                    "focuses anew, and the model has one focal length for all frames; give "
-                    "the stretch before or after the change by --frames",
-                    ZoomOf(changes.focal)),
-        {{"zoom", ZoomOf(changes.focal)}, {"gain", changes.focal_gain}}};
+    return Doubt{DoubtCode::kFocalChanges,
+                 fmt::format("the focal length changes during the clip, about {:.2f} times: the "
+                             "lens zooms or refocuses, but the model has one focal length for all "
+                             "frames; give the frames before or after the change by --frames",
+                             ZoomOf(changes.focal)),
+                 {{"zoom", ZoomOf(changes.focal)}, {"gain", changes.focal_gain}}};
   }
-  // A model that a zoom bent may gain as much by shifts: a rendered zoom of x1.25 of which no zoom was
-  // found gained .12 by focal lengths and .13 by shifts; a clip shifted by a stabiliser, .06 and .70.
+  // A model that a zoom bent may gain as much by shifts: a rendered zoom of x1.25 that was not
+  // found as a zoom gained .12 by focal lengths and .13 by shifts; a clip shifted by a stabiliser
+  // gained .06 and .70.
   constexpr double kMayBeZoom = 0.5;
   const bool may_zoom = changes.focal_gain > kMayBeZoom * changes.center_gain;
-  return Doubt{
-      DoubtCode::kCenterMoves,
-      fmt::format("the picture is shifted from frame to frame, by up to {:.0f} px{}, which no "
-                  "movement of the camera explains: a stabiliser{} did that; film without it, "
-                  "or give the clip as it was before",
-                  changes.shift_px,
-                  may_zoom ? ", or its focal length changes" : "",
-                  may_zoom ? " or a zoom" : ""),
-      {{"shift_px", changes.shift_px}, {"gain", changes.center_gain}}};
+  return Doubt{DoubtCode::kCenterMoves,
+               fmt::format("the picture is shifted from frame to frame, by up to {:.0f} px{}, "
+                           "which no motion of the camera explains: a stabiliser{} causes this; "
+                           "film without it, or give the original clip",
+                           changes.shift_px,
+                           may_zoom ? ", or its focal length changes" : "",
+                           may_zoom ? " or a zoom" : ""),
+               {{"shift_px", changes.shift_px}, {"gain", changes.center_gain}}};
 }
 
 }  // namespace cohort

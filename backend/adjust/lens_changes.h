@@ -23,7 +23,7 @@ struct LensChanges {
   bool camera_known = false;  // the model's camera was given, so it cannot adapt
   double shift_px = 0.0;      // the extent of these principal points
 
-  // Whether the tracks ask for a lens that changes.
+  // Whether the tracks imply a lens that changes.
   bool IsChanging() const;
   // Whether the focal length removes more of the cost than the principal point.
   bool IsZoom() const { return focal_gain >= center_gain; }

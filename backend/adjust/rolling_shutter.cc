@@ -25,7 +25,7 @@ std::map<FrameIndex, Rigid3> PosesByIndex(const WorkingModel& model) {
   return poses;
 }
 
-// Of the points that the frame sees; 1 without any.
+// Median depth of the points that the frame sees; 1 without any.
 double MedianDepth(const WorkingModel& model, int frame) {
   std::vector<double> depths;
   for (const int o : model.whitened().ObservationsIn(frame)) {
@@ -35,7 +35,7 @@ double MedianDepth(const WorkingModel& model, int frame) {
   return depths.empty() ? 1.0 : Median(std::move(depths));
 }
 
-// Of the model's points that a frame's tracks have there; 1 without any.
+// Median depth of the model's points whose tracks are in the frame; 1 without any.
 double MedianDepth(const TrackFile& file, const Reconstruction& model, FrameIndex frame) {
   std::vector<double> depths;
   for (const Observation* o : file.tracks.InFrame(frame)) {
@@ -46,8 +46,8 @@ double MedianDepth(const TrackFile& file, const Reconstruction& model, FrameInde
   return depths.empty() ? 1.0 : Median(std::move(depths));
 }
 
-// The position in a frame of what its row saw at xy: of the point, if it is known, or else at the
-// depth.
+// The position in a frame of what its row saw at xy: of the point if it is known, else of the point
+// at that depth.
 Eigen::Vector2d Corrected(const Camera& camera,
                           const Rigid3& frame_from_world,
                           const Rigid3& row_from_world,
@@ -63,14 +63,14 @@ Eigen::Vector2d Corrected(const Camera& camera,
   return by_frame && by_row ? Eigen::Vector2d(xy + *by_frame - *by_row) : xy;
 }
 
-// Worth more than one round: the first, at the motion of a model that took the rows for one frame,
-// finds it too small.
+// Whether more rounds are worthwhile: the first round underestimates the readout, because the
+// motion of its model ignores the rows.
 bool MayRoll(const ReadoutEstimate& first, double deviations) {
   constexpr double kLeast = 0.1;
   return std::abs(first.readout) > std::max(kLeast, deviations * first.sigma);
 }
 
-// How the observations corrected for a readout move with it.
+// The derivatives by the readout of the observations that are corrected for it.
 std::vector<Eigen::Vector2d> DerivativeByReadout(const WhitenedTracks& observed,
                                                  const WorkingModel& model,
                                                  double readout) {
@@ -87,7 +87,7 @@ bool IsSettled(double shift, double sigma) {
   return std::abs(shift) < std::max(kSettled, kSettledDeviations * sigma);
 }
 
-// A bound on time: that many, from the middle of the clip, tell the readout well.
+// Bounds the time: this many frames from the middle of the clip determine the readout well.
 std::vector<int> FramesInTheMiddle(const WorkingModel& model) {
   constexpr std::size_t kMostFrames = 150;
   const std::vector<int> registered = model.RegisteredFrames();
@@ -96,7 +96,7 @@ std::vector<int> FramesInTheMiddle(const WorkingModel& model) {
   return {first, first + static_cast<long>(count)};
 }
 
-// Bundle adjustments of a model in which the readout is one unknown more.
+// Bundle adjustments of a model with the readout as an additional unknown.
 class ReadoutAdjuster {
  public:
   ReadoutAdjuster(const WhitenedTracks& observed,
@@ -109,7 +109,7 @@ class ReadoutAdjuster {
         frames_(FramesInTheMiddle(model)),
         first_iterations_(first_iterations) {}
 
-  // Of the model adjusted to observations of a global shutter.
+  // The cost of the model adjusted to the observations of a global shutter.
   double CostWithout() {
     Correct(0.0);
     return model_.Adjust(frames_, {}, MapperBundleOptions(model_, {}, first_iterations_, 1e-6))
@@ -120,10 +120,10 @@ class ReadoutAdjuster {
     double shift;  // of the readout
     double cost;
   };
-  // None: the adjustment failed.
+  // nullopt: the adjustment failed.
   std::optional<Adjusted> Step(double readout) {
     Correct(readout);
-    // Later rounds start beside the optimum.
+    // Later rounds start near the optimum.
     BundleOptions bundle = MapperBundleOptions(model_, {}, first_ ? first_iterations_ : 3, 1e-6);
     bundle.refine_shift = true;
     first_ = false;
@@ -135,7 +135,7 @@ class ReadoutAdjuster {
     return Adjusted{shift, result.final_cost};
   }
 
-  // From none, in rounds.
+  // Starts without a readout and iterates in rounds.
   ReadoutEstimate Estimate(int most_rounds) {
     constexpr double kDeviations = 4.0;
     const double cost_without = CostWithout();
@@ -153,7 +153,7 @@ class ReadoutAdjuster {
     return estimate;
   }
 
-  // The readout after steps from the estimate, with the inliers that each leaves.
+  // The readout after steps from the estimate, each with its own inliers.
   double SettledWithOwnInliers(const ReadoutEstimate& estimate) {
     constexpr int kMostRounds = 8;
     constexpr double kMost = 0.99 * kMostReadout;
@@ -164,7 +164,7 @@ class ReadoutAdjuster {
       const auto step = Step(readout);
       if (!step) break;
       readout = std::clamp(readout + step->shift, -kMost, kMost);
-      // The first round has the old noise's bound.
+      // The first round uses the inlier bound of the old noise.
       if (round > 0 && IsSettled(step->shift, estimate.sigma)) break;
     }
     return readout;
@@ -184,11 +184,11 @@ class ReadoutAdjuster {
   bool first_ = true;
 };
 
-// One round, which leaves the model as it is.
+// One round with some of the tracks; the model is unchanged.
 ReadoutEstimate EstimateBySomeTracks(const WhitenedTracks& observed, const WorkingModel& model) {
   constexpr int kPerCell = 1;
   constexpr int kIterations = 3;
-  constexpr std::size_t kEvery = 10;  // frame tells where the tracks are
+  constexpr std::size_t kEvery = 10;  // frame is used to choose the tracks
   std::vector<int> frames;
   const std::vector<int> middle = FramesInTheMiddle(model);
   for (std::size_t i = 0; i < middle.size(); i += kEvery) frames.push_back(middle[i]);
@@ -202,11 +202,11 @@ ReadoutEstimate EstimateBySomeTracks(const WhitenedTracks& observed, const Worki
 }  // namespace
 
 bool ReadoutEstimate::IsRolling() const {
-  // Errors of tracks that are no noise look like a readout too: of cameras with a global shutter, up
-  // to 0.28 (and 33 deviations, where a phone's denoising drags the picture behind the motion), or
-  // at 0.3 to 0.74 and 5 deviations, or -0.37 and 12, or they run to the end of the range. Rolling
-  // shutters read from the first row down and for most of a frame: they were found at 0.5 to 0.9
-  // from 8 deviations (30 frames) to 70. By eye, in between.
+  // Systematic errors of tracks look like a readout too. Cameras with a global shutter gave up to
+  // 0.28 (at 33 standard deviations where a phone's denoising drags the picture behind the motion),
+  // 0.3 to 0.74 at 5 standard deviations, -0.37 at 12, or the end of the range. Rolling shutters
+  // read from the first row down and for most of a frame: they were found at 0.5 to 0.9 with 8
+  // standard deviations (30 frames) to 70. Tuned on the tuning clips.
   constexpr double kLeast = 0.3;
   constexpr double kDeviations = 7.0;
   constexpr double kDeviationsUpwards = 15.0;
@@ -283,7 +283,7 @@ ReadoutEstimate EstimateReadout(const WhitenedTracks& observed,
                                 WhitenedTracks& corrected) {
   constexpr int kMostRounds = 15;
   constexpr int kIterations = 6;
-  constexpr double kDeviationsOfSome = 2.0;  // fewer, as they have larger deviations
+  constexpr double kDeviationsOfSome = 2.0;  // fewer, because some tracks have larger deviations
   const ReadoutEstimate by_some = EstimateBySomeTracks(observed, model);
   if (!MayRoll(by_some, kDeviationsOfSome)) return by_some;
   const WorkingModel before(model);
@@ -293,8 +293,9 @@ ReadoutEstimate EstimateReadout(const WhitenedTracks& observed,
     model = before;
     return estimate;
   }
-  // Whether it rolls is told by the inliers of the model without it; but they are those that the
-  // rows bend least, and make the readout by some per cent too small. So a last time with its own.
+  // The inliers of the model without a readout decide whether the shutter rolls. But they are those
+  // that the rows bend least, which makes the readout a few per cent too small. A last estimate
+  // therefore uses its own inliers.
   estimate.readout = adjuster.SettledWithOwnInliers(estimate);
   if (!estimate.IsRolling()) model = before;
   return estimate;

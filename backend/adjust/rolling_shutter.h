@@ -39,8 +39,8 @@ ReadoutEstimate EstimateReadout(const WhitenedTracks& observed,
                                 WhitenedTracks& corrected);
 
 // Refines an estimate's readout for a model whose camera has been refined since. The model is
-// adjusted to the result. If that is no rolling shutter any more, or one of the other direction,
-// the function returns the estimate's readout instead.
+// adjusted to the result. If the result is no longer a rolling shutter, or has the opposite
+// direction, the function returns the estimate's readout instead.
 double RefineReadout(const WhitenedTracks& observed,
                      const ReadoutEstimate& estimate,
                      WorkingModel& model,

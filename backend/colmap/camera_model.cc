@@ -19,7 +19,7 @@ struct ModelRow {
   const char* name;
   CameraModel model;
   bool two_focals;
-  Coefficients coefficients;  // in COLMAP's order, behind the focal lengths and cx, cy
+  Coefficients coefficients;  // in COLMAP's order, after the focal lengths and cx, cy
 
   std::size_t Parameters() const { return (two_focals ? 4 : 3) + coefficients.size(); }
 };
@@ -58,9 +58,10 @@ const ModelRow& Row(ColmapCameraModel model) {
   ThrowUnsupported(fmt::format("{}", static_cast<int>(model)));
 }
 
-// COLMAP refines every parameter of a guessed camera's model: where it can, it has no more than
-// Ceres' refines, one focal length and two radial coefficients. A guess of our own always can; one
-// that comes from a file may have two focal lengths, p1 and p2, or be a fisheye.
+// COLMAP refines every parameter of a guessed camera's model. If possible, the model therefore has
+// no more than those that the Ceres backend refines, one focal length and two radial coefficients.
+// This is always possible for a guess of our own; one from a file may have two focal lengths, p1
+// and p2, or be a fisheye.
 ColmapCameraModel SmallestModel(const Camera& camera) {
   if (camera.model == CameraModel::kFisheye) return ColmapCameraModel::kOpencvFisheye;
   if (!camera.HasAtMostFourCoefficients()) return ColmapCameraModel::kFullOpencv;
@@ -87,7 +88,7 @@ ColmapCamera Written(const Camera& camera, const ModelRow& row) {
   return result;
 }
 
-// Has the model a parameter for all that the camera has?
+// Whether the model has a parameter for everything that the camera has.
 bool Holds(const ModelRow& row, const Camera& camera) {
   if (row.model != camera.model || (!row.two_focals && camera.fx != camera.fy)) return false;
   Camera rest = camera;
@@ -153,7 +154,7 @@ std::optional<double> FocalScaleOf(const ColmapCamera& camera, const ColmapCamer
   scaled.params[0] = camera.params[0];
   if (Row(reference.model).two_focals) {
     const double fy = scale * reference.params.at(1);
-    // The scale of one is that of the other, but for rounding.
+    // Both focal lengths have the same scale, except for rounding.
     if (!(std::abs(fy - camera.params.at(1)) <= kRounding * std::abs(fy))) return std::nullopt;
     scaled.params[1] = camera.params[1];
   }

@@ -34,14 +34,14 @@ ColmapArgument Required(std::string name, const fs::path& value) {
   return {{std::move(name)}, value.string(), true};
 }
 
-// The folder that COLMAP works in, emptied of what an earlier run left.
+// The folder in which COLMAP works, without the outputs of an earlier run.
 struct Workspace {
   fs::path folder;
   fs::path database;
   fs::path log;
-  fs::path images;  // COLMAP wants an existing folder even if it reads no image
+  fs::path images;  // COLMAP requires an existing folder even if it reads no image
 
-  // Absolute: COLMAP takes a path that begins with a dash for an option.
+  // Absolute, because COLMAP takes a path that begins with a dash as an option.
   Workspace(const fs::path& work_folder, const TrackFile& file)
       : folder(fs::absolute(work_folder)),
         database(folder / "database.db"),
@@ -66,7 +66,7 @@ struct Workspace {
   }
 };
 
-// Observed positions in a frame, median over the frames that have any.
+// Number of observed positions in a frame, median over the frames that have any.
 double MedianFeatures(const TrackSet& tracks) {
   std::vector<double> counts;
   for (const FrameIndex frame : tracks.frames()) {
@@ -96,13 +96,13 @@ Arguments CommonArguments(const TrackFile& file,
           Argument("Mapper.ba_refine_extra_params", refine ? 1 : 0),
           Argument("Mapper.ba_refine_principal_point", 0),
           Argument("Mapper.filter_max_reproj_error", kMaxReprojectionPx),
-          // Tracks of two frames are noise in a clip, and all there is in a clip of two frames.
+          // Tracks of two frames are noise in a clip, but all that a clip of two frames has.
           Argument("Mapper.tri_ignore_two_view_tracks", file.frames.size() > 3 ? 1 : 0)};
 }
 
-// COLMAP's bounds are made for photographs with thousands of SIFT features at wide angles. A clip
-// has tens to hundreds of tracks, and consecutive frames share nearly all of them: the bounds are
-// scaled to the tracks there are, and to the angle that the best pair has.
+// COLMAP's bounds are designed for photographs with thousands of SIFT features at wide angles. A
+// clip has tens to hundreds of tracks, and consecutive frames share nearly all of them, so the
+// bounds are scaled to the number of tracks and to the angle of the best pair.
 Arguments MapperArguments(const TrackFile& file,
                           const ColmapOptions& options,
                           const Workspace& workspace,
@@ -113,8 +113,8 @@ Arguments MapperArguments(const TrackFile& file,
   };
   const double features = MedianFeatures(file.tracks);
   add("Mapper.multiple_models", 0);
-  // A third of the time and the same cameras, since neighbouring frames hold each other and the
-  // final adjustment comes anyway.
+  // This takes a third of the time and gives the same cameras, since neighbouring frames constrain
+  // each other and a final adjustment follows anyway.
   if (options.fewer_adjustments) {
     arguments.push_back(
         {{"Mapper.ba_global_images_ratio", "Mapper.ba_global_frames_ratio"}, "1.4", false});
@@ -135,7 +135,7 @@ Arguments MapperArguments(const TrackFile& file,
   add("Mapper.init_min_num_inliers",
       std::clamp(static_cast<int>(0.5 * static_cast<double>(g.inlier_count)), 10, 100));
   add("Mapper.init_min_tri_angle", std::min(16.0, 0.4 * g.angle_deg));
-  // The pair is chosen already: no second opinion on how much of it is forward motion.
+  // The pair is already chosen, so COLMAP must not reject it for its forward motion.
   add("Mapper.init_max_forward_motion", 1.0);
   const double min_angle_deg = std::min(1.5, 0.4 * g.angle_deg);
   add("Mapper.tri_min_angle", min_angle_deg);
@@ -157,9 +157,9 @@ Arguments AdjusterArguments(const TrackFile& file, const ColmapOptions& options)
            false}};
 }
 
-// What COLMAP says of its failure, from the part of the log after `offset`.
+// COLMAP's own reason for its failure, from the part of the log after `offset`.
 std::string FailureIn(const fs::path& log, std::size_t offset, const ProgramEnd& end) {
-  constexpr std::uint64_t kMostBytes = 1 << 26;  // of its end
+  constexpr std::uint64_t kMostBytes = 1 << 26;  // of the log's end
   std::ifstream in = OpenInputFile(log);
   const std::uint64_t size = fs::file_size(log);
   const std::uint64_t begin = std::max<std::uint64_t>(offset, size - std::min(size, kMostBytes));
@@ -183,8 +183,8 @@ std::string FailureIn(const fs::path& log, std::size_t offset, const ProgramEnd&
   return end.Brief();
 }
 
-// Takes out what the adjustment left behind a camera or further off than the mapper's own bound,
-// and points that fewer than two views are left of.
+// Removes views that the adjustment left behind a camera or further off than the mapper's own
+// bound, and points with fewer than two remaining views.
 void RemoveOutliers(const TrackFile& file, Reconstruction& reconstruction) {
   reconstruction.camera.known = file.KnowsCamera();
   for (auto& [feature, point] : reconstruction.points) {
@@ -195,7 +195,7 @@ void RemoveOutliers(const TrackFile& file, Reconstruction& reconstruction) {
     });
   }
   std::erase_if(reconstruction.points, [](const auto& p) { return p.second.views.size() < 2; });
-  UpdateReprojectionErrors(reconstruction);  // bundle_adjuster leaves the old ones
+  UpdateReprojectionErrors(reconstruction);  // bundle_adjuster keeps the old ones
 }
 
 Reconstruction ToReconstruction(const ColmapModel& model, const TrackFile& file) {
@@ -204,7 +204,7 @@ Reconstruction ToReconstruction(const ColmapModel& model, const TrackFile& file)
   return reconstruction;
 }
 
-// Where COLMAP is to start: pairs that begin in different frames, the best first.
+// The initial pairs for COLMAP: pairs that begin in different frames, the best first.
 std::vector<InitialPair> PairsToTry(const InitialPairSearch& search, int max_attempts) {
   std::vector<InitialPair> pairs;
   for (const InitialPair& pair : search.ranked) {
@@ -216,7 +216,7 @@ std::vector<InitialPair> PairsToTry(const InitialPairSearch& search, int max_att
   return pairs;
 }
 
-// Writes the database with the pairs to start from among its pairs. False: no two frames have a
+// Writes the database, whose pairs include the initial pairs. Returns false if no two frames have a
 // geometry.
 bool WriteDatabase(const TrackFile& file,
                    const ColmapOptions& options,
@@ -232,17 +232,19 @@ bool WriteDatabase(const TrackFile& file,
   });
 }
 
-// Runs of the mapper and what came of them.
+// The outcome of the mapper's runs.
 struct MapperRuns {
-  std::optional<ColmapModel> best;  // of most images; none: none registered any
-  std::size_t best_start = 0;       // that it grew from; as many as there are: where COLMAP chose
-  std::string failure;              // of the last run that registered too few
-  std::string died;                 // how the best one's run ended, if not well
-  std::string damaged;              // what a run that died left half written
+  std::optional<ColmapModel> best;  // with the most images; nullopt if no run registered any
+  // The index of its initial pair, or the number of pairs if COLMAP chose.
+  std::size_t best_start = 0;
+  std::string failure;  // reason of the last run that registered too few
+  std::string died;     // how the best model's run ended, if abnormally
+  std::string damaged;  // files that a run which died left half written
   double seconds = 0.0;
 };
 
-// One run from each start, and a last one from where COLMAP chooses, until enough frames register.
+// One run from each initial pair, and a last one from COLMAP's own choice, until enough frames
+// register.
 MapperRuns RunMapper(ColmapProgram& program,
                      const TrackFile& file,
                      const ColmapOptions& options,
@@ -261,8 +263,9 @@ MapperRuns RunMapper(ColmapProgram& program,
     std::vector<std::string> damaged;
     auto model = ReadLargestColmapModel(sparse, end.Failed() ? &damaged : nullptr);
     if (!damaged.empty()) {
-      runs.damaged = fmt::format(
-          ", a mapper that ended with {} left what is no model: {}", end.Brief(), damaged.front());
+      runs.damaged = fmt::format(", a mapper run that ended with {} left an invalid model: {}",
+                                 end.Brief(),
+                                 damaged.front());
     }
     if (model && (!runs.best || model->model.images.size() > runs.best->images.size())) {
       runs.best = std::move(model->model);
@@ -275,8 +278,8 @@ MapperRuns RunMapper(ColmapProgram& program,
   return runs;
 }
 
-// The model that a run wrote; none where it failed, whatever it had written by then, or what it left
-// is no model.
+// The model that a run wrote; nullopt if the run failed, whatever it had written by then, or if its
+// output is not a model.
 std::optional<ColmapModel> ReadWritten(const fs::path& folder, const ProgramEnd& end) {
   if (end.Failed() || !fs::exists(folder / "points3D.bin")) return std::nullopt;
   try {
@@ -287,7 +290,7 @@ std::optional<ColmapModel> ReadWritten(const fs::path& folder, const ProgramEnd&
   }
 }
 
-// None where it is no model of one camera with our ids.
+// Returns nullopt if it is not a model of one camera with our ids.
 std::optional<Reconstruction> Converted(const ColmapModel& written) {
   try {
     return FromColmapModel(written);
@@ -297,8 +300,8 @@ std::optional<Reconstruction> Converted(const ColmapModel& written) {
   }
 }
 
-// COLMAP's bundle_adjuster from this reconstruction to the optimum; none where it fails, or loses
-// cameras or points.
+// Runs COLMAP's bundle_adjuster from this reconstruction to the optimum. Returns nullopt if it
+// fails or loses cameras or points.
 std::optional<Reconstruction> RunAdjuster(ColmapProgram& program,
                                           const TrackFile& file,
                                           const ColmapOptions& options,
@@ -331,13 +334,14 @@ std::optional<Reconstruction> RunAdjuster(ColmapProgram& program,
   return reconstruction;
 }
 
-// Where the best run began.
+// The initial pair of the best run.
 std::string DescribeStart(const MapperRuns& runs,
                           const std::vector<InitialPair>& starts,
                           const InitialPairSearch& search) {
   if (runs.best_start < starts.size()) return DescribeInitialPair(starts[runs.best_start]);
-  return starts.empty() ? search.reason
-                        : "initial pair: COLMAP's own, after none of ours led further";
+  return starts.empty()
+             ? search.reason
+             : "initial pair: chosen by COLMAP, since none of cohort's registered more frames";
 }
 
 std::string DescribeEnd(const ColmapProgram& program,
@@ -390,7 +394,7 @@ ColmapResult ReconstructWithColmap(const TrackFile& tracked,
   const InitialPairSearch search =
       FindInitialPairs(AtOneFocalLength(file.tracks, camera, options.focal_scale), camera);
   if (search.ranked.empty() && search.refusals.standstill + search.refusals.rotation > 0) {
-    return end(search.reason);  // COLMAP would make up a depth
+    return end(search.reason);  // COLMAP would invent a depth
   }
   const std::vector<InitialPair> starts = PairsToTry(search, options.max_attempts);
   if (!WriteDatabase(file, options, starts, workspace.database)) {
@@ -416,7 +420,7 @@ ColmapResult ReconstructWithColmap(const TrackFile& tracked,
   }
   std::string failure = runs.failure;
   if (!result.reconstruction.cam_from_world.empty() && result.reconstruction.points.empty()) {
-    // Cameras without a point before them are no model, whatever made them.
+    // Cameras without any point are not a model, whatever produced them.
     result.reconstruction.cam_from_world.clear();
     failure = "its model has no points";
   }
@@ -455,9 +459,8 @@ ColmapResult AdjustWithColmap(const TrackFile& tracked,
   if (adjusted) result.reconstruction = std::move(*adjusted);
   result.summary = Summarize(result.reconstruction, file.frames.size());
   result.summary.seconds = result.colmap_seconds = total.Seconds();
-  result.summary.termination = fmt::format("COLMAP {} {} a model that it was given",
-                                           program.version(),
-                                           adjusted ? "adjusted" : "could not adjust");
+  result.summary.termination = fmt::format(
+      "COLMAP {} {} a given model", program.version(), adjusted ? "adjusted" : "could not adjust");
   return result;
 }
 

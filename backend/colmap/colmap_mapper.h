@@ -26,12 +26,12 @@ struct ColmapOptions {
 
   template <typename Self, typename Visitor>
   static void Visit(Self& o, Visitor& v) {
-    v.Text(
-        "program",
-        o.program,
-        "The colmap program: a path, or a name in PATH. A script that runs it must do so by exec: "
-        "only the program itself is killed at its time limit, or with us.",
-        Tier::kCommon);
+    v.Text("program",
+           o.program,
+           "The colmap program: a path, or a name in PATH. A wrapper script must start COLMAP by "
+           "exec, since only the started process itself is killed at the time limit or together "
+           "with cohort.",
+           Tier::kCommon);
     v.Number("seed",
              o.seed,
              0,
@@ -39,29 +39,33 @@ struct ColmapOptions {
              "The seed of COLMAP's random numbers; another seed gives a slightly different "
              "model.",
              Tier::kCommon);
-    v.Number("threads",
-             o.threads,
-             1,
-             1024,
-             "threads of COLMAP; more than one are faster and do not give the same model twice");
+    v.Number(
+        "threads",
+        o.threads,
+        1,
+        1024,
+        "number of COLMAP's threads; more than one are faster, but the model is not reproducible");
     v.Number("max_minutes",
              o.max_minutes,
              0.0,
              1e6,
-             "minutes that one run of COLMAP may take until it is killed, an error; 0: no limit");
+             "time limit of one run of COLMAP [min]; a run that exceeds it is killed and counts as "
+             "an error; 0: no limit");
     v.Number("max_attempts",
              o.max_attempts,
              1,
              100,
-             "initial pairs of ours to try until 80 % of the frames register; then COLMAP's");
-    v.Flag(
-        "fewer_adjustments",
-        o.fewer_adjustments,
-        "adjust the whole model after 40 % of growth; off: after 10 %, as COLMAP does by itself");
+             "number of cohort's initial pairs to try until 80 % of the frames register; the last "
+             "attempt leaves the choice to COLMAP");
+    v.Flag("fewer_adjustments",
+           o.fewer_adjustments,
+           "run a global bundle adjustment whenever the model has grown by 40 %; off: by 10 %, "
+           "COLMAP's default");
     v.Flag("final_adjustment",
            o.final_adjustment,
-           "run COLMAP's bundle_adjuster on the mapper's model without double points");
-    v.Group("database", o.database, "the database that COLMAP gets", Tier::kExpert);
+           "run COLMAP's bundle_adjuster on the mapper's model after duplicate points have been "
+           "removed");
+    v.Group("database", o.database, "database for COLMAP", Tier::kExpert);
   }
 };
 

@@ -10,8 +10,8 @@
 namespace cohort {
 namespace {
 
-// Keypoints of all images, counted through; those at one position of one image are the first of
-// them.
+// The keypoints of all images, numbered consecutively. Keypoints at the same position of an image
+// are represented by the first of them.
 class Nodes {
  public:
   Nodes(const ColmapDatabase& database, const std::filesystem::path& path) {
@@ -48,7 +48,7 @@ class Nodes {
   std::vector<std::size_t> same_;
 };
 
-// Disjoint sets of nodes, no two of one image.
+// Disjoint sets of nodes, with at most one node per image in a set.
 class Components {
  public:
   explicit Components(const Nodes& nodes) : parent_(nodes.size()), images_(nodes.size()) {
@@ -60,12 +60,12 @@ class Components {
     while (parent_[node] != node) node = parent_[node] = parent_[parent_[node]];
     return node;
   }
-  // False where an image would have two.
+  // Returns false if an image would have two nodes.
   bool Join(std::size_t a, std::size_t b) {
     a = Root(a);
     b = Root(b);
     if (a == b) return true;
-    // Sets only grow: a file may ask again and again for a join that cannot be.
+    // Sets only grow, so a refused join stays impossible; a file may request it many times.
     if (refused_.contains(std::minmax(a, b))) return false;
     if (images_[a].size() < images_[b].size()) std::swap(a, b);
     std::vector<ColmapImageId>& many = images_[a];
@@ -88,7 +88,7 @@ class Components {
 
  private:
   std::vector<std::size_t> parent_;
-  std::vector<std::vector<ColmapImageId>> images_;         // of a root: ascending
+  std::vector<std::vector<ColmapImageId>> images_;         // by root, ascending
   std::set<std::pair<std::size_t, std::size_t>> refused_;  // roots, the smaller first
 };
 
@@ -116,7 +116,7 @@ ImportedTracks TracksOfColmapDatabase(const ColmapDatabase& database,
 
   ImportedTracks result;
   result.camera = FromColmapCamera(database.camera);
-  // COLMAP says so of a focal length from EXIF, too, which it goes on to refine.
+  // COLMAP also marks a focal length from EXIF as a prior, but then refines it.
   if (IsFoundByColmap(database.camera.model) || IsStartOfColmap(database.camera)) {
     result.camera->known = false;
   }
@@ -173,7 +173,7 @@ ImportedTracks TracksOfColmapModel(const ColmapModel& model,
   ImportedTracks result;
   for (const auto& [id, image] : model.images) {
     if (!model.cameras.contains(image.camera_id)) {
-      ThrowError("COLMAP model {}: image {} has camera {}, which is not there",
+      ThrowError("COLMAP model {}: image {} refers to camera {}, which does not exist",
                  path.string(),
                  image.name,
                  image.camera_id);
@@ -188,13 +188,14 @@ ImportedTracks TracksOfColmapModel(const ColmapModel& model,
   const SharedCamera shared = ShareCamera(model);
   if (shared.other) {
     ThrowError(
-        "COLMAP model {}: image {} has another camera than others: one is read, of a clip of "
-        "one camera",
+        "COLMAP model {}: image {} has another camera than other images: give a model of a clip "
+        "with one camera",
         path.string(),
         model.images.at(*shared.other).name);
   }
   result.camera = shared.camera;
-  result.camera->known = shared.focal_scale.empty();  // one whose focal length changes is a guess
+  // A camera whose focal length changes counts as a guess.
+  result.camera->known = shared.focal_scale.empty();
 
   FrameNames names(frames);
   std::map<ColmapImageId, std::optional<FrameIndex>> frame_of_image;
@@ -211,11 +212,12 @@ ImportedTracks TracksOfColmapModel(const ColmapModel& model,
     for (const auto& [image_id, index] : point.track) {
       const auto image = model.images.find(image_id);
       if (image == model.images.end() || index >= image->second.points2d.size()) {
-        ThrowError("COLMAP model {}: point {} is seen in image {} at index {}, which is not there",
-                   path.string(),
-                   id,
-                   image_id,
-                   index);
+        ThrowError(
+            "COLMAP model {}: point {} is observed in image {} at index {}, which does not exist",
+            path.string(),
+            id,
+            image_id,
+            index);
       }
       const Eigen::Vector2d& xy = image->second.points2d[index].xy;
       if (!xy.allFinite()) {
@@ -238,9 +240,10 @@ ImportedTracks TracksOfColmapModel(const ColmapModel& model,
   result.tracks = TrackSet::Build(std::move(observations));
   CheckSomeImageKnown(result, path.string(), frames);
   if (result.tracks.observations().empty()) {
-    ThrowError("COLMAP model {}: none of its {} points is seen in an image: there are no tracks",
-               path.string(),
-               model.points.size());
+    ThrowError(
+        "COLMAP model {}: none of its {} points is observed in an image: there are no tracks",
+        path.string(),
+        model.points.size());
   }
   return result;
 }

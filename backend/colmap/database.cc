@@ -20,7 +20,8 @@ constexpr std::int64_t kMaxImages = 2147483647;
 constexpr std::int64_t kUserVersion = 3800;
 constexpr std::int64_t kMaxKeypoints = std::int64_t{1} << 32;  // of an image
 
-// COLMAP reads cameras, images, matches and two_view_geometries by column number: the order counts.
+// COLMAP reads cameras, images, matches and two_view_geometries by column number, so the order
+// matters.
 constexpr const char* kSchema = R"(
 CREATE TABLE cameras
    (camera_id            INTEGER  PRIMARY KEY AUTOINCREMENT  NOT NULL,
@@ -85,15 +86,16 @@ std::vector<T> FromBytes(std::span<const std::byte> bytes,
                          std::int64_t count,
                          const std::filesystem::path& path,
                          const char* table) {
-  // Divided, since the product of a number that a file claims need not fit.
+  // Divides, because the product with a number from a file may overflow.
   if (count < 0 || bytes.size() % sizeof(T) != 0 ||
       bytes.size() / sizeof(T) != static_cast<std::size_t>(count)) {
-    ThrowError("COLMAP database {}: a blob of table {} has {} bytes, no {} values of {} bytes",
-               path.string(),
-               table,
-               bytes.size(),
-               count,
-               sizeof(T));
+    ThrowError(
+        "COLMAP database {}: a blob of table {} has {} bytes instead of {} values of {} bytes",
+        path.string(),
+        table,
+        bytes.size(),
+        count,
+        sizeof(T));
   }
   std::vector<T> values(static_cast<std::size_t>(count));
   if (!bytes.empty()) std::memcpy(values.data(), bytes.data(), bytes.size());
@@ -153,7 +155,7 @@ void CheckMatchedOnce(const std::vector<ColmapMatch>& matches,
   }
 }
 
-// The id of a camera that takes all images; one of its own has the image's id.
+// The id of the camera shared by all images; an image's own camera has the image's id.
 constexpr std::int64_t kCameraId = 1;
 
 void WriteCameras(SqliteDatabase& db, const ColmapDatabase& database) {
@@ -214,7 +216,8 @@ void WriteRows(SqliteDatabase& db, const ColmapDatabase& database) {
   }
 }
 
-// The columns that are read; those of other versions' schemas, and their order, do not matter.
+// The columns that are read; further columns of other schema versions, and their order, do not
+// matter.
 constexpr std::pair<const char*, std::array<const char*, 9>> kColumns[] = {
     {"cameras", {"camera_id", "model", "width", "height", "params", "prior_focal_length"}},
     {"images", {"image_id", "name", "camera_id"}},
@@ -225,7 +228,7 @@ constexpr std::pair<const char*, std::array<const char*, 9>> kColumns[] = {
 void CheckSchema(SqliteDatabase& db, const std::filesystem::path& path) {
   for (const auto& [table, columns] : kColumns) {
     if (!db.HasTable(table)) {
-      ThrowError("{} is no COLMAP database: it has no table {}", path.string(), table);
+      ThrowError("{} is not a COLMAP database: it has no table {}", path.string(), table);
     }
     std::set<std::string, std::less<>> found;
     auto info = db.Prepare("SELECT name FROM pragma_table_info(?)");
@@ -234,7 +237,8 @@ void CheckSchema(SqliteDatabase& db, const std::filesystem::path& path) {
     for (const char* column : columns) {
       if (column == nullptr || found.contains(std::string_view(column))) continue;
       ThrowError(
-          "COLMAP database {} has no {}.{} (schema {}): the schemas of COLMAP 3.8 to 4.x are read",
+          "COLMAP database {} has no {}.{} (schema {}): only the schemas of COLMAP 3.8 to 4.x are "
+          "supported",
           path.string(),
           table,
           column,
@@ -249,8 +253,10 @@ ColmapCamera ReadCamera(const SqliteStatement& row, const std::filesystem::path&
   const std::int64_t width = row.Int(1);
   const std::int64_t height = row.Int(2);
   if (width < 1 || height < 1 || width > kMaxPictureSidePx || height > kMaxPictureSidePx) {
-    ThrowError(
-        "COLMAP database {}: a camera has a picture of {} x {}", path.string(), width, height);
+    ThrowError("COLMAP database {}: a camera has the invalid picture size {} x {}",
+               path.string(),
+               width,
+               height);
   }
   camera.width_px = static_cast<int>(width);
   camera.height_px = static_cast<int>(height);
@@ -265,7 +271,7 @@ ColmapCamera ReadCamera(const SqliteStatement& row, const std::filesystem::path&
   return camera;
 }
 
-// COLMAP makes a camera an image unless told not to: alike, they are one.
+// By default COLMAP creates one camera per image; identical cameras count as one.
 ColmapCamera ReadCameras(SqliteDatabase& db, const std::filesystem::path& path) {
   auto rows = db.Prepare(
       "SELECT model, width, height, params, prior_focal_length FROM cameras "
@@ -276,8 +282,8 @@ ColmapCamera ReadCameras(SqliteDatabase& db, const std::filesystem::path& path) 
     if (!camera) camera = next;
     if (next == *camera) continue;
     ThrowError(
-        "COLMAP database {} has several cameras that differ: one is read, of a clip of one camera "
-        "(colmap feature_extractor --ImageReader.single_camera 1)",
+        "COLMAP database {} has several cameras that differ: give a database of a clip with one "
+        "camera (colmap feature_extractor --ImageReader.single_camera 1)",
         path.string());
   }
   if (!camera) {
@@ -297,7 +303,7 @@ std::map<ColmapImageId, ColmapImage> ReadImages(SqliteDatabase& db,
   while (images.Step()) {
     const std::int64_t id = images.Int(0);
     if (id < 1 || id >= kMaxImages) {
-      ThrowError("COLMAP database {}: it has an image {}, and ids are from 1 to {}",
+      ThrowError("COLMAP database {}: it has an image {}, but ids are from 1 to {}",
                  path.string(),
                  id,
                  kMaxImages - 1);
@@ -335,7 +341,7 @@ std::optional<Rigid3> ReadPose(const SqliteStatement& statement,
   const auto q = FromBytes<double>(statement.Blob(qvec), 4, path, "two_view_geometries");
   const auto t = FromBytes<double>(statement.Blob(tvec), 3, path, "two_view_geometries");
   const Rigid3 pose{{q[0], q[1], q[2], q[3]}, {t[0], t[1], t[2]}};
-  // Unset in 3.x: zeros, or the identity.
+  // An unset pose in 3.x: zeros, or the identity.
   const bool turns = pose.rotation.vec().norm() > 0.0;
   const bool moves = pose.translation.norm() > 0.0;
   if (pose.rotation.norm() == 0.0 || (!turns && !moves)) return std::nullopt;
@@ -358,7 +364,7 @@ std::pair<ColmapImageId, ColmapImageId> ReadPairId(const SqliteStatement& row,
   const std::int64_t id = row.Int(0);
   const auto images = ColmapImagesOfPair(id);
   if (ColmapPairId(images.first, images.second) != id) {
-    ThrowError("COLMAP database {}: {} is the id of no pair of images", path.string(), id);
+    ThrowError("COLMAP database {}: {} is not the id of a pair of images", path.string(), id);
   }
   return images;
 }
@@ -389,7 +395,7 @@ ColmapImageId ColmapImageIdOf(FrameIndex frame) {
 }
 
 FrameIndex FrameOfColmapImage(ColmapImageId id) {
-  if (id == 0) ThrowError("COLMAP image id 0 is none of ours: they start at 1");
+  if (id == 0) ThrowError("COLMAP image id 0 is not one of cohort's: they start at 1");
   return FrameIndex{id - 1};
 }
 
@@ -445,7 +451,7 @@ void WriteColmapDatabase(const std::filesystem::path& path, const ColmapDatabase
   OutputFile out(path);
   {
     auto db = SqliteDatabase::Open(out.partial(), SqliteDatabase::Mode::kCreate);
-    // The file is thrown away if anything fails: no journal needed.
+    // The file is discarded if anything fails, so no journal is needed.
     db.Execute("PRAGMA journal_mode = OFF; PRAGMA synchronous = OFF; PRAGMA foreign_keys = ON");
     SqliteTransaction transaction(db);
     db.Execute(kSchema);
@@ -453,7 +459,7 @@ void WriteColmapDatabase(const std::filesystem::path& path, const ColmapDatabase
     WriteRows(db, database);
     transaction.Commit();
   }
-  RemoveJournals(path);  // of a colmap run
+  RemoveJournals(path);  // left by a colmap run
   out.Commit();
 }
 

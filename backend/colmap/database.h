@@ -81,7 +81,7 @@ struct ColmapDatabase {
 void WriteColmapDatabase(const std::filesystem::path& path, const ColmapDatabase& database);
 
 // The number of images with descriptors, as of COLMAP's SIFT, in a database. They take long to
-// compute, and we write none. 0 if the file is no database.
+// compute, and cohort writes none. 0 if the file is not a database.
 std::int64_t CountDescribedImages(const std::filesystem::path& path);
 
 // Reads the schemas of COLMAP 3.8 to 4.x. Rigs, frames and pose priors of newer ones do not affect

@@ -23,7 +23,7 @@ Eigen::Vector2f InColmapPixels(const Keypoint& keypoint) {
   return (keypoint.observation->xy + Eigen::Vector2d::Constant(kColmapPixelShift)).cast<float>();
 }
 
-// A field of CSV: quoted where it has to be.
+// A field of CSV, quoted if necessary.
 std::string Quoted(const std::string& text) {
   if (text.find_first_of(",\"\n") == std::string::npos) return text;
   std::string quoted = "\"";

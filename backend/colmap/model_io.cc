@@ -99,12 +99,13 @@ std::string PointsText(const ColmapModel& model) {
   return text;
 }
 
-// Lines and their fields; says where it stands when something is wrong.
+// Reads lines and their fields; errors name the current position.
 class TextReader {
  public:
   explicit TextReader(fs::path path) : path_(std::move(path)), stream_(ReadBytes(path_)) {}
 
-  // The next line that is no comment; with `may_be_empty` also an empty one. False at the end.
+  // Reads the next line that is not a comment; with `may_be_empty` also an empty one. Returns false
+  // at the end.
   bool NextLine(bool may_be_empty = false) {
     while (std::getline(stream_, line_)) {
       ++number_;
@@ -140,7 +141,7 @@ class TextReader {
     T value{};
     const auto [end, error] = std::from_chars(word.data(), word.data() + word.size(), value);
     if (error != std::errc() || end != word.data() + word.size()) {
-      Fail(fmt::format("\"{}\" is not a number that fits", word));
+      Fail(fmt::format("\"{}\" is not a number in range", word));
     }
     return value;
   }
@@ -150,7 +151,7 @@ class TextReader {
   }
 
  private:
-  // As COLMAP does: blanks at a line's ends belong neither to a comment nor to a name.
+  // Like COLMAP: blanks at the ends of a line belong neither to a comment nor to a name.
   void Trim() {
     constexpr const char* kBlanks = " \t\r";
     line_.erase(0, std::min(line_.find_first_not_of(kBlanks), line_.size()));
@@ -164,7 +165,7 @@ class TextReader {
   int number_ = 0;
 };
 
-// The entry of the id that comes next, which must be a new one.
+// Adds an entry for the next id, which must be new.
 template <typename Map>
 typename Map::mapped_type& AddEntry(Map& map, const char* what, TextReader& in) {
   const auto [entry, is_new] = map.try_emplace(in.Number<typename Map::key_type>());
@@ -300,14 +301,15 @@ class BinaryReader {
     return value;
   }
 
-  // A count of records of at least so many bytes: a damaged one is caught before memory is taken.
+  // A count of records of at least that size: a damaged count is detected before memory is
+  // allocated.
   std::uint64_t GetCount(std::size_t record_bytes) {
     const auto count = Get<std::uint64_t>();
     if (count > (bytes_.size() - position_) / record_bytes) Fail();
     return count;
   }
 
-  // As an int; what does not fit, as none that would be taken.
+  // A side as an int; a value that does not fit becomes an invalid side.
   int GetSide() {
     return static_cast<int>(
         std::min<std::uint64_t>(Get<std::uint64_t>(), std::numeric_limits<int>::max()));
@@ -321,7 +323,7 @@ class BinaryReader {
     return text;
   }
 
-  [[noreturn]] void Fail(const std::string& what = "is cut short or damaged") const {
+  [[noreturn]] void Fail(const std::string& what = "is truncated or damaged") const {
     ThrowError("{} {} at byte {}", path_.string(), what, position_);
   }
 
@@ -335,7 +337,7 @@ class BinaryReader {
   std::size_t position_ = 0;
 };
 
-// The same of AddEntry.
+// The same as AddEntry.
 template <typename Map>
 typename Map::mapped_type& AddBinaryEntry(Map& map, const char* what, BinaryReader& in) {
   const auto [entry, is_new] = map.try_emplace(in.Get<typename Map::key_type>());
@@ -392,7 +394,7 @@ void ReadPointsBinary(const fs::path& path, ColmapModel& model) {
 void CheckReferences(const fs::path& folder, const ColmapModel& model) {
   for (const auto& [id, image] : model.images) {
     if (!model.cameras.contains(image.camera_id)) {
-      ThrowError("model {}: image {} has camera {}, which is not there",
+      ThrowError("model {}: image {} refers to camera {}, which does not exist",
                  folder.string(),
                  image.name,
                  image.camera_id);
@@ -401,7 +403,7 @@ void CheckReferences(const fs::path& folder, const ColmapModel& model) {
     const Eigen::Quaterniond& q = image.cam_from_world.rotation;
     const double norm = q.norm();
     if (!(norm > 0.0) || !std::isfinite(norm) || !image.cam_from_world.translation.allFinite()) {
-      ThrowError("model {}: the pose of image {} is none: {} {}",
+      ThrowError("model {}: the pose of image {} is invalid: {} {}",
                  folder.string(),
                  image.name,
                  fmt::join(q.coeffs(), " "),
@@ -420,7 +422,7 @@ void CheckReferences(const fs::path& folder, const ColmapModel& model) {
     for (const auto& [image, index] : point.track) {
       const auto it = model.images.find(image);
       if (it == model.images.end() || index >= it->second.points2d.size()) {
-        ThrowError("model {}: point {} is seen at place {} of image {}, which is not there",
+        ThrowError("model {}: point {} is observed at index {} of image {}, which does not exist",
                    folder.string(),
                    id,
                    index,
@@ -436,7 +438,7 @@ Reconstruction CamerasOf(const ColmapModel& model) {
   const SharedCamera shared = ShareCamera(model);
   if (model.cameras.empty() || shared.other) {
     ThrowError(
-        "the COLMAP model has {} cameras: a reconstruction of ours has one for all frames, of "
+        "the COLMAP model has {} cameras: a reconstruction of cohort has one for all frames, of "
         "which only the focal length may change",
         model.cameras.size());
   }
@@ -465,7 +467,7 @@ std::string SecondsText(std::int64_t ns) {
 }
 
 std::int64_t NsOfSeconds(const std::string& text, const TextReader& in) {
-  // Digit by digit: seconds since 1970 have no nanoseconds in a double.
+  // Digit by digit, because a double cannot hold seconds since 1970 to the nanosecond.
   const bool negative = !text.empty() && text[0] == '-';
   const std::size_t point = std::min(text.find('.'), text.size());
   std::string digits = text.substr(negative ? 1 : 0, point - (negative ? 1 : 0));
@@ -543,8 +545,9 @@ ColmapModel ReadColmapModel(const fs::path& folder) {
     ReadImagesText(folder / "images.txt", model);
     ReadPointsText(folder / "points3D.txt", model);
   } else {
-    ThrowError("{} is no model folder: it has no cameras, images and points3D .bin or .txt",
-               folder.string());
+    ThrowError(
+        "{} is not a model folder: it has no cameras, images and points3D files, .bin or .txt",
+        folder.string());
   }
   CheckReferences(folder, model);
   return model;
@@ -577,7 +580,7 @@ SharedCamera ShareCamera(const ColmapModel& model) {
     if (!model.cameras.empty()) shared.camera = FromColmapCamera(model.cameras.begin()->second);
     return shared;
   }
-  std::vector<std::pair<double, std::uint32_t>> focals;  // of an image each: fx, camera
+  std::vector<std::pair<double, std::uint32_t>> focals;  // per image: fx, camera
   for (const auto& [id, image] : model.images) {
     const double fx = FromColmapCamera(model.cameras.at(image.camera_id)).fx;
     focals.emplace_back(fx, image.camera_id);
@@ -617,9 +620,10 @@ ColmapModel ToColmapModel(const Reconstruction& reconstruction) {
     for (const PointView& view : point.views) {
       const auto image = model.images.find(ColmapImageIdOf(view.frame));
       if (image == model.images.end()) {
-        ThrowError("point {} of the reconstruction is seen in frame {}, which is not registered",
-                   ToInt(feature),
-                   ToInt(view.frame));
+        ThrowError(
+            "point {} of the reconstruction is observed in frame {}, which is not registered",
+            ToInt(feature),
+            ToInt(view.frame));
       }
       auto& points2d = image->second.points2d;
       written.track.emplace_back(image->first, static_cast<std::uint32_t>(points2d.size()));
@@ -633,7 +637,7 @@ Reconstruction FromColmapModel(const ColmapModel& model) {
   Reconstruction reconstruction = CamerasOf(model);
   for (const auto& [id, point] : model.points) {
     if (id == 0 || id - 1 > std::numeric_limits<std::uint32_t>::max()) {
-      ThrowError("COLMAP point id {} is none of ours: they are a feature's id + 1", id);
+      ThrowError("COLMAP point id {} is not one of cohort's: they are a feature's id + 1", id);
     }
     Point3D& read = reconstruction.points[FeatureId{static_cast<std::uint32_t>(id - 1)}];
     read.in_world = point.xyz;
@@ -666,17 +670,19 @@ Reconstruction FromColmapModel(const ColmapModel& model, const TrackFile& file) 
     std::optional<FeatureId> feature;
     for (const auto& [image, index] : point.track) {
       if (index >= keypoints.at(image).size()) {
-        ThrowError("the COLMAP model is not of these tracks: image {} has {} keypoints, not {}",
-                   model.images.at(image).name,
-                   keypoints.at(image).size(),
-                   model.images.at(image).points2d.size());
+        ThrowError(
+            "the COLMAP model was not made from these tracks: image {} has {} keypoints, not {}",
+            model.images.at(image).name,
+            keypoints.at(image).size(),
+            model.images.at(image).points2d.size());
       }
       const Observation& o = *keypoints.at(image)[index];
       if (feature && *feature != o.feature) {
-        ThrowError("the COLMAP model is not of these tracks: point {} joins tracks {} and {}",
-                   id,
-                   ToInt(*feature),
-                   ToInt(o.feature));
+        ThrowError(
+            "the COLMAP model was not made from these tracks: point {} joins tracks {} and {}",
+            id,
+            ToInt(*feature),
+            ToInt(o.feature));
       }
       feature = o.feature;
       read.views.push_back({o.frame, o.xy});
@@ -746,7 +752,7 @@ void WriteReconstruction(const fs::path& folder, const Reconstruction& reconstru
 Reconstruction ReadReconstruction(const fs::path& folder) {
   Reconstruction reconstruction = FromColmapModel(ReadColmapModel(folder));
   if (fs::exists(folder / "trajectory.tum")) {
-    // One line a registered frame, ascending.
+    // One line per registered frame, ascending.
     TextReader in(folder / "trajectory.tum");
     for (const auto& [frame, pose] : reconstruction.cam_from_world) {
       if (!in.NextLine()) in.Fail("fewer lines than registered frames");

@@ -54,9 +54,9 @@ ColmapModel ReadColmapModel(const std::filesystem::path& folder);
 // ReadColmapModel does the same.
 void AddModelToInputs(const std::filesystem::path& folder);
 
-// Of the models that a mapper left in a folder (0, 1, ...) the one with most images, the first of
-// equals; nullopt if the mapper failed. An unreadable model is an Error or, with `damaged`, is
-// skipped and listed there, as from a mapper that died while writing.
+// The model with the most images of those that a mapper left in a folder (0, 1, ...), the first if
+// several are equal; nullopt if the mapper failed. An unreadable model is an Error or, with
+// `damaged`, is skipped and listed there, as from a mapper that died while writing.
 struct ColmapModelFolder {
   std::filesystem::path folder;
   ColmapModel model;
@@ -69,8 +69,8 @@ std::optional<ColmapModelFolder> ReadLargestColmapModel(
 ColmapModel ToColmapModel(const Reconstruction& reconstruction);
 // The reverse, for a model that ToColmapModel made.
 Reconstruction FromColmapModel(const ColmapModel& model);
-// Reads a model that COLMAP made of BuildColmapDatabase(file): point -> keypoint index -> feature.
-// Of two points of one feature the one with more views is kept.
+// Converts a model that COLMAP made from BuildColmapDatabase(file): point -> keypoint index ->
+// feature. If a feature has two points, the one with more views is kept.
 Reconstruction FromColmapModel(const ColmapModel& model, const TrackFile& file);
 
 // The cameras of a model's images as a single one with a changing focal length.

@@ -21,7 +21,7 @@ struct ModelOfClip {
   Reconstruction reconstruction;  // of these frames; points seen in one of them
   std::map<FrameIndex, ColmapImageId> image_ids;
   std::map<FeatureId, std::uint64_t> point_ids;  // as FeaturesOfColmapPoints
-  std::size_t unknown_images = 0;                // images that are no frame
+  std::size_t unknown_images = 0;                // images that are not frames
   std::string an_unknown_image;
   std::size_t left_out = 0;  // second positions of a point in an image
 };

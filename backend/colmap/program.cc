@@ -22,24 +22,24 @@ namespace fs = std::filesystem;
 constexpr const char* kHowToInstall =
     "install it (Debian: apt install colmap) or give --colmap-program PATH";
 
-// To print its help, even from a slow disk.
+// Time to print the help, even from a slow disk.
 constexpr double kMaxHelpMinutes = 2.0;
 
 std::chrono::duration<double, std::ratio<60>> Minutes(double minutes) {
   return std::chrono::duration<double, std::ratio<60>>(minutes);
 }
 
-// The first line of a help that is not COLMAP's: of a library that is missing, for example.
+// The first line of an output that is not COLMAP's help, such as the error of a missing library.
 std::string WhatItSays(const std::string& help) {
   constexpr std::size_t kMostBytes = 120;
   const std::size_t begin = help.find_first_not_of("\r\n ");
-  if (begin == std::string::npos) return "its -h says nothing";
+  if (begin == std::string::npos) return "its -h prints nothing";
   const std::string line = help.substr(begin, help.find_first_of("\r\n", begin) - begin);
-  return fmt::format("its -h says '{}'", OneLine(line.substr(0, kMostBytes)));
+  return fmt::format("its -h prints '{}'", OneLine(line.substr(0, kMostBytes)));
 }
 
-// Behind "COLMAP", a number and what follows, such as "3.10-dev". (By hand, as what is below: a long
-// word takes all of the stack from std::regex.)
+// The version after "COLMAP": a number and what follows, such as "3.10-dev". Parsed by hand, as
+// below, because std::regex overflows the stack on a long word.
 std::optional<std::string> VersionIn(const std::string& help) {
   constexpr std::string_view kName = "COLMAP";
   constexpr const char* kBlanks = " \t\r\n\f\v";
@@ -163,8 +163,8 @@ ProgramEnd ColmapProgram::Run(const std::string& command,
   const ProgramEnd end = RunProgram(path_, line, file.get(), Minutes(max_minutes_));
   if (end.out_of_time) {
     ThrowError(
-        "{} {} had not ended after {:.4g} minutes and was killed: give it more by "
-        "--colmap.max-minutes (0: no limit)",
+        "{} {} had not ended after {:.4g} minutes and was killed: raise --colmap.max-minutes (0: "
+        "no limit)",
         path_.string(),
         command,
         max_minutes_);

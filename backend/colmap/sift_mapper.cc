@@ -23,7 +23,7 @@ namespace {
 namespace fs = std::filesystem;
 using Arguments = std::vector<ColmapArgument>;
 
-// Of an earlier run, which this one replaces: all that it writes, SQLite's own files included.
+// The outputs of an earlier run, which this one replaces, including SQLite's own files.
 constexpr const char* kOwnEntries[] = {"images",
                                        "database.db",
                                        "database.db-wal",
@@ -45,7 +45,7 @@ std::string NameInWork(const FrameInfo& frame) {
   return fmt::format("{:06}.png", ToInt(frame.index));
 }
 
-// 8 bits from the darkest to the brightest, but for 0.5 % at either end.
+// Stretches to 8 bits from the darkest to the brightest pixel, except for 0.5 % at either end.
 cv::Mat Stretch(const cv::Mat& picture) {
   std::vector<double> values(picture.begin<float>(), picture.end<float>());
   const double low = Quantile(values, 0.005);
@@ -102,7 +102,7 @@ Arguments ExtractorArguments(const TrackFile& clip, const SiftOptions& sift, int
 }
 
 Arguments MatcherArguments(const ColmapOptions& options) {
-  constexpr int kOverlap = 10;  // next frames to match with, and so many at doubling distances
+  constexpr int kOverlap = 10;  // following frames to match with, and as many at doubling distances
   Arguments arguments = LogArguments();
   arguments.push_back(SeedArgument(options.seed));
   arguments.push_back(Argument({"SiftMatching.use_gpu", "FeatureMatching.use_gpu"}, 0));
@@ -113,8 +113,7 @@ Arguments MatcherArguments(const ColmapOptions& options) {
   return arguments;
 }
 
-// COLMAP's bounds but for its dislike of forward motion; `lenient`: for few matches at small
-// angles.
+// COLMAP's bounds except for the one on forward motion; `lenient`: for few matches at small angles.
 Arguments MapperArguments(const TrackFile& clip, const ColmapOptions& options, bool lenient) {
   Arguments arguments = LogArguments();
   const auto add = [&](std::string name, auto value) {
@@ -124,7 +123,7 @@ Arguments MapperArguments(const TrackFile& clip, const ColmapOptions& options, b
   arguments.push_back(SeedArgument(options.seed));
   add("Mapper.num_threads", options.threads);
   add("Mapper.extract_colors", 0);
-  // Where the first start leads nowhere, another one is tried; the largest model counts.
+  // If the first initial pair fails, another one is tried; the largest model counts.
   add("Mapper.multiple_models", 1);
   add("Mapper.max_num_models", 5);
   add("Mapper.ba_refine_focal_length", refine);
@@ -141,7 +140,7 @@ Arguments MapperArguments(const TrackFile& clip, const ColmapOptions& options, b
   return arguments;
 }
 
-// With our ids of images: the names say which frame they are.
+// Replaces the image ids by ours, since the names identify the frames.
 ColmapModel WithOurIds(const ColmapModel& model, const TrackFile& clip) {
   std::map<std::string, ColmapImageId> id_of_name;
   for (const FrameInfo& frame : clip.frames) {
@@ -153,7 +152,7 @@ ColmapModel WithOurIds(const ColmapModel& model, const TrackFile& clip) {
   for (const auto& [id, image] : model.images) {
     const auto ours = id_of_name.find(image.name);
     if (ours == id_of_name.end()) {
-      ThrowError("COLMAP's model has an image {}, which it was not given", image.name);
+      ThrowError("COLMAP's model has an image {}, which was not given to it", image.name);
     }
     if (!renamed.images.emplace(ours->second, image).second) {
       ThrowError("COLMAP's model has two images {}", image.name);
@@ -194,7 +193,7 @@ ColmapResult ReconstructWithSift(const TrackFile& clip,
                                  const fs::path& work_folder) {
   ValidateOptions(sift);
   ValidateOptions(options);
-  const fs::path work_dir = fs::absolute(work_folder);  // a dash would begin an option
+  const fs::path work_dir = fs::absolute(work_folder);  // a leading dash would be an option
   const Stopwatch stopwatch;
   ColmapProgram program(options.program, options.max_minutes);
   for (const char* own : kOwnEntries) fs::remove_all(work_dir / own);
@@ -224,7 +223,7 @@ ColmapResult ReconstructWithSift(const TrackFile& clip,
       Arguments arguments = MapperArguments(clip, options, lenient);
       arguments.push_back(Required("output_path", sparse));
       failure = run("mapper", arguments, true);
-      std::vector<std::string> damaged;  // by a mapper that died while it wrote
+      std::vector<std::string> damaged;  // by a mapper that died while writing
       auto model = ReadLargestColmapModel(sparse, failure.empty() ? nullptr : &damaged);
       if (model && (!best || model->model.images.size() > best->model.images.size())) {
         best = std::move(model);

@@ -24,20 +24,21 @@ struct SiftOptions {
              o.denoise_sigma_px,
              0.0,
              20.0,
-             "Gaussian blur of the frames before SIFT looks for features [px]");
+             "standard deviation of the Gaussian blur of the frames before SIFT detection [px]");
     v.Flag("stretch", o.stretch, "stretch each frame's contrast to the full range");
-    v.Number("max_features", o.max_features, 10, 100000, "at most so many features a frame");
+    v.Number("max_features", o.max_features, 10, 100000, "maximum number of features per frame");
     v.Number("peak_threshold",
              o.peak_threshold,
              1e-6,
              1.0,
-             "least contrast of a feature; COLMAP's own is 0.0067, too much for the dark");
+             "minimum contrast of a feature; COLMAP's default, 0.0067, is too high for dark clips");
     v.Number("first_octave",
              o.first_octave,
              -1,
              4,
-             "size of the frame that the search starts with: 0 its own, -1 twice, 1 half of it");
-    v.Text("mask", o.mask, "a picture of the frames' size, black where no feature may be");
+             "first octave of the detector: 0 is the frame at its own size, -1 at twice, 1 at half "
+             "the size");
+    v.Text("mask", o.mask, "mask of the frames' size, black where no features are allowed");
   }
 };
 

@@ -37,7 +37,7 @@ ColmapTwoViewGeometry InColmapPixels(const TwoViewGeometry& geometry, bool camer
     result.fundamental = back.transpose() * *geometry.fundamental * back;
   }
   if (geometry.homography) result.homography = back.inverse() * *geometry.homography * back;
-  if (camera_known) {  // of a guessed focal length these say little
+  if (camera_known) {  // with a guessed focal length these are not meaningful
     result.essential = geometry.essential;
     result.cam2_from_cam1 = geometry.cam2_from_cam1;
   }
@@ -63,8 +63,8 @@ ColmapImage ToColmapImage(const TrackFile& file, const FrameInfo& frame) {
     const Eigen::Vector2d xy = o->xy + Eigen::Vector2d::Constant(kColmapPixelShift);
     if (xy.cwiseAbs().maxCoeff() > double{std::numeric_limits<float>::max()}) {
       ThrowError(
-          "track {} is at {:.1e}, {:.1e} in frame {}, which COLMAP cannot hold: leave the track "
-          "out",
+          "track {} is at {:.1e}, {:.1e} in frame {}, which COLMAP cannot represent: leave the "
+          "track out",
           ToInt(o->feature),
           o->xy.x(),
           o->xy.y(),
@@ -93,7 +93,7 @@ void CheckFrames(const TrackFile& file) {
   }
 }
 
-// Frames 1, 2, 4, 8 ... apart, on a grid of half the distance.
+// Pairs of frames 1, 2, 4, 8 ... apart, on a grid of half the distance.
 std::set<std::pair<FrameIndex, FrameIndex>> PairFrames(const std::vector<FrameInfo>& frames,
                                                        int max_stride) {
   std::set<std::pair<FrameIndex, FrameIndex>> pairs;
@@ -108,7 +108,7 @@ std::set<std::pair<FrameIndex, FrameIndex>> PairFrames(const std::vector<FrameIn
   return pairs;
 }
 
-// The change of pixels from a camera without distortion to one of another focal length:
+// The map of pixels from a camera without distortion to one with another focal length:
 // x -> S x, S = diag(scale, scale, 1) about the principal point.
 Eigen::Matrix3d Zoom(const Camera& camera, double scale) {
   Eigen::Matrix3d zoom = Eigen::Vector3d(scale, scale, 1.0).asDiagonal();
@@ -116,7 +116,7 @@ Eigen::Matrix3d Zoom(const Camera& camera, double scale) {
   return zoom;
 }
 
-// The geometry of two pictures at one focal length -> that of the same at their own:
+// Converts the geometry of two pictures at a common focal length to that at their own:
 // F -> S2^-T F S1^-1, H -> S2 H S1^-1.
 void ZoomPictures(const Eigen::Matrix3d& zoom1,
                   const Eigen::Matrix3d& zoom2,

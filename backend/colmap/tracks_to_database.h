@@ -19,18 +19,19 @@ struct ColmapDatabaseOptions {
 
   template <typename Self, typename Visitor>
   static void Visit(Self& o, Visitor& v) {
-    v.Group("two_view", o.two_view, "when two frames have a geometry");
+    v.Group("two_view", o.two_view, "two-view geometries");
     v.Number("max_relative_sigma",
              o.max_relative_sigma,
              0.0,
              1e6,
-             "leave out observations whose deviation is more than this times the median of the "
-             "clip, or of their frame where that is larger: COLMAP weighs all alike; 0: none");
+             "leave out observations whose standard deviation exceeds this multiple of the clip's "
+             "median, or of their frame's median if that is larger, since COLMAP weights all "
+             "observations equally; 0: leave out none");
     v.Number("max_stride",
              o.max_stride,
              1,
              1 << 20,
-             "longest distance of frames whose common tracks COLMAP is told [frames]");
+             "maximum distance of two frames whose common tracks are written as matches [frames]");
   }
 };
 

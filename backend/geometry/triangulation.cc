@@ -11,10 +11,11 @@
 namespace cohort {
 namespace {
 
-// Depth below which a point counts as at the camera's centre; scenes are scaled to about 1.
+// Depth below which a point counts as lying at the camera's centre; scenes are scaled to about 1.
 constexpr double kMinRayDepth = 1e-9;
 
-// Gauss-Newton on sum |n(X) - n|^2. None where a step leaves the space in front of a camera.
+// Gauss-Newton on sum |n(X) - n|^2. Returns nullopt if a step leaves the space in front of a
+// camera.
 std::optional<Eigen::Vector3d> Refine(std::span<const Ray> rays, Eigen::Vector3d x_in_world) {
   constexpr int kMaxIterations = 10;
   for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
@@ -43,10 +44,10 @@ std::optional<Eigen::Vector3d> Refine(std::span<const Ray> rays, Eigen::Vector3d
   return x_in_world;
 }
 
-// A camera's centre, where the origin is so far from all of them that squares of coordinates have no
-// digits left for what lies between the cameras; else the origin.
+// A camera's centre if the origin is so far from all cameras that the squares of coordinates have
+// no digits left for the distances between them; else the origin.
 Eigen::Vector3d OriginNear(std::span<const Ray> rays) {
-  constexpr double kFarOff = 1e4;  // in baselines: nearer, Gauss-Newton finds the digits again
+  constexpr double kFarOff = 1e4;  // in baselines; below this, Gauss-Newton recovers the digits
   const Eigen::Vector3d first = rays.front().cam_from_world.Inverse().translation;
   double baseline = 0.0;
   for (const Ray& ray : rays) {
@@ -68,7 +69,8 @@ Eigen::Vector4d TriangulateDlt(std::span<const Ray> rays) {
   for (const Ray& ray : rays) {
     Eigen::Matrix<double, 3, 4> projection;
     projection << ray.cam_from_world.rotation.toRotationMatrix(), ray.cam_from_world.translation;
-    const double weight = 1.0 / (1.0 + ray.n.squaredNorm());  // |row| as that of the unit ray
+    // Gives the row the norm that it has for the unit ray.
+    const double weight = 1.0 / (1.0 + ray.n.squaredNorm());
     for (int i = 0; i < 2; ++i) {
       const Eigen::RowVector4d row = ray.n[i] * projection.row(2) - projection.row(i);
       gram.noalias() += weight * row.transpose() * row;

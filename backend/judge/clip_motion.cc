@@ -40,8 +40,9 @@ WidestPairs WidestPairsWhere(const WhitenedTracks& whitened,
   return widest;
 }
 
-// The largest parallax of these pairs: the median of what the best rotation leaves, or the quantile, as
-// much as the median of noise would be, whose lengths have Rayleigh's distribution.
+// The largest parallax of these pairs: the median of the residuals of the best rotation or, if
+// larger, their quantile, converted to the median that Rayleigh-distributed noise with that
+// quantile would have.
 double LargestParallaxPx(const WidestPairs& widest, const Camera& camera) {
   const double medians = std::sqrt(std::log(1.0 - widest.quantile) / std::log(0.5));
   double largest = 0.0;
@@ -58,8 +59,8 @@ double LargestParallaxPx(const WidestPairs& widest, const Camera& camera) {
   return largest * 0.5 * (camera.fx + camera.fy);
 }
 
-// The least that LargestParallaxPx becomes by another focal length and k1, found step by step from
-// this camera.
+// The minimum of LargestParallaxPx over focal length and k1, by a step-wise descent from this
+// camera.
 double LeastParallaxNear(const WidestPairs& widest, Camera camera) {
   constexpr double kFirstStep = 0.08;  // of log f, and of k1
   constexpr double kLastStep = 0.004;
@@ -86,8 +87,8 @@ double LeastParallaxNear(const WidestPairs& widest, Camera camera) {
   return least_px;
 }
 
-// Parallax below it says nothing. Two views of a point with noise s leave a median of 1.67 s after
-// the right rotation.
+// Parallax below this threshold is not significant. Two views of a point with noise s leave a
+// median of 1.67 s after the right rotation.
 double LeastParallaxThatTells(double noise_px) {
   constexpr double kBeyondNoise = 3.0;
   constexpr double kMinNoise = 0.3;  // px
@@ -98,7 +99,7 @@ struct CameraAndParallax {
   Camera camera;
   double parallax_px;
 };
-// The one of CamerasToTry by which the largest parallax of these pairs is least.
+// The camera of CamerasToTry that minimises the largest parallax of these pairs.
 CameraAndParallax LeastOfThoseToTry(const WidestPairs& widest, const Camera& camera) {
   CameraAndParallax least{camera, std::numeric_limits<double>::infinity()};
   for (const Camera& candidate : CamerasToTry(camera)) {
@@ -110,11 +111,11 @@ CameraAndParallax LeastOfThoseToTry(const WidestPairs& widest, const Camera& cam
 
 using SecondDifferences = std::vector<std::pair<Eigen::Vector2d, Eigen::Vector2d>>;  // at, of
 
-// What is left of a frame's second differences when the affine motion that most of them share is
-// taken away: a shaken camera moves all of them alike, turning or rolling.
+// A frame's second differences without the affine motion that most of them share, because a shaking
+// camera moves all of them alike, whether it turns or rolls.
 std::vector<Eigen::Vector2d> WithoutCommonMotion(const SecondDifferences& differences) {
   constexpr int kRounds = 3;
-  constexpr std::size_t kEnough = 12;  // for six numbers; of fewer the median alone is taken away
+  constexpr std::size_t kEnough = 12;  // for six parameters; with fewer, only the median is removed
   std::vector<double> x;
   std::vector<double> y;
   for (const auto& [at, d] : differences) {
@@ -156,7 +157,7 @@ double EstimateNoise(const WhitenedTracks& whitened) {
     const WhitenedObservation& b = observations[i - 1];
     const WhitenedObservation& c = observations[i];
     if (a.track != c.track || c.frame != a.frame + 2) continue;
-    // Of a picture that is there twice nothing is learned, but that it is the same.
+    // A repeated picture contains no information about the noise.
     constexpr double kSamePx = 0.002;
     if ((a.xy - b.xy).norm() < kSamePx || (b.xy - c.xy).norm() < kSamePx) continue;
     in_frames[b.frame].emplace_back(b.xy, a.xy - 2.0 * b.xy + c.xy);
@@ -201,17 +202,18 @@ ClipMotion ClassifyMotion(const WidestPairs& widest, const Camera& camera, doubl
 }
 
 bool TurnsByAnotherCamera(const WidestPairs& widest, const Camera& camera, double noise_px) {
-  // In units of what tells: more is not made of a rotation by a focal length between those of
-  // CamerasToTry, nor by the distortion of a lens.
+  // In units of the threshold: a focal length between those of CamerasToTry, or the distortion of a
+  // lens, does not turn a rotation into more parallax than this.
   constexpr double kBeyondOtherCameras = 10.0;
   const double threshold = LeastParallaxThatTells(noise_px);
   const auto [best, px] = LeastOfThoseToTry(widest, camera);
   if (px < threshold || px >= kBeyondOtherCameras * threshold) return false;
   const double least_px = LeastParallaxNear(widest, best);
-  spdlog::debug("parallax beyond a rotation {:.2f} px, by another camera {:.2f} px, {:.2f} tell",
-                px,
-                least_px,
-                threshold);
+  spdlog::debug(
+      "parallax beyond a rotation {:.2f} px, with another camera {:.2f} px, threshold {:.2f} px",
+      px,
+      least_px,
+      threshold);
   return least_px < threshold;
 }
 
@@ -219,10 +221,10 @@ ClipMotion ClassifyDrift(const WhitenedTracks& whitened,
                          const Camera& camera,
                          const std::vector<FramePairMotion>& pairs) {
   constexpr double kAlongEpipolarLines = 5.0;
-  constexpr double kStill = 1.5;  // motion before the best rotation to that after it
+  constexpr double kStill = 1.5;  // motion before the best rotation divided by that after it
   constexpr double kMinErrorPx = 0.05;
   for (Camera candidate : CamerasToTry(camera)) {
-    candidate.known = true;  // this focal length is the hypothesis
+    candidate.known = true;  // its focal length is the hypothesis
     std::vector<double> along;
     std::vector<double> turned;
     for (const FramePairMotion& pair : std::span(pairs).first(std::min(pairs.size(), kMostPairs))) {
@@ -234,7 +236,7 @@ ClipMotion ClassifyDrift(const WhitenedTracks& whitened,
       }
       TwoViewOptions two_view;
       two_view.min_inliers = 8;
-      // Not to take for outliers what is to be measured.
+      // So that the motion to be measured does not count as outliers.
       two_view.max_error_px = std::clamp(pair.parallax_px, two_view.max_error_px, 50.0);
       const TwoViewGeometry geometry = EstimateTwoViewGeometry(xy_a, xy_b, candidate, two_view);
       if (geometry.kind == TwoViewKind::kDegenerate) continue;

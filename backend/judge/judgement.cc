@@ -14,11 +14,11 @@
 namespace cohort {
 namespace {
 
-// Less is no information, but a clip without noise, of which a right camera left up to 0.09 px on
-// rendered pictures with steps at their edges, a wrong one from 0.11 on.
+// Bounds the noise of clips without noise, for which the right camera left up to 0.09 px on
+// rendered pictures with aliased edges, and a wrong one 0.11 px and more.
 constexpr double kMinNoisePx = 0.05;
 
-// The pairs of the model's keyframes with most parallax, most first.
+// The pairs of the model's keyframes with the most parallax, in descending order.
 std::vector<FramePairMotion> PairsWithMostParallax(const WorkingModel& model,
                                                    const std::vector<int>& keyframes) {
   constexpr std::size_t kPairs = 12;
@@ -35,13 +35,13 @@ std::vector<FramePairMotion> PairsWithMostParallax(const WorkingModel& model,
 }
 
 std::string DescribeDepths(double uncertainty) {
-  if (!std::isfinite(uncertainty)) return "depths are not known at all";
+  if (!std::isfinite(uncertainty)) return "depths are unknown";
   return fmt::format("depths are known to {:.0f} % only", 100.0 * uncertainty);
 }
 
 std::string DescribeUnexplained(double share) {
   if (!std::isfinite(share)) return "none of the parallax is explained";
-  return fmt::format("{:.0f} % of the parallax is left unexplained", 100.0 * share);
+  return fmt::format("{:.0f} % of the parallax is unexplained", 100.0 * share);
 }
 
 }  // namespace
@@ -74,7 +74,7 @@ MapperEnd ExplainMissingModel(const WhitenedTracks& whitened,
     return *end;
   }
   const char* why =
-      "if the camera moved, the tracks do not show it: they drift, or are on things that move";
+      "if the camera moved, the tracks do not show it: they drift, or lie on moving objects";
   switch (ClassifyDrift(whitened, camera, pairs)) {
     case ClipMotion::kStatic:
       return {MapperTermination::kStaticCamera, why};
@@ -90,25 +90,26 @@ MapperEnd ExplainMissingModel(const WhitenedTracks& whitened,
 Judgement JudgeModel(const WorkingModel& model,
                      const Camera& camera,
                      const std::vector<int>& keyframes) {
-  // Depths that can be a third off show little of a scene; by their whole length, nothing. Chosen
-  // by eye on the tuning clips.
+  // Depths that may be off by a third show little of a scene; depths that may be off by their whole
+  // length show nothing. Tuned on the tuning clips.
   constexpr double kWeakDepth = 0.3;
   constexpr double kWorthlessDepth = 1.0;
-  // Half of a drift is across the epipolar lines, where no depth explains it: of it alone a median
-  // of 0.57 (= 0.6745 / 1.1774) of the whole is left at least, and more as a track has one depth in
-  // all frames. Noise is left likewise, so the darker the clip the more. On real clips models as
-  // good as those of the clip in daylight had up to 0.71 (a hand that turns the camera fast,
-  // degraded) and, without the bend of the rolling shutter, 1.16; tracks that drift before a real
-  // picture that only turns gave none at all, or 0.81 to 2.7. Where nobody can tell, a model is
-  // returned with its doubt; what fits much worse than a rotation helps nobody.
+  // Half of a drift lies across the epipolar lines, where no depth explains it. This half alone
+  // leaves a median of 0.57 (= 0.6745 / 1.1774) of the drift, and more because a track has one
+  // depth in all frames. Noise remains likewise, so the ratio grows with darkness. On real clips,
+  // models as good as those of the clip in daylight had up to 0.71 (a hand that turns the camera
+  // fast, degraded) and, without correction of the rolling shutter, 1.16; tracks that drift over a
+  // real picture that only turns gave no model, or 0.81 to 2.7. In the ambiguous range a model is
+  // returned with a doubt; a model that fits much worse than a rotation is useless.
   constexpr double kMuchUnexplained = 0.6;
   constexpr double kMostUnexplained = 1.5;
   const double uncertainty = model.MedianDepthUncertainty();
   const double unexplained = UnexplainedParallax(model, keyframes);
   Judgement judgement{uncertainty, unexplained, std::nullopt, {}};
-  // Of a guessed camera a focal length can be found that makes parallax of a rotation.
+  // For a guessed camera, a wrong focal length may be found that turns a rotation into parallax.
   const std::vector<FramePairMotion> pairs = RankPairs(model.whitened(), camera, keyframes);
-  // A known camera is never refused for turning here; whether it is doubted goes by all tracks.
+  // A clip with a known camera is never rejected as a rotation here; the doubt about it uses all
+  // tracks.
   const WidestPairs widest =
       camera.known ? WidestPairsOf(model.whitened(), pairs) : WidestPairsOf(model, pairs);
   const double noise_px = EstimateNoise(model.whitened());
@@ -122,20 +123,20 @@ Judgement JudgeModel(const WorkingModel& model,
                             {MapperTermination::kWeakDepth,
                              DescribeDepths(uncertainty) + ": too little parallax for the noise"});
   } else if (!(unexplained <= kMostUnexplained)) {
-    judgement.worthless = ExplainMissingModel(
-        model.whitened(),
-        camera,
-        keyframes,
-        {MapperTermination::kNotRigid,
-         "no rigid scene explains how the tracks move beyond a rotation of the camera: they drift, "
-         "or most of them are on things that move"});
+    judgement.worthless =
+        ExplainMissingModel(model.whitened(),
+                            camera,
+                            keyframes,
+                            {MapperTermination::kNotRigid,
+                             "no rigid scene explains the motion of the tracks beyond a rotation "
+                             "of the camera: they drift, or most of them lie on moving objects"});
   }
   if (TurnsByAnotherCamera(widest, camera, noise_px)) {
     judgement.doubts.push_back(
         {DoubtCode::kOnlyTurns,
-         fmt::format("a camera that only turns, of another lens than {}, explains all motion as "
+         fmt::format("a camera that only turns, with another lens than {}, explains all motion as "
                      "well, and then there is no depth: walk sideways while you film, {}",
-                     camera.known ? "the one given" : "was found",
+                     camera.known ? "the given one" : "the estimated one",
                      camera.known ? "check --camera" : "give --camera if you know it")});
   }
   if (uncertainty > kWeakDepth) {
@@ -144,12 +145,11 @@ Judgement JudgeModel(const WorkingModel& model,
                                 {{"depth_uncertainty", uncertainty}}});
   }
   if (unexplained > kMuchUnexplained) {
-    judgement.doubts.push_back(
-        {DoubtCode::kUnexplainedParallax,
-         DescribeUnexplained(unexplained) +
-             ": the tracks drift, are on things that move, or the camera hardly left its place; "
-             "film a longer way, in more light",
-         {{"unexplained_parallax", unexplained}}});
+    judgement.doubts.push_back({DoubtCode::kUnexplainedParallax,
+                                DescribeUnexplained(unexplained) +
+                                    ": the tracks drift or lie on moving objects, or the camera "
+                                    "hardly moved; film along a longer path, in more light",
+                                {{"unexplained_parallax", unexplained}}});
   }
   return judgement;
 }
@@ -170,33 +170,31 @@ std::optional<Doubt> DescribeExpectedError(double expected_error) {
   constexpr double kMostError = 0.01;
   constexpr double kSpread = 2.0;
   if (!(kSpread * expected_error > kMostError)) return std::nullopt;
-  return Doubt{
-      DoubtCode::kCamerasUncertain,
-      fmt::format(
-          "the cameras are expected to be off by {:.1f} % of the extent of their path, perhaps by "
-          "twice as much: film a longer way, in steady light, with more texture in the picture",
-          100.0 * expected_error),
-      {{"expected_error", expected_error}}};
+  return Doubt{DoubtCode::kCamerasUncertain,
+               fmt::format("the cameras are expected to be off by {:.1f} % of the extent of their "
+                           "path, perhaps by twice as much: film along a longer path, in steady "
+                           "light, with more texture in the picture",
+                           100.0 * expected_error),
+               {{"expected_error", expected_error}}};
 }
 
 std::optional<Doubt> DescribeUncertainFocal(double focal_sigma) {
   constexpr double kUncertain = 0.05;
   if (!(focal_sigma > kUncertain)) return std::nullopt;
   return Doubt{DoubtCode::kFocalUncertain,
-               fmt::format("the focal length is known to {:.0f} % only, and depths as badly: turn "
-                           "the camera while it moves, or give --camera",
+               fmt::format("the focal length is known to {:.0f} % only, and depths are as "
+                           "uncertain: turn the camera while it moves, or give --camera",
                            100.0 * focal_sigma),
                {{"focal_sigma", focal_sigma}}};
 }
 
 Doubt DescribeRivalCamera(const Camera& camera, const Camera& rival) {
-  return Doubt{
-      DoubtCode::kTwoCameras,
-      fmt::format("two cameras explain the tracks equally well, of the focal lengths {:.0f} "
-                  "and {:.0f} px: turn the camera while it moves, or give --camera",
-                  camera.fx,
-                  rival.fx),
-      {{"focal_px", camera.fx}, {"rival_focal_px", rival.fx}}};
+  return Doubt{DoubtCode::kTwoCameras,
+               fmt::format("two cameras explain the tracks equally well, with focal lengths of "
+                           "{:.0f} and {:.0f} px: turn the camera while it moves, or give --camera",
+                           camera.fx,
+                           rival.fx),
+               {{"focal_px", camera.fx}, {"rival_focal_px", rival.fx}}};
 }
 
 double SpreadAcrossLine(const Reconstruction& reconstruction) {
@@ -222,22 +220,24 @@ double SpreadAcrossLine(const Reconstruction& reconstruction) {
 }
 
 std::optional<Doubt> DescribeLine(const Reconstruction& reconstruction) {
-  // Eleven real clips had 0.26 to 0.91. Nineteen sets of points near a line of six of their scenes
-  // had 0.05 to 0.12, and cameras that were off by 0.5 to 60 % of their path, half of them by 8.6 %
-  // and more; as many random points of the same clips 0.21 to 0.76, and half of them 1.1 % or less.
+  // Eleven real clips had 0.26 to 0.91. Nineteen sets of points near a line, from six of their
+  // scenes, had 0.05 to 0.12, with cameras off by 0.5 to 60 % of their path, half of them by 8.6 %
+  // and more; as many random points of the same clips had 0.21 to 0.76, with half of the cameras
+  // off by 1.1 % or less.
   constexpr double kLine = 0.15;
   const double spread = SpreadAcrossLine(reconstruction);
   if (!(spread < kLine)) return std::nullopt;
   return Doubt{DoubtCode::kPointsOnALine,
-               "the points lie along a line, about which the cameras may be turned at will: film "
-               "what has texture beside it, too",
+               "the points lie along a line, about which the cameras may rotate freely: also film "
+               "textured surfaces beside it",
                {{"spread_across_line", spread}}};
 }
 
 std::optional<Doubt> DescribeFewPoints(const Reconstruction& reconstruction) {
-  // Two clips of a white wall in the dark had 9 and 42 points in their poorest frames, 0.11 and 0.25 of
-  // their medians, and cameras that were off by 25 and 22 %. No other clip, of 70 rendered and real ones,
-  // bright and dark, had fewer than 160 points in a frame; one of them had 0.2 of its median.
+  // Two clips of a white wall in the dark had 9 and 42 points in their poorest frames, 0.11 and
+  // 0.25 of their medians, and cameras that were off by 25 and 22 %. None of 70 other clips,
+  // rendered and real, bright and dark, had fewer than 160 points in a frame; one of them had 0.2
+  // of its median.
   constexpr std::size_t kFew = 60;
   constexpr double kFewOfOthers = 0.4;
   std::map<FrameIndex, std::size_t> held;
@@ -248,7 +248,7 @@ std::optional<Doubt> DescribeFewPoints(const Reconstruction& reconstruction) {
   std::vector<double> counts;
   for (const auto& [frame, count] : held) counts.push_back(static_cast<double>(count));
   const double median = Median(std::move(counts));
-  // Who asked for few features has few points everywhere.
+  // If few features were requested, all frames have few points.
   if (!(median > static_cast<double>(kFew))) return std::nullopt;
   std::vector<FrameIndex> few;
   std::size_t least = kFew;
@@ -260,16 +260,14 @@ std::optional<Doubt> DescribeFewPoints(const Reconstruction& reconstruction) {
   if (few.empty()) return std::nullopt;
   return Doubt{
       DoubtCode::kFewPoints,
-      fmt::format(
-          "{} frames, the first of them {} and the last {}, are held by few points, one of them by "
-          "{} "
-          "where the others have {:.0f}, and few points may drift together: film what has texture "
-          "there, or leave these frames out by --frames",
-          few.size(),
-          ToInt(few.front()),
-          ToInt(few.back()),
-          least,
-          median),
+      fmt::format("{} frames, the first of them {} and the last {}, are constrained by few points, "
+                  "one of them by {} where the others have {:.0f}, and few points may drift "
+                  "together: film textured surfaces there, or leave these frames out by --frames",
+                  few.size(),
+                  ToInt(few.front()),
+                  ToInt(few.back()),
+                  least,
+                  median),
       {{"frames", static_cast<double>(few.size())},
        {"points", static_cast<double>(least)},
        {"median_points", median}}};
@@ -286,7 +284,7 @@ double UnexplainedParallax(const WorkingModel& model, const std::vector<int>& ke
       errors.push_back(error_a && error_b ? std::hypot(error_a->norm(), error_b->norm())
                                           : kInfinity);
     }
-    // A focal length that is off makes parallax of a rotation.
+    // A wrong focal length turns a rotation into parallax.
     double parallax_px = pair.parallax_px;
     for (const Camera& camera : CamerasToTry(model.camera())) {
       const FramePairMotion motion = MeasureMotion(whitened, camera, pair.frame_a, pair.frame_b);
@@ -308,19 +306,18 @@ double NoiseLeftPx(const WorkingModel& model) {
 }
 
 std::optional<Doubt> DescribeExcessNoise(const WorkingModel& model) {
-  // Clips whose camera was right leave up to 1.3 times the tracks' noise, those with a wrong one
-  // from 2.2 on.
+  // Clips with the right camera leave up to 1.3 times the tracks' noise, those with a wrong one 2.2
+  // times and more.
   constexpr double kMuchNoise = 2.0;
   const double noise_px = EstimateNoise(model.whitened());
   const double left_px = NoiseLeftPx(model);
-  if (noise_px == 0.0) return std::nullopt;  // nothing is known of it
+  if (noise_px == 0.0) return std::nullopt;  // the noise is unknown
   if (!(left_px > kMuchNoise * std::max(noise_px, kMinNoisePx))) return std::nullopt;
   return Doubt{
       DoubtCode::kExcessNoise,
       fmt::format(
-          "the model leaves a noise of {:.2f} px where that of the tracks is {:.2f} px: the "
-          "camera is another than the one given, or the tracks drift or are on things that move; "
-          "check --camera",
+          "the model leaves a noise of {:.2f} px where that of the tracks is {:.2f} px: the given "
+          "camera is wrong, or the tracks drift or lie on moving objects; check --camera",
           left_px,
           noise_px),
       {{"noise_left_px", left_px}, {"noise_px", noise_px}}};

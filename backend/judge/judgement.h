@@ -13,79 +13,84 @@
 
 namespace cohort {
 
-// How a clip without parallax beyond its noise ends if it gives no model: its camera stands still
-// or only turns. None: it has parallax.
+// The termination of a clip without parallax beyond its noise: the camera stands still or only
+// turns. Returns nullopt if there is parallax.
 std::optional<MapperEnd> DescribeClipWithoutParallax(const WidestPairs& widest,
                                                      const Camera& camera,
                                                      double noise_px);
 
-// How a clip that moves and yet gave no model ends: where its motion is not that of a camera on its
-// way through a scene, so; otherwise as it is.
+// The termination of a clip that moves but gave no model: static or turning if its motion is not
+// that of a camera that travels through a scene, else `otherwise`.
 MapperEnd ExplainMissingModel(const WhitenedTracks& whitened,
                               const Camera& camera,
                               const std::vector<int>& keyframes,
                               MapperEnd otherwise);
 
-// What is to be thought of a model.
+// The judgement of a model.
 struct Judgement {
-  double depth_uncertainty = 0.0;      // median over points of a depth's deviation, relative
+  // Median over points of the depth's relative standard deviation.
+  double depth_uncertainty = 0.0;
   double unexplained_parallax = 0.0;   // UnexplainedParallax
-  std::optional<MapperEnd> worthless;  // it says nothing of the scene; why
-  std::vector<Doubt> doubts;           // of one that is returned
+  std::optional<MapperEnd> worthless;  // set if the model does not represent the scene: why
+  std::vector<Doubt> doubts;           // of a model that is returned
 };
 
-// By how much of the parallax the model explains and how well it knows its depths. `camera` is what
-// the clip came with.
+// Judges a model by the share of the parallax that it explains and by the uncertainty of its
+// depths. `camera` is the clip's initial camera.
 Judgement JudgeModel(const WorkingModel& model,
                      const Camera& camera,
                      const std::vector<int>& keyframes);
 
-// Median standard deviation of a coordinate of the cameras' centres (of covariances of omega, centre)
-// as a share of MedianDistance; none without either. What the noise of the tracks does, and nothing
-// else: cameras were off by 1 to 4 times as much on rendered clips, by 7 times in changing light.
+// Median standard deviation of a coordinate of the cameras' centres (from covariances of omega,
+// centre) as a share of MedianDistance; nullopt without either. It covers the effect of the tracks'
+// noise only: the errors of the cameras were 1 to 4 times as large on rendered clips, and 7 times
+// as large in changing light.
 std::optional<double> CameraUncertainty(
     const std::map<FrameIndex, Eigen::Matrix<double, 6, 6>>& covariances,
     const Reconstruction& reconstruction);
 
-// Covariances take the errors of observations for independent, and the model of the lens and of the
-// shutter for true. On clips with truth the cameras' errors were 1.1 to 3 times what they say (median
-// 2), on two drives and a fast hand 10 to 20 times; the focal length's were 4 to 6 times (median 5).
+// Covariances assume that the errors of observations are independent and that the models of lens
+// and shutter are true. On clips with truth, the errors of the cameras were 1.1 to 3 times as large
+// as their covariances imply (median 2), and 10 to 20 times on two drives and a fast hand-held
+// clip; those of the focal length were 4 to 6 times as large (median 5).
 inline constexpr double kCameraErrorOverNoise = 2.0;
 inline constexpr double kFocalErrorOverNoise = 5.0;
 
-// Where the cameras may be off by more than 1 % of the extent of their path. Half of the clips with truth
-// are off by more than is expected, and one in twenty by 2.6 times as much
+// The doubt about cameras that may be off by more than 1 % of the extent of their path. Half of the
+// clips with truth are off by more than expected, and one in twenty by 2.6 times as much
 // (docs/results/unknown_camera.md).
 std::optional<Doubt> DescribeExpectedError(double expected_error);
 
-// Where the focal length, of this relative standard deviation, is as good as unknown: of a camera that
-// moves without turning, depths may be longer or shorter by any factor.
+// The doubt about a focal length that is practically unknown, by its relative standard deviation:
+// if the camera moves without turning, all depths may be scaled by any factor.
 std::optional<Doubt> DescribeUncertainFocal(double focal_sigma);
 
-// That another camera explains the tracks as well (FoundCamera::rival).
+// The doubt that another camera explains the tracks equally well (FoundCamera::rival).
 Doubt DescribeRivalCamera(const Camera& camera, const Camera& rival);
 
-// Median over frames of how far the views of points spread across the line that fits them best,
-// relative to along it: RMS distances in the picture, 1 where they have no direction.
+// The spread of the points' views across their best-fitting line divided by that along it, median
+// over frames: RMS distances in the picture; 1 if they have no direction.
 double SpreadAcrossLine(const Reconstruction& reconstruction);
-// Where the points lie along a line, about which cameras may turn.
+// The doubt about points along a line, about which the cameras may rotate.
 std::optional<Doubt> DescribeLine(const Reconstruction& reconstruction);
 
-// Where some frames are held by few points, in number and beside the other frames. Covariances do not say
-// it: a few features before a blank wall drift together, and the model follows them.
+// The doubt about frames that are constrained by few points, both in number and compared with the
+// other frames. Covariances do not reveal it: a few features on a blank wall drift together, and
+// the model follows them.
 std::optional<Doubt> DescribeFewPoints(const Reconstruction& reconstruction);
 
-// How much of the parallax the model leaves unexplained: over the pairs of keyframes with most of
-// it, the median distance of the observations from the model's points, relative to that from the
-// best rotation. Small for a rigid scene; for what only looks like parallax, such as tracks that
-// drift each on its own, no depths and no path bring it far below 1.
+// The share of the parallax that the model leaves unexplained: over the pairs of keyframes with the
+// most parallax, the median distance of the observations from the model's points, relative to that
+// from the best rotation. It is small for a rigid scene. If the motion only looks like parallax, as
+// with tracks that drift independently, no depths and no path bring it far below 1.
 double UnexplainedParallax(const WorkingModel& model, const std::vector<int>& keyframes);
 
-// Standard deviation of the coordinates of the model's inliers [px], robust. Not much more than the
-// tracks' own noise (EstimateNoise), unless the camera is another or the tracks drift.
+// Robust standard deviation of a coordinate of the inliers' reprojection errors [px]. It is hardly
+// larger than the noise of the tracks (EstimateNoise), unless the camera is wrong or the tracks
+// drift.
 double NoiseLeftPx(const WorkingModel& model);
 
-// Where the model leaves much more noise than the tracks have by themselves.
+// The doubt about a model that leaves much more noise than the tracks themselves have.
 std::optional<Doubt> DescribeExcessNoise(const WorkingModel& model);
 
 }  // namespace cohort

@@ -15,13 +15,14 @@
 namespace cohort {
 namespace {
 
-// Focal lengths to start from beside the guess, as shares of the longer side of the picture: from 90
-// degrees across it to 30. From each of them a model comes to the minimum if the true one is between
-// half and twice as long, and mostly from further away.
+// Focal lengths to start from besides the guess, as shares of the longer side of the picture: from
+// 90 to 30 degrees across it. From each of them a model converges to the minimum if the true focal
+// length is between half and twice as long, and mostly also if it is further away.
 constexpr double kStartFocals[] = {0.5, 0.9, 1.9};
 
-// Two cameras whose rays through the corner of the picture and whose focal lengths differ by less are
-// one: two starts of the same minimum end within 0.5 % of each other on noisy tracks.
+// Two cameras are the same if their rays through the corner of the picture and their focal lengths
+// differ by less: two searches that reach the same minimum end within 0.5 % of each other on noisy
+// tracks.
 constexpr double kSameCamera = 0.01;
 
 Camera WithFocal(Camera camera, double focal_px) {
@@ -35,7 +36,7 @@ bool AreSame(const Camera& a, const Camera& b, double bound = kSameCamera) {
 }
 
 std::vector<Camera> Starts(const Camera& guess, const std::optional<Camera>& found_before) {
-  constexpr double kNear = 0.15;  // of log f: what is nearer to the guess tells nothing new
+  constexpr double kNear = 0.15;  // of log f: a start nearer to the guess adds nothing
   std::vector<Camera> starts;
   if (found_before) starts.push_back(*found_before);
   starts.push_back(guess);
@@ -48,7 +49,7 @@ std::vector<Camera> Starts(const Camera& guess, const std::optional<Camera>& fou
   return starts;
 }
 
-// The parts of the clip, the largest adjusted with its camera; none of them: there is no model.
+// The parts of the clip, the largest adjusted with its camera; without any, there is no model.
 GrownParts Settle(const WhitenedTracks& tracks,
                   const Camera& camera,
                   const CameraRefinement& refinement,
@@ -87,7 +88,7 @@ WorkingModel AsFisheye(WorkingModel model, const CameraRefinement& refinement) {
   return model;
 }
 
-// Is the picture so wide that a fisheye differs from what two coefficients make of a pinhole?
+// Whether the picture is so wide that a fisheye differs from a pinhole with two coefficients.
 bool IsWide(const Camera& camera) {
   constexpr double kWide = 40.0 / 180.0 * std::numbers::pi;  // from the axis to the corner
   return std::atan(camera.Unproject(Eigen::Vector2d::Zero()).norm()) > kWide;
@@ -101,11 +102,12 @@ std::optional<FoundCamera> SearchCamera(const WhitenedTracks& whitened,
                                         const CameraRefinement& refinement,
                                         const std::vector<int>& keyframes) {
   constexpr int kPerCell = 2;
-  // A lens of another kind is taken if it leaves so much less: by chance it leaves some per cent less.
+  // Another kind of lens is chosen if it reduces the cost this much: by chance the cost decreases
+  // by a few per cent.
   constexpr double kBetterLens = 0.9;
-  constexpr double kRival = 0.05;  // what is nearer is the same minimum, not quite reached
+  constexpr double kRival = 0.05;  // a nearer camera is the same minimum, not quite reached
   const WhitenedTracks some = whitened.Select(SpreadTracks(whitened, guess, keyframes, kPerCell));
-  std::vector<GrownParts> hypotheses;  // the cheapest first
+  std::vector<GrownParts> hypotheses;  // ascending costs
   std::vector<int> frames(some.frame_count());
   std::iota(frames.begin(), frames.end(), 0);
   const auto sort = [&] {

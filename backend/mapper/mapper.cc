@@ -27,14 +27,14 @@
 namespace cohort {
 namespace {
 
-// Parallax after which a frame takes part in growing the model [px], and how many are to do so at
-// least. Chosen by eye on the tuning clips.
+// Parallax after which a frame becomes a keyframe that grows the model [px], and the minimum number
+// of keyframes. Tuned on the tuning clips.
 constexpr double kKeyframeParallaxPx = 10.0;
 constexpr int kMinKeyframes = 10;
 
 Camera CameraOrGuess(const TrackFile& file) {
   if (file.width_px <= 0 || file.height_px <= 0) {
-    ThrowError("the tracks do not say the picture size ({} x {} px): import them with --images",
+    ThrowError("the tracks have no valid picture size ({} x {} px): import them with --images",
                file.width_px,
                file.height_px);
   }
@@ -59,7 +59,8 @@ CameraRefinement RefinementOf(const Camera& camera, const MapperOptions& options
           camera.guess_log_sigma};
 }
 
-// Where the search begins; none where less is to be refined than when it was found.
+// The camera with which the search begins; nullopt if fewer parameters are refined than when it was
+// found.
 std::optional<Camera> FoundBefore(const TrackFile& file,
                                   const Camera& given,
                                   const CameraRefinement& refinement) {
@@ -69,7 +70,7 @@ std::optional<Camera> FoundBefore(const TrackFile& file,
   return found;
 }
 
-// `observed`: the model's tracks as the pictures show them.
+// `observed`: the model's tracks at their original positions in the pictures.
 Reconstruction ToReconstruction(const WorkingModel& model,
                                 const WhitenedTracks& observed,
                                 double readout) {
@@ -105,7 +106,7 @@ MapperResult WithEnd(MapperResult result, const MapperEnd& end) {
   return result;
 }
 
-// With what follows from the reconstruction: the summary's figures and the tracks without a point.
+// Adds what follows from the reconstruction: the summary's figures and the tracks without a point.
 MapperResult WithSummary(MapperResult result, const TrackFile& file, const Stopwatch& stopwatch) {
   const ReconstructionSummary ended = std::move(result.summary);
   result.summary = Summarize(result.reconstruction, file.frames.size());
@@ -121,7 +122,7 @@ MapperResult WithSummary(MapperResult result, const TrackFile& file, const Stopw
 
 Doubt DescribeBetterCamera(const Camera& better, const Camera& given) {
   std::string sentence = fmt::format(
-      "the tracks contradict the camera given: they ask for fx {:.1f} instead of {:.1f} px and k1 "
+      "the tracks contradict the given camera: they imply fx {:.1f} instead of {:.1f} px and k1 "
       "{:.3f}, k2 {:.3f} instead of {:.3f}, {:.3f}: give another --camera, or none",
       better.fx,
       given.fx,
@@ -139,18 +140,18 @@ Doubt DescribeBetterCamera(const Camera& better, const Camera& given) {
            {"given_k2", given.k2}}};
 }
 
-// The parts of a clip and what is to be thought of them, in the same order.
+// The parts of a clip and their judgements, in the same order.
 struct JudgedParts {
   std::vector<WorkingModel> parts;
   std::vector<Judgement> judgements = {};
-  std::size_t chosen = 0;  // the largest of worth; if none is, the largest
+  std::size_t chosen = 0;  // the largest part that is not worthless; if all are, the largest
   double readout = 0.0;
-  std::vector<WhitenedTracks> corrected = {};  // the parts' tracks where the shutter rolls
+  std::vector<WhitenedTracks> corrected = {};  // the parts' tracks, corrected for a rolling shutter
 };
 
-// Adjusts the parts, all of one camera and so of one readout: the largest tells it. A guessed camera
-// is held until then: what bends a model (a rolling shutter, tracks that drift) bends the focal
-// length first, while it is small.
+// Adjusts the parts, which share a camera and thus a readout, which is estimated from the largest.
+// A guessed camera is kept fixed until then: small effects that bend a model (a rolling shutter,
+// drifting tracks) bend the focal length first.
 void AdjustParts(const MapperOptions& options,
                  const CameraRefinement& refinement,
                  JudgedParts& judged) {
@@ -173,7 +174,7 @@ void AdjustParts(const MapperOptions& options,
       AdjustToReadout(observed, judged.readout, model, judged.corrected[i]);
       AdjustUntilSettled(model, 3, 4);
     }
-    // To predict where features are seen, the camera of the search does, but for a rolling shutter.
+    // The camera of the search is good enough to predict features, except with a rolling shutter.
     if (refinement.Any() && (!options.draft || judged.readout != 0.0)) {
       AdjustCamera(model, refinement);
       if (i == 0 && rolling) {
@@ -209,7 +210,7 @@ JudgedParts JudgeParts(std::vector<WorkingModel> parts,
   return judged;
 }
 
-// What there is to doubt of the model that is returned.
+// The doubts about the model that is returned.
 std::vector<Doubt> DoubtModel(const MapperResult& result,
                               const JudgedParts& judged,
                               const Camera& camera) {
@@ -218,23 +219,24 @@ std::vector<Doubt> DoubtModel(const MapperResult& result,
   if (judged.parts.size() > 1) {
     doubts.push_back(
         {DoubtCode::kParts,
-         fmt::format("the clip breaks into {} parts, this is the largest{}: film what lies between "
-                     "them slower or, where it is cut, give its scenes one by one",
-                     judged.parts.size(),
-                     judged.chosen > 0 ? " of worth" : ""),
+         fmt::format(
+             "the clip breaks into {} parts, of which this is the largest{}: film the places "
+             "between them more slowly or, if the clip is cut, give its scenes one by one",
+             judged.parts.size(),
+             judged.chosen > 0 ? " usable part" : ""),
          {{"parts", static_cast<double>(judged.parts.size())}}});
   }
   if (result.better_camera) {
     doubts.push_back(DescribeBetterCamera(*result.better_camera, camera));
   } else if (camera.known) {
-    // Of a camera that was searched for (SearchCamera) there is no better one.
+    // For a camera that was searched (SearchCamera), there is no better one.
     if (auto noise = DescribeExcessNoise(model)) doubts.push_back(std::move(*noise));
   }
   return doubts;
 }
 
-// What there is to say of the chosen part, the model itself included, whose tracks the pictures
-// show as `observed`.
+// Fills in the result for the chosen part, including the model itself. `observed`: its tracks at
+// their original positions in the pictures.
 void Describe(const JudgedParts& judged,
               const WhitenedTracks& observed,
               const Camera& camera,
@@ -293,7 +295,7 @@ bool HasNeighbours(const std::vector<FrameInfo>& frames) {
          }) != frames.end();
 }
 
-// All but the summary's figures, with one focal length for all frames.
+// Everything except the summary's figures, with one focal length for all frames.
 MapperResult MapAtOneFocalLength(const TrackFile& file, const MapperOptions& options) {
   MapperResult result;
   const Camera given = CameraOrGuess(file);
@@ -317,9 +319,8 @@ MapperResult MapAtOneFocalLength(const TrackFile& file, const MapperOptions& opt
 
   if (options.readout != 0.0 && !HasNeighbours(file.frames)) {
     result.warnings.push_back(
-        fmt::format("the readout of {:g} changes nothing: no two frames lie {:g} or less apart, so "
-                    "that nothing is "
-                    "known of how the camera moves within one",
+        fmt::format("the readout of {:g} has no effect: no two frames are {:g} or less apart, so "
+                    "the motion of the camera within a frame is unknown",
                     options.readout,
                     kMostFramesApart));
   }
@@ -363,7 +364,7 @@ void SetPoses(const std::map<FrameIndex, Rigid3>& cam_from_world, WorkingModel& 
   }
 }
 
-// Poses of `start`, points anew, then all together but the camera.
+// The poses of `start` and new points, then all adjusted together, with the camera fixed.
 WorkingModel AdjustedModel(const WhitenedTracks& whitened, const Reconstruction& start) {
   WorkingModel model(whitened, start.camera);
   SetPoses(start.cam_from_world, model);
@@ -372,7 +373,8 @@ WorkingModel AdjustedModel(const WhitenedTracks& whitened, const Reconstruction&
   return model;
 }
 
-// All but the summary's figures, from a model of the clip, with one focal length for all frames.
+// Everything except the summary's figures, from a model of the clip, with one focal length for all
+// frames.
 MapperResult AdjustAtOneFocalLength(const TrackFile& file,
                                     const Reconstruction& start,
                                     const CameraRefinement& refinement,
@@ -407,7 +409,7 @@ TrackFile AtOneFocalLength(const TrackFile& file, const Camera& camera, const Fo
   return at_one;
 }
 
-// A model of the tracks at one focal length becomes one of `file`.
+// Converts a model of the tracks at one focal length to a model of `file`.
 MapperResult WithFocalScales(MapperResult result,
                              const FocalScales& scales,
                              const TrackFile& file) {
@@ -417,7 +419,7 @@ MapperResult WithFocalScales(MapperResult result,
   return WithEndOfModel(std::move(result), file.frames.size());
 }
 
-// The model with the poses, the camera and the focal lengths that its tracks ask for.
+// The model with the poses, the camera and the focal lengths that its tracks imply.
 Reconstruction FollowLens(const LensChanges& changes, const FocalScales& before) {
   Reconstruction model;
   model.camera = changes.camera;
@@ -428,17 +430,18 @@ Reconstruction FollowLens(const LensChanges& changes, const FocalScales& before)
   return model;
 }
 
-// A model of a clip that zooms, adjusted in turns: everything but the focal lengths with all tracks, and
-// everything with some (MeasureLensChanges), until the noise stays.
+// Adjusts a model of a clip that zooms by alternation: everything but the focal lengths with all
+// tracks, then everything with some tracks (MeasureLensChanges), until the noise no longer
+// decreases.
 MapperResult AdjustWithZoom(const TrackFile& file,
                             Reconstruction model,
                             const CameraRefinement& refinement,
                             const MapperOptions& options) {
   constexpr int kMostRounds = 10;
-  // The way to the minimum may lead along a valley, where a round takes little of the noise away.
+  // The path to the minimum may follow a valley, where a round reduces the noise only a little.
   constexpr double kStays = 0.99;
   MapperResult adjusted;
-  double noise = kInfinity;  // of the round before
+  double noise = kInfinity;  // of the previous round
   for (int round = 0; round < kMostRounds; ++round) {
     if (round > 0) model = FollowLens(*adjusted.lens_changes, model.focal_scale);
     const FocalScales scales = std::exchange(model.focal_scale, {});
@@ -460,8 +463,8 @@ bool Has(const ReconstructionSummary& summary, DoubtCode code) {
   return std::ranges::any_of(summary.reasons, [&](const Doubt& d) { return d.code == code; });
 }
 
-// All but the summary's figures. Where the tracks ask for a lens that changes, and ask for no more once
-// every frame has its own focal length, it has.
+// Everything except the summary's figures. If the tracks imply a changing lens, and a focal length
+// for each frame explains it, every frame gets its own.
 MapperResult MapTracks(const TrackFile& file, const MapperOptions& options) {
   MapperResult result = MapAtOneFocalLength(file, options);
   const CameraRefinement refinement = RefinementOf(CameraOrGuess(file), options);
@@ -475,7 +478,7 @@ MapperResult MapTracks(const TrackFile& file, const MapperOptions& options) {
       !Has(zoomed.summary, DoubtCode::kWorthless) &&
       zoomed.reconstruction.cam_from_world.size() >= result.reconstruction.cam_from_world.size();
   if (!explained) return result;
-  // What an adjustment of one model cannot find.
+  // The adjustment of a single model cannot find these.
   zoomed.other_parts = std::move(result.other_parts);
   for (Doubt& doubt : result.summary.reasons) {
     if (doubt.code == DoubtCode::kParts) {
@@ -542,7 +545,7 @@ MapperResult TriangulateWithCeres(const TrackFile& file,
   result.reconstruction = ToReconstruction(model, whitened, 0.0);
   if (near.IsMoved()) {
     result.reconstruction = near.InWorldOfModel(std::move(result.reconstruction));
-    // Kept: not even rounded by the way there and back.
+    // The given poses are kept exactly, without the rounding of the conversion to and fro.
     for (auto& [frame, pose] : result.reconstruction.cam_from_world) {
       pose = cam_from_world.at(frame);
     }

@@ -31,49 +31,50 @@ struct MapperOptions {
              o.whitening.min_track_length,
              2,
              1000,
-             "tracks observed in fewer frames are not used [frames]");
+             "minimum number of frames in which a track must be observed to be used");
     v.Flag("use_covariances",
            o.whitening.use_covariances,
-           "Weigh every observation by how sure the tracker is of it; off: all alike.",
+           "Weight every observation by the covariance that the tracker gives it; off: weight all "
+           "equally.",
            Tier::kCommon);
     v.Number("covariance_floor_px",
              o.whitening.covariance_floor_px,
              0.0,
              10.0,
-             "added in quadrature to a tracker's standard deviation, so that no observation claims "
-             "to be exact [px]");
+             "standard deviation that is added in quadrature to that of the tracker, so that no "
+             "observation counts as exact [px]");
     v.Flag("refine_focal",
            o.refine_focal,
-           "Refine the focal length of a guessed camera; off: the guess is taken as true.",
+           "Refine the focal length of a guessed camera; off: keep the guess.",
            Tier::kCommon);
     v.Flag("refine_radial", o.refine_radial, "refine k1 and k2 of a guessed camera");
     v.Flag("refine_principal_point",
            o.refine_principal_point,
-           "Refine the principal point of a guessed camera too. It stays within a few per cent of "
-           "the picture's middle, as those of real cameras do; off: it is the middle.",
+           "Refine the principal point of a guessed camera too. A prior keeps it within a few per "
+           "cent of the picture's middle, as in real cameras; off: it is the middle.",
            Tier::kCommon);
     v.Number("readout",
              o.readout,
              -1.0,
              1.0,
-             "Rolling shutter: the share of the time between frames from the first row to the "
-             "last; negative from the bottom up. 0: --ceres.estimate-readout says.",
+             "The readout of a rolling shutter: the time from the first row to the last, as a "
+             "share of the time between frames; negative if the rows are read from the bottom up. "
+             "0: not known, see --ceres.estimate-readout.",
              Tier::kCommon);
-    v.Flag(
-        "estimate_readout",
-        o.estimate_readout,
-        "Find the rolling shutter's readout from the tracks, where --ceres.readout does not give "
-        "it; off: without one the shutter is global.",
-        Tier::kCommon);
+    v.Flag("estimate_readout",
+           o.estimate_readout,
+           "Estimate the rolling shutter's readout from the tracks if --ceres.readout does not "
+           "give it; off: without --ceres.readout the shutter is global.",
+           Tier::kCommon);
     v.Flag("covariances",
            o.covariances,
-           "Estimate the covariances of cameras and points, which takes memory with the "
-           "square of the number of frames.",
+           "Estimate the covariances of cameras and points. The memory grows with the square of "
+           "the number of frames.",
            Tier::kCommon);
   }
 };
 
-// What a reconstruction by Ceres finds beside the model.
+// What a reconstruction by Ceres finds besides the model.
 struct CeresFindings {
   std::vector<FeatureId> without_point;  // observed features that have no point in the model
   // Parts of the clip that could not be tied to the model returned, most frames first.
@@ -81,12 +82,11 @@ struct CeresFindings {
   // Robust standard deviation of an observation's coordinate [px]. With covariances, relative to
   // theirs: 1 if they are right.
   double noise = 0.0;
-  // Of the model returned, or of the largest part if none is good enough: the median relative
-  // standard deviation of the depths, and the share of the parallax that it leaves
-  // (UnexplainedParallax).
+  // The median relative standard deviation of the depths, and the share of unexplained parallax
+  // (UnexplainedParallax), of the returned model, or of the largest part if none is good enough.
   double depth_uncertainty = 0.0;
   double unexplained_parallax = 0.0;
-  // The camera that the tracks ask for, if they contradict one that was given as known.
+  // The camera that the tracks imply, if they contradict one that was given as known.
   std::optional<Camera> better_camera;
   // With MapperOptions::covariances: the expected root mean square error of the cameras, as a share
   // of their root mean square distance from their mean, and the relative standard deviation of a
@@ -102,7 +102,7 @@ struct CeresFindings {
 struct MapperResult : CeresFindings {
   MapperTermination termination = MapperTermination::kTooFewTracks;
   Reconstruction reconstruction;            // empty unless kSuccess or kPartial
-  ReconstructionSummary summary;            // its termination says in words how it ended
+  ReconstructionSummary summary;            // its termination describes how it ended
   std::optional<LensChanges> lens_changes;  // of the model returned
   std::vector<std::string> warnings;        // requests that could not be met, a line each
 };

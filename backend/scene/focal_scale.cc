@@ -28,8 +28,8 @@ Camera CameraOf(const Camera& camera, const FocalScales& scales, FrameIndex fram
 
 TrackSet AtOneFocalLength(const TrackSet& tracks, const Camera& camera, const FocalScales& scales) {
   if (scales.empty()) return tracks;
-  // Distortion does not depend on the focal length: all positions move towards the principal point,
-  // or away from it.
+  // Distortion does not depend on the focal length, so all positions move towards or away from the
+  // principal point.
   std::vector<Observation> observations(tracks.observations().begin(), tracks.observations().end());
   const Eigen::Vector2d middle(camera.cx, camera.cy);
   for (Observation& o : observations) {

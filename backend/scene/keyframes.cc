@@ -30,7 +30,7 @@ std::vector<int> SelectOnce(const WhitenedTracks& whitened,
         motion.common >= kMinKept * static_cast<double>(whitened.ObservationsIn(last).size())) {
       continue;
     }
-    // Where the tracks break off suddenly, the frame before still has them.
+    // If many tracks end suddenly, the frame before still has them.
     constexpr double kBreak = 0.5;
     if (f - 1 > last &&
         motion.common < kBreak * static_cast<double>(whitened.ObservationsIn(last).size()) &&
@@ -39,7 +39,7 @@ std::vector<int> SelectOnce(const WhitenedTracks& whitened,
     }
     keyframes.push_back(f);
   }
-  // Where nothing moves, a pair of frames that shows it.
+  // If nothing moves, this gives a pair of frames that shows it.
   if (keyframes.size() == 1 && last_usable > keyframes.front()) keyframes.push_back(last_usable);
   return keyframes;
 }
@@ -83,7 +83,7 @@ std::vector<FramePairMotion> RankPairs(const WhitenedTracks& whitened,
   constexpr double kMinShared = 0.3;
   constexpr double kGoodParallax = 0.06;  // normalised units: 30 px at f = 500 px
   const double good_px = kGoodParallax * 0.5 * (camera.fx + camera.fy);
-  // Spread over the clip, so that the cost does not grow with the square of its length.
+  // Spread over the clip, so that the time does not grow with the square of its length.
   const int count = static_cast<int>(keyframes.size());
   const int first_step = std::max(1, count / 40);
   std::vector<FramePairMotion> pairs;

@@ -23,7 +23,7 @@ FramePairMotion MeasureMotion(const WhitenedTracks& whitened,
 
 // Selects a new keyframe after a parallax of `parallax_px` since the last one, or when 30 % of its
 // tracks are gone. The threshold is halved (down to 1 px) until there are `at_least` keyframes. A
-// frame that shares too few tracks with the last one starts anew.
+// frame that shares too few tracks with the last keyframe becomes a keyframe as well.
 std::vector<int> SelectKeyframes(const WhitenedTracks& whitened,
                                  const Camera& camera,
                                  double parallax_px,

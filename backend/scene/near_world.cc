@@ -8,11 +8,12 @@
 namespace cohort {
 
 std::optional<Sim3> NearFromWorld(const std::map<FrameIndex, Rigid3>& cam_from_world) {
-  // Far on the safe side: models of the mapper, and of others that normalise, stay bit by bit.
+  // Very conservative: models of the mapper, and of other programs that normalise, stay bit for
+  // bit.
   constexpr double kFarOff = 100.0;  // in units of the cameras' extent
   constexpr double kSmallest = 1e-4;
   constexpr double kLargest = 1e4;
-  // Of the distance from the origin: less is rounding, the cameras stand in one place.
+  // As a share of the distance from the origin: a smaller extent is rounding of a single position.
   constexpr double kRounding = 1e-12;
   if (cam_from_world.empty()) return std::nullopt;
   std::vector<Eigen::Vector3d> centers;

@@ -12,7 +12,6 @@ namespace cohort {
 // A georeferenced model has coordinates of millions of metres. Their squares, as in triangulation
 // and adjustment, lose the digits of the distances between the cameras. Bounds on depths also
 // assume worlds of about unit scale.
-// are made for worlds of about unit scale.
 //
 // Returns the similarity that moves such cameras so that their mean centre is the origin and their
 // root mean square distance from it is 1. Returns nullopt if they are near enough; nothing changes

@@ -12,7 +12,8 @@ namespace cohort {
 
 namespace {
 
-// Calls back with every point, its view and how far that is from where the point should be seen.
+// Calls `use` with every point, each of its views, and the view's distance from the point's
+// projection.
 template <typename Model, typename Use>
 void ForEachError(Model& reconstruction, const Use& use) {
   const RowPoses rows(reconstruction.cam_from_world, reconstruction.readout, reconstruction.camera);
@@ -23,7 +24,7 @@ void ForEachError(Model& reconstruction, const Use& use) {
                                         : rows.CamFromWorld(view.frame, view.xy);
       const Camera camera = CameraOf(reconstruction, view.frame);
       const auto xy = camera.Project(cam_from_world * point.in_world);
-      // Behind the camera there is no projection; such a view is a picture's width wrong.
+      // A point behind the camera has no projection; its error counts as the picture's width.
       use(point, view, xy ? (*xy - view.xy).norm() : camera.width_px);
     }
   }
@@ -108,14 +109,13 @@ ReconstructionSummary Summarize(const Reconstruction& reconstruction, std::size_
     summary.mean_reprojection_px = error_sum / static_cast<double>(summary.observations);
   }
   if (summary.registered > 0 && TooFewRegistered(summary.registered, frames)) {
-    summary.reasons.push_back(
-        {DoubtCode::kFewFrames,
-         fmt::format("only {} of {} frames have a camera: film the others slower, in more light, "
-                     "or with more overlap",
-                     summary.registered,
-                     frames),
-         {{"registered", static_cast<double>(summary.registered)},
-          {"frames", static_cast<double>(frames)}}});
+    summary.reasons.push_back({DoubtCode::kFewFrames,
+                               fmt::format("only {} of {} frames have a camera: film the others "
+                                           "more slowly, in more light, or with more overlap",
+                                           summary.registered,
+                                           frames),
+                               {{"registered", static_cast<double>(summary.registered)},
+                                {"frames", static_cast<double>(frames)}}});
   }
   return summary;
 }

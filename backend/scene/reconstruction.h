@@ -88,15 +88,15 @@ enum class DoubtCode : std::uint8_t {
   kWeakDepth,            // the depths are uncertain
   kUnexplainedParallax,  // the model does not explain much of the parallax
   kWorthless,            // the model does not represent the scene; normally there would be none
-  kCameraContradicted,   // the tracks ask for another camera than the one given
+  kCameraContradicted,   // the tracks imply another camera than the given one
   kExcessNoise,          // the model leaves more noise than the tracks have
   kTwoCameras,           // two focal lengths explain the tracks equally well
-  kFocalChanges,         // the tracks ask for a focal length that changes
-  kCenterMoves,          // the tracks ask for a principal point that moves: a 2-D stabiliser
+  kFocalChanges,         // the tracks imply a focal length that changes
+  kCenterMoves,          // the tracks imply a principal point that moves: a 2-D stabiliser
   kFocalUncertain,       // the focal length is uncertain
   kCamerasUncertain,     // the cameras' positions are uncertain
   kPointsOnALine,        // the points lie along a line
-  kFewPoints,            // few points hold some of the frames
+  kFewPoints,            // some of the frames are constrained by few points
   kNoModelByCeres,       // COLMAP made a model of tracks for which Ceres makes none
   kNotJudged,            // COLMAP made the model, and Ceres did not judge it
   kOther,                // from a file of another version

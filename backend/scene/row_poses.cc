@@ -76,7 +76,8 @@ Rigid3 RowPoses::OfRow(FrameIndex frame, double y) const {
   Eigen::Vector3d center = motion.center;
   Eigen::Vector3d turn = Eigen::Vector3d::Zero();
   for (const Neighbour& neighbour : motion.neighbours) {
-    // Lagrange's polynomial of the neighbour, over the others and the frame itself (at 0, value 0).
+    // The neighbour's Lagrange polynomial over the other neighbours and the frame itself (at 0,
+    // value 0).
     double weight = tau / neighbour.frames;
     for (const Neighbour& other : motion.neighbours) {
       if (&other != &neighbour) {
@@ -103,7 +104,7 @@ std::optional<Eigen::Vector2d> RowPoses::Project(const Camera& camera,
     const double row = RowOf(*xy);
     if (readout_ == 0.0 || std::abs(row - y) < kSettledPx) return xy;
     y = row;
-    // Far off the picture the polynomial says nothing any more.
+    // Far outside the picture the polynomial is meaningless.
     if (!(std::abs(y) < 3.0 * (last_px_ + 1.0))) return std::nullopt;
   }
   return std::nullopt;

@@ -32,7 +32,7 @@ std::vector<int> SpreadTracks(const WhitenedTracks& whitened,
     for (int o = first; o < last; ++o) {
       const WhitenedObservation& observation = whitened.observations()[o];
       if (place[observation.frame] < 0) continue;
-      // What is predicted may lie anywhere.
+      // Predicted positions may lie anywhere.
       const auto cell = [](double share, int cells) {
         return static_cast<int>(std::clamp(cells * share, 0.0, cells - 1.0));
       };

@@ -101,7 +101,7 @@ std::pair<int, int> WhitenedTracks::RangeWithin(int track, int first, int last) 
 
 std::optional<int> WhitenedTracks::FindObservation(int track, int frame) const {
   const auto [first, last] = TrackRange(track);
-  // Most tracks have no gaps, so the place is known.
+  // Most tracks have no gaps, so the index is known.
   const int guess = first + frame - observations_[first].frame;
   if (guess >= first && guess < last && observations_[guess].frame == frame) return guess;
   const auto begin = observations_.begin() + first;

@@ -28,7 +28,7 @@ constexpr double kGamma = 2.2;
 constexpr double kHandMotionPx = 5.0;  // at most, between frames
 constexpr double kUsualFramesPerSecond = 30.0;
 
-// Through (0, clean), (1, medium), (2, hard) and on.
+// Piecewise linear through (0, clean), (1, medium), (2, hard), and extrapolated.
 double Straight(double level, double clean, double medium, double hard) {
   return level <= 1.0 ? clean + level * (medium - clean) : medium + (level - 1.0) * (hard - medium);
 }
@@ -48,8 +48,8 @@ void AddNoise(cv::Mat& image, double sigma, RandomStream& random) {
   for (float& v : cv::Mat_<float>(image)) v += static_cast<float>(sigma * random.Gaussian());
 }
 
-// The mean of the picture moved by -motion/2 ... +motion/2, in steps of at most a pixel up to 40 px, in
-// as many steps beyond.
+// The mean of the picture moved by -motion/2 ... +motion/2, in steps of at most one pixel up to 40
+// px, and in the same number of steps beyond.
 cv::Mat Smear(const cv::Mat& image, const cv::Mat& motion) {
   double longest = 0.0;
   for (const cv::Vec2f& m : cv::Mat_<cv::Vec2f>(motion)) longest = std::max(longest, cv::norm(m));
@@ -88,7 +88,7 @@ cv::Mat SensorSignal(cv::Mat image,
                      RandomStream& random) {
   constexpr int kMostSidePx = 32766;  // of OpenCV's remap
   if (std::max(image.cols, image.rows) > kMostSidePx) {
-    ThrowError("pictures of {}x{}: the recipes sensor and phone take sides of up to {} px",
+    ThrowError("pictures of {}x{}: the recipes sensor and phone support sides of up to {} px",
                image.cols,
                image.rows,
                kMostSidePx);
@@ -216,7 +216,7 @@ cv::Mat TrueMotion(const Sequence& sequence,
   const Rigid3 after_from_here = after->second * world_from_cam;
   const Rigid3 before_from_here = before->second * world_from_cam;
 
-  // Where the depth is unknown: as far as half of the picture.
+  // Unknown depths are replaced by the median of the known ones.
   std::vector<double> known;
   for (const float z : cv::Mat_<float>(depth_m)) {
     if (z > 0.0F) known.push_back(z);
@@ -287,8 +287,8 @@ OccludedFrame DrawOccluder(const cv::Mat& gray,
 
 namespace {
 
-// Degrades the frames of a sequence into a folder, by as many threads as call Work: the sequence is
-// read by one at a time.
+// Degrades the frames of a sequence into a folder, on as many threads as call Work; one thread at a
+// time reads the sequence.
 class SequenceDegrader {
  public:
   SequenceDegrader(Sequence& sequence,
@@ -302,7 +302,7 @@ class SequenceDegrader {
         progress_(progress),
         writer_(writer) {}
 
-  // Until the sequence ends or another thread fails.
+  // Runs until the sequence ends or another thread fails.
   void Work() {
     try {
       while (auto job = NextJob()) {
@@ -318,7 +318,7 @@ class SequenceDegrader {
     }
   }
 
-  // Recipe phone: all frames in their order through one camera and one encoder, and back.
+  // Recipe phone: passes all frames in order through one camera and one encoder, and decodes them.
   void Film(unsigned threads) {
     const fs::path video = writer_.partial() / "rgb.partial.mp4";
     std::optional<PhoneCamera> camera;
@@ -390,7 +390,7 @@ class SequenceDegrader {
     job.record.occluder = sequence_.OccluderMask(job.frame.index);
   }
 
-  // A whole clip of them needs little memory.
+  // Without pictures, the jobs of a whole clip need little memory.
   static Job WithoutPictures(const Job& job) {
     Job small = job;
     small.frame.gray.release();
@@ -400,7 +400,8 @@ class SequenceDegrader {
     return small;
   }
 
-  // Of most of the first frames, however many threads there are: some may be missing, or late.
+  // The median over the first frames, independent of the number of threads, since some frames may
+  // be missing or late.
   double FramesPerSecond() {
     constexpr std::size_t kIntervals = 31;
     std::vector<double> intervals_ns;
@@ -420,14 +421,14 @@ class SequenceDegrader {
     const auto decoded = OpenVideo(video, {});
     for (Job& job : jobs) {
       const auto frame = decoded->Next();
-      if (!frame) ThrowError("{} lost frames: is ffmpeg sound?", video.string());
+      if (!frame) ThrowError("{} lost frames: check the ffmpeg installation", video.string());
       ReadTruePictures(job);
       if (options_.occluder_px_per_frame > 0.0) {
         const cv::Mat blank(size_, CV_8UC1, cv::Scalar(0));
         AddOccluder(DrawOccluder(blank, options_, ToInt(job.frame.index)).mask, job.record);
       }
       if (frame->gray.cols < size_.width || frame->gray.rows < size_.height) {
-        ThrowError("{} has frames of {}x{} instead of {}x{}: is ffmpeg sound?",
+        ThrowError("{} has frames of {}x{} instead of {}x{}: check the ffmpeg installation",
                    video.string(),
                    frame->gray.cols,
                    frame->gray.rows,
@@ -470,14 +471,14 @@ class SequenceDegrader {
   const DegradeOptions& options_;
   const Progress& progress_;
   TumWriter& writer_;
-  std::mutex mutex_;  // of what follows, and of reading the sequence
+  std::mutex mutex_;  // guards the members below and reading the sequence
   std::vector<FrameIndex> frames_;
   cv::Size size_;
   bool at_end_ = false;
   std::size_t done_ = 0;
 };
 
-// What a clip of these frames of a rendered scene shows.
+// The scene file of a clip that consists of these frames of a rendered scene.
 SceneFile PartOfScene(const SceneFile& scene, const std::vector<FrameIndex>& frames) {
   SceneFile part = scene;
   part.first_frame = scene.FrameOf(frames[0]);
@@ -497,7 +498,7 @@ void DegradeSequence(Sequence& sequence,
   ValidateOptions(options);
   std::error_code ignored;
   if (fs::equivalent(source, out, ignored)) {
-    ThrowError("{} is the input itself: give another folder to write", out.string());
+    ThrowError("{} is the input itself: give another folder", out.string());
   }
   TumWriter writer(out);
   if (camera) writer.WriteCamera(*camera);

@@ -27,21 +27,21 @@ struct DegradeOptions {
 
   template <typename Self, typename Visitor>
   static void Visit(Self& o, Visitor& v) {
-    v.Choice("recipe",
-             o.recipe,
-             kRecipeNames,
-             "What darkness does: paper darkens, adds noise, blurs and adds noise again; "
-             "sensor is a camera that gets little light; phone is what a phone makes of "
-             "that: exposure in steps, denoising, compressed video (with the program ffmpeg).",
-             Tier::kCommon);
-    v.Number(
-        "light",
-        o.light,
-        1e-4,
-        1.0,
-        "Recipes sensor and phone: the share that is left of the level's light, such as 0.125: "
-        "three stops less, at the same exposure and noise of the sensor.",
+    v.Choice(
+        "recipe",
+        o.recipe,
+        kRecipeNames,
+        "The model of darkness. paper darkens, adds noise, blurs and adds noise again; sensor "
+        "simulates a camera that receives little light; phone simulates how a phone processes the "
+        "same light: exposure in steps, denoising and compressed video (needs the program ffmpeg).",
         Tier::kCommon);
+    v.Number("light",
+             o.light,
+             1e-4,
+             1.0,
+             "The share of the level's light that is left with recipes sensor and phone; 0.125 is "
+             "three stops less, at the same exposure and sensor noise.",
+             Tier::kCommon);
     v.Number("occluder_px_per_frame",
              o.occluder_px_per_frame,
              0.0,
@@ -52,22 +52,23 @@ struct DegradeOptions {
     v.Choice("codec",
              o.codec,
              kVideoCodecNames,
-             "Recipe phone: what compresses the video; hevc keeps more at the same bit rate.",
+             "The codec of the video with recipe phone; hevc preserves more detail at the same bit "
+             "rate.",
              Tier::kCommon);
     v.Number("bitrate_kbit",
              o.bitrate_kbit,
              0,
              1000000,
-             "Recipe phone: the bit rate of the video [kbit/s]; less loses more of what is "
-             "faint. 0: as phones, 2500 for 640 x 480 pixels at 30 frames a second and in "
-             "proportion.",
+             "The bit rate of the video with recipe phone [kbit/s]; a lower one loses more of the "
+             "faint detail. 0: that of phones, 2500 for 640 x 480 pixels at 30 frames per second "
+             "and in proportion.",
              Tier::kCommon);
     v.Number("seed",
              o.seed,
              0U,
              4294967295U,
-             "The seed of the noise, of the bar's pattern and of a phone's exposure; another "
-             "seed gives other noise, just as strong.",
+             "The seed of the noise, of the bar's pattern and of the phone's exposure; another "
+             "seed gives different noise of the same strength.",
              Tier::kCommon);
   }
 };

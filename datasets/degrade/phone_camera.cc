@@ -8,10 +8,10 @@ namespace cohort {
 namespace {
 
 constexpr double kPhoneGamma = 2.2;
-constexpr double kUsualLight = 0.2;  // of a scene in good light
+constexpr double kUsualLight = 0.2;  // mean of a scene in good light
 constexpr double kMostStops = 1.5;
 
-// The noise behind gain and gamma where the light is as usual.
+// The noise after gain and gamma at the usual light.
 double NoiseBehindGamma(const SensorLevel& sensor) {
   const double light = sensor.gain * kUsualLight;
   const double sigma = sensor.digital_gain * std::sqrt(sensor.shot * light + sensor.read);

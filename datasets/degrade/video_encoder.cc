@@ -15,7 +15,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// The encoder, and what is its own way to say: one thread, no frames that look ahead.
+// The encoder and its own options for one thread and no look-ahead frames.
 std::vector<std::string> EncoderArguments(VideoCodec codec) {
   switch (codec) {
     case VideoCodec::kH264:
@@ -33,7 +33,7 @@ std::vector<std::string> EncoderArguments(VideoCodec codec) {
   ThrowUsageError("unknown codec");
 }
 
-// ffmpeg's last line tells why it gave up.
+// ffmpeg's last line states why it failed.
 std::string LastLine(std::string text) {
   while (!text.empty() && (text.back() == '\n' || text.back() == '\r')) text.pop_back();
   const std::size_t begin = text.find_last_of("\n\r");
@@ -100,11 +100,11 @@ void VideoEncoder::Finish(VideoCodec codec, int bitrate_kbit, double frames_per_
   add({fmt::format("{}x{}", size_.width, size_.height),
        "-framerate",
        fmt::format("{:.6f}", frames_per_second)});
-  // "file:": a colon in a name would be taken for a protocol.
+  // "file:", because a colon in a name would denote a protocol.
   add({"-i", "file:" + raw_file_.string(), "-an", "-sws_flags", "accurate_rnd+bitexact"});
   add({"-pix_fmt", "yuv420p", "-threads", "1", "-filter_threads", "1"});
   add(EncoderArguments(codec));
-  // On average the bit rate; for a moment up to half as much again.
+  // The bit rate on average, and up to 1.5 times as much for a moment.
   add({"-g", std::to_string(key_frame_every), "-b:v", fmt::format("{}k", bitrate_kbit)});
   add({"-maxrate", fmt::format("{}k", bitrate_kbit + bitrate_kbit / 2)});
   add({"-bufsize", fmt::format("{}k", bitrate_kbit)});

@@ -12,7 +12,7 @@ BinarySource::BinarySource(std::istream& in) : in_(in) {
 
 std::string BinarySource::Bytes(std::uint64_t offset, std::uint64_t count) {
   if (offset > size_ || count > size_ - offset) {
-    ThrowError("the file has {} bytes, and names some behind them: it is damaged", size_);
+    ThrowError("the file has {} bytes but refers to some beyond them: it is damaged", size_);
   }
   std::string bytes(count, '\0');
   in_.clear();

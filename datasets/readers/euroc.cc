@@ -33,10 +33,10 @@ fs::path Mav(const fs::path& folder) {
   return fs::exists(folder / "mav0") ? folder / "mav0" : folder;
 }
 
-// The part of YAML that calibrations are written in: a line `key: value`, a list of numbers in
-// brackets, of one line or more, comments. What is indented belongs to the last key that is not, and
-// is called by both: T_BS.data. Read by ourselves, as parsers of all of YAML can be made to take all
-// time or the stack. Throws Error naming the file.
+// Reads the subset of YAML in which calibrations are written: lines `key: value`, lists of numbers
+// in brackets over one or more lines, and comments. An indented key belongs to the last key that is
+// not indented, and is named by both: T_BS.data. We parse it ourselves, because malicious files can
+// make full YAML parsers exhaust time or stack. Throws Error naming the file.
 class SensorText {
  public:
   explicit SensorText(const fs::path& path) : file_(path.string()) {
@@ -44,8 +44,8 @@ class SensorText {
     constexpr std::size_t kMaxKeyBytes = 64;
     std::istringstream lines(ReadBytes(path, kMaxBytes));
     std::string section;
-    std::string last;             // key that a value was read for
-    std::string* list = nullptr;  // whose bracket is open
+    std::string last;             // key whose value was read last
+    std::string* list = nullptr;  // the list whose bracket is open
     std::string line;
     for (int number = 1; std::getline(lines, line); ++number) {
       line.resize(std::min(line.size(), line.find('#')));
@@ -58,13 +58,13 @@ class SensorText {
             key.find_first_not_of(kKeyCharacters) != std::string_view::npos || key.empty() ||
             key.size() > kMaxKeyBytes ||
             (end + 1 < text.size() && text[end + 1] != ' ' && text[end + 1] != '\t')) {
-          ThrowError("{} is no calibration: line {} is not `key: value`", file_, number);
+          ThrowError("{} is not a calibration: line {} is not `key: value`", file_, number);
         }
         const bool indented = line[0] == ' ' || line[0] == '\t';
         if (!indented) section = key;
         std::string name = indented ? fmt::format("{}.{}", section, key) : std::string(key);
         const auto [at, is_new] = values_.emplace(std::move(name), Trimmed(text.substr(end + 1)));
-        if (!is_new) ThrowError("{} is no calibration: {} stands twice", file_, at->first);
+        if (!is_new) ThrowError("{} is not a calibration: {} occurs twice", file_, at->first);
         last = at->first;
         if (at->second.starts_with('[')) list = &at->second;
       } else {
@@ -73,7 +73,8 @@ class SensorText {
       }
       if (list != nullptr && list->ends_with(']')) list = nullptr;
     }
-    if (list != nullptr) ThrowError("{} is no calibration: the list of {} has no end", file_, last);
+    if (list != nullptr)
+      ThrowError("{} is not a calibration: the list of {} is not closed", file_, last);
   }
 
   bool Has(const std::string& key) const { return values_.contains(key); }
@@ -94,7 +95,7 @@ class SensorText {
     std::string_view rest = at == values_.end() ? std::string_view() : at->second;
     std::vector<double> numbers;
     if (at != values_.end()) {
-      if (!rest.starts_with('[')) ThrowError("{}: {} is no list in brackets", file_, key);
+      if (!rest.starts_with('[')) ThrowError("{}: {} is not a list in brackets", file_, key);
       rest = Trimmed(rest.substr(1, rest.size() - 2));
     }
     while (!rest.empty()) {
@@ -103,7 +104,7 @@ class SensorText {
       double number = 0.0;
       const auto [stop, fault] = std::from_chars(item.data(), item.data() + item.size(), number);
       if (fault != std::errc() || stop != item.data() + item.size() || !std::isfinite(number)) {
-        ThrowError("{}: {} is not all numbers", file_, key);
+        ThrowError("{}: {} is not a list of numbers", file_, key);
       }
       numbers.push_back(number);
       rest = end == std::string_view::npos ? std::string_view() : rest.substr(end + 1);
@@ -155,7 +156,7 @@ CameraSensor ReadSensor(const fs::path& path) {
   const auto t = yaml.Numbers("T_BS.data", 16);
   for (const double side : resolution) {
     if (!(side >= 1.0 && side <= kMaxPictureSidePx)) {
-      ThrowError("{}: resolution {} x {} is none", file, resolution[0], resolution[1]);
+      ThrowError("{}: resolution {} x {} is invalid", file, resolution[0], resolution[1]);
     }
   }
   sensor.camera = {.width_px = static_cast<int>(resolution[0]),
@@ -175,7 +176,7 @@ CameraSensor ReadSensor(const fs::path& path) {
   }
   const auto body_from_cam = RigidFromMatrix(
       Eigen::Map<const Eigen::Matrix<double, 4, 4, Eigen::RowMajor>>(t.data()).topRows<3>());
-  if (!body_from_cam) ThrowError("{}: T_BS is no rigid motion", file);
+  if (!body_from_cam) ThrowError("{}: T_BS is not a rigid motion", file);
   sensor.body_from_cam = *body_from_cam;
   return sensor;
 }
@@ -187,7 +188,7 @@ std::map<std::int64_t, Rigid3> ReadWorldFromBody(const fs::path& file) {
     const auto number = [&](std::size_t column) { return table.Number(row, column); };
     const Eigen::Quaterniond rotation(number(4), number(5), number(6), number(7));
     if (!(rotation.norm() > 0.5 && rotation.norm() < 2.0))
-      table.Fail(row, "qw qx qy qz is no unit quaternion");
+      table.Fail(row, "qw qx qy qz is not a unit quaternion");
     by_time.emplace(table.Integer(row, 0),
                     Rigid3{rotation.normalized(), {number(1), number(2), number(3)}});
   }

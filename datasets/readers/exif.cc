@@ -23,12 +23,12 @@ constexpr std::uint16_t kFocalPlaneXResolution = 0xA20E;
 constexpr std::uint16_t kFocalPlaneResolutionUnit = 0xA210;
 constexpr std::uint16_t kFocalLengthIn35mmFilm = 0xA405;
 
-// More than any camera writes; a file may name as many as it likes.
+// More than any camera writes; a file may claim any number.
 constexpr std::uint64_t kMostTags = 1000;
 constexpr int kMostSegments = 1 << 16;
 constexpr std::uint64_t kMostExifBytes = 1 << 20;
 
-// A directory of TIFF: the first value of each tag, of those types that say a number above 0.
+// A directory of TIFF: the first value of each tag whose type is a number above 0.
 class TiffDirectory {
  public:
   TiffDirectory(BinarySource& source, ByteOrder order, std::uint64_t offset) {
@@ -36,7 +36,7 @@ class TiffDirectory {
     for (std::uint64_t i = 0; i < count && i < kMostTags; ++i) {
       try {
         ReadEntry(source, order, offset + 2 + 12 * i);
-      } catch (const Error&) {  // its value lies outside of the file
+      } catch (const Error&) {  // its value lies outside the file
       }
     }
   }
@@ -63,7 +63,7 @@ class TiffDirectory {
       if (denominator == 0) return;
       value = static_cast<double>(source.Integer(at, 4, order)) / static_cast<double>(denominator);
     }
-    if (value > 0.0) values_.emplace(tag, value);  // 0 is EXIF's word for unknown
+    if (value > 0.0) values_.emplace(tag, value);  // in EXIF, 0 means unknown
   }
 
   std::map<std::uint16_t, double> values_;
@@ -100,7 +100,8 @@ ExifFocal FocalOfBytes(const std::string& tiff) {
   return FocalOfTiff(source);
 }
 
-// The segments before the coded picture: a marker, any number of FF before it, and a length.
+// Reads the segments before the coded picture: a marker, preceded by any number of FF, and a
+// length.
 ExifFocal FocalOfJpeg(BinarySource& source) {
   constexpr std::string_view kExif = "Exif\0\0"sv;
   std::uint64_t at = 2;
@@ -123,7 +124,7 @@ ExifFocal FocalOfJpeg(BinarySource& source) {
   return {};
 }
 
-// Chunks: a length, a name of four letters, that many bytes, a checksum of four.
+// Reads chunks: a length, a name of four letters, that many bytes, and a checksum of four bytes.
 ExifFocal FocalOfPng(BinarySource& source) {
   std::uint64_t at = 8;
   for (int i = 0; i < kMostSegments; ++i) {
@@ -148,7 +149,7 @@ ExifFocal ReadExifFocal(const std::filesystem::path& picture) {
     if (mark.starts_with("\xFF\xD8\xFF")) return FocalOfJpeg(source);
     if (mark == "\x89PNG\r\n\x1A\n") return FocalOfPng(source);
     return FocalOfTiff(source);
-  } catch (const Error&) {  // cut short, damaged, or gone: reading its frame tells of it
+  } catch (const Error&) {  // truncated, damaged or missing: reading its frame reports it
     return {};
   }
 }

@@ -13,16 +13,16 @@
 namespace cohort {
 namespace {
 
-// The diagonal of 35 mm film, 36 x 24 mm, by which CIPA DCG-001 compares pictures of any shape.
+// The diagonal of 35 mm film, 36 x 24 mm, with which CIPA DCG-001 compares pictures of any shape.
 constexpr double kFilmDiagonalMm = 43.2666;
-// Lenses and crops that lie beyond these are no camera's; what says them is damaged.
+// No camera has lenses or crops beyond these bounds; such an entry is damaged.
 constexpr double kLeastMm = 1.0;
 constexpr double kMostMm = 10'000.0;
 constexpr double kLeastViewDeg = 1.0;
 constexpr double kMostViewDeg = 179.0;
 
-// Standard deviations of the logarithm. Cameras name whole millimetres, before the correction of
-// distortion; those of video crop as well, to stabilise it or to read the sensor faster.
+// Standard deviations of the logarithm. Cameras state whole millimetres, before the correction of
+// distortion; video cameras also crop, for stabilisation or a faster readout of the sensor.
 constexpr double kSigmaOfPictures = 0.1;
 constexpr double kSigmaOfVideos = 0.15;
 constexpr double kSigmaOfFisheyes = 0.3;
@@ -51,7 +51,7 @@ std::optional<FocalGuess> GuessOfExif(const ExifFocal& exif, PictureSize size) {
   guess.source = fmt::format("EXIF FocalLength {:g} mm with {:.4g} pixels a mm of the sensor",
                              *exif.mm,
                              *exif.pixels_per_mm * scale);
-  // As one of 35 mm film, since sensors have any size.
+  // Compared as a lens for 35 mm film, since sensors have any size.
   if (!IsOfALens(guess.focal_px / DiagonalOf(size) * kFilmDiagonalMm)) return std::nullopt;
   return guess;
 }
@@ -92,8 +92,8 @@ std::optional<FocalGuess> FocalGuessOfVideo(const std::filesystem::path& video,
   if (!view || !(view->diagonal_deg >= kLeastViewDeg && view->diagonal_deg <= kMostViewDeg)) {
     return std::nullopt;
   }
-  // A fisheye shows a ray that leaves the axis by an angle at f times the angle from the centre; an
-  // ordinary lens, and a view that the camera made linear, at f times its tangent.
+  // A fisheye images a ray at f times its angle from the axis; an ordinary lens, and a view that
+  // the camera linearised, at f times the tangent of the angle.
   constexpr double kWidestLinearDeg = 110.0;
   const bool fisheye = view->mode == 'W' || view->mode == 'S' ||
                        (view->diagonal_deg > kWidestLinearDeg && view->mode != 'L');

@@ -20,14 +20,14 @@ struct Span {
   std::uint64_t end = 0;
 };
 
-// What has to be looked at may be as long as a file likes to make it.
+// A file may contain any number of boxes.
 constexpr int kMostBoxes = 4096;
 constexpr int kMostEntries = 4096;
 constexpr int kMostLevels = 8;
 constexpr std::uint64_t kMostSettingsBytes = 1 << 20;
 
-// What lies in the first box of those names, one in the other (ISO/IEC 14496-12, 4.2): a box is a
-// length of all of it, the name, and after a length of 1 the length in 8 bytes; 0 is up to the end.
+// The contents of the first nested boxes of these names (ISO/IEC 14496-12, 4.2): a box is its total
+// length, its name and, after a length of 1, the length in 8 bytes; 0 means up to the end.
 std::optional<Span> FindBox(BinarySource& source,
                             Span in,
                             std::span<const std::string_view> names,
@@ -59,8 +59,8 @@ struct Settings {
   std::optional<char> mode;
 };
 
-// Entries: a key of four letters, a type, the bytes of a value and how many values there are, then
-// those, filled up to a multiple of four bytes. Type 0 holds entries itself.
+// Reads entries: a key of four letters, a type, the size of a value and the number of values, then
+// the values, padded to a multiple of four bytes. Type 0 contains entries itself.
 void ReadEntries(BinarySource& source, Span in, int level, int& entries, Settings& settings) {
   std::uint64_t at = in.begin;
   while (in.end - at >= 8 && ++entries <= kMostEntries) {
@@ -98,7 +98,7 @@ std::optional<GoProView> ReadGoProView(const std::filesystem::path& video) {
     ReadEntries(source, *place, 0, entries, settings);
     if (!settings.diagonal_deg) return std::nullopt;
     return GoProView{.diagonal_deg = *settings.diagonal_deg, .mode = settings.mode};
-  } catch (const Error&) {  // cut short or damaged: reading its frames tells of it
+  } catch (const Error&) {  // truncated or damaged: reading its frames reports it
     return std::nullopt;
   }
 }

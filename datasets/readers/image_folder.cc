@@ -31,7 +31,7 @@ constexpr std::int64_t kFramesPerSecond = 30;
 
 bool IsDigit(char c) { return c >= '0' && c <= '9'; }
 
-// The folder in front of the first component with a wildcard.
+// The folder before the first component with a wildcard.
 fs::path GlobRoot(const fs::path& pattern) {
   fs::path root;
   for (const fs::path& component : pattern) {
@@ -41,7 +41,7 @@ fs::path GlobRoot(const fs::path& pattern) {
   return root.empty() ? fs::path(".") : root;
 }
 
-// {a,b}{c,d} is four: glob would list them one by one, however many.
+// Bounds the number of names, of which {a,b}{c,d} has four, because glob would list them all.
 void CheckBraces(const std::string& pattern) {
   constexpr double kMost = 10'000.0;
   double count = 1.0;
@@ -52,7 +52,7 @@ void CheckBraces(const std::string& pattern) {
     if (c == '}') count *= choices;
   }
   if (count > kMost) {
-    ThrowError("{}: its braces stand for more than {:.0f} names", OneLine(pattern), kMost);
+    ThrowError("{}: its braces expand to more than {:.0f} names", OneLine(pattern), kMost);
   }
 }
 
@@ -101,7 +101,7 @@ bool NaturalLess(std::string_view a, std::string_view b) {
     if (order != 0) return order < 0;
   }
   if ((i < a.size()) != (j < b.size())) return j < b.size();
-  return a < b;  // equal but for leading zeros
+  return a < b;  // equal except for leading zeros
 }
 
 std::vector<std::string> ImageNames(const fs::path& folder) {
@@ -132,16 +132,16 @@ ImageList ListImageFolder(const fs::path& input) {
     names = GlobNames(input, list.root);
     if (names.empty()) {
       ThrowError(
-          "no file is named {}, and no images match it: looked for png, jpg, tif, pgm, bmp, webp "
+          "no file is named {}, and no images match it: searched for png, jpg, tif, pgm, bmp, webp "
           "and the like",
           input.string());
     }
     std::ranges::sort(names, NaturalLess);
-    // What several of its braces match.
+    // Removes names that several of its braces match.
     names.erase(std::unique(names.begin(), names.end()), names.end());
   }
   if (names.empty())
-    ThrowError("no images in {}: looked for png, jpg, tif, pgm, bmp, webp and the like",
+    ThrowError("no images in {}: searched for png, jpg, tif, pgm, bmp, webp and the like",
                input.string());
 
   list.name = FolderName(list.root);

@@ -21,7 +21,7 @@ constexpr double kDepthUnitsPerMetre = 5000.0;
 constexpr double kWhite = 65535.0;  // of 16 bits
 constexpr std::array<double, 3> kWhiteOfFewer{255.0, 1023.0, 4095.0};
 
-// Of all colours, but not of what is transparent.
+// The maximum over all colours, without the alpha channel.
 double Brightest(const cv::Mat& picture) {
   cv::Mat colors = picture;
   if (picture.channels() == 4) cv::cvtColor(picture, colors, cv::COLOR_BGRA2BGR);
@@ -36,14 +36,15 @@ class ImageListSequence final : public Sequence {
       : list_(std::move(list)), range_(range), count_(range.Count(list_.images.size())) {
     if (list_.images.empty()) ThrowError("{} lists no images", list_.name);
     if (count_ == 0) {
-      ThrowError("{} has {} frames, the range starts at frame {}: give an earlier one",
+      ThrowError("{} has {} frames, but the range starts at frame {}: give an earlier one",
                  list_.name,
                  list_.images.size(),
                  range.first);
     }
     CheckGeometry();
     for (const ImageList::Image& image : list_.images) {
-      InputRecord::Add(list_.root / image.name);  // before hours of work, not when it is read
+      // At once rather than when it is read, which may be hours later.
+      InputRecord::Add(list_.root / image.name);
       RequirePictureName(list_.name, image.name);
     }
     for (const auto* files : {&list_.depth_files, &list_.occluder_files}) {
@@ -54,7 +55,7 @@ class ImageListSequence final : public Sequence {
     if (back != list_.images.end()) {
       Warn(
           fmt::format("{}: the time of {} is before that of {}, which is listed before it: frames "
-                      "come as listed",
+                      "are read in the listed order",
                       list_.name,
                       std::next(back)->name,
                       back->name));
@@ -69,7 +70,7 @@ class ImageListSequence final : public Sequence {
       }
       if (cv::Size(camera->width_px, camera->height_px) != size_) {
         ThrowError(
-            "the calibration of {} is for {}x{}, its images are {}x{}: use the one that "
+            "the calibration of {} is for {}x{}, but its images are {}x{}: use the one that "
             "belongs to these images",
             list_.name,
             camera->width_px,
@@ -92,7 +93,7 @@ class ImageListSequence final : public Sequence {
     try {
       picture = ReadImage(file);
     } catch (const SystemError&) {
-      throw;  // the same clip may be longer the next time
+      throw;  // otherwise the same clip might have more frames the next time
     } catch (const Error& e) {
       Warn(fmt::format("read {} frames of {}: {}", read_, count_, e.what()));
       count_ = read_;
@@ -127,7 +128,7 @@ class ImageListSequence final : public Sequence {
     if (found == list_.depth_files.end()) return std::nullopt;
     const cv::Mat units = ReadImage(found->second);
     if (units.type() != CV_16UC1) {
-      ThrowError("depth map {} is no 16-bit grey image", found->second.string());
+      ThrowError("depth map {} is not a 16-bit grey image", found->second.string());
     }
     RequireSize(units.size(), size_, found->second.string());
     cv::Mat metres;
@@ -147,7 +148,7 @@ class ImageListSequence final : public Sequence {
   const std::string& Warning() const override { return warning_; }
 
  private:
-  // No layout has numbers that are none, whatever it computes them of.
+  // Checks the results of all layouts' computations: every number must be finite.
   void CheckGeometry() const {
     if (list_.camera) {
       if (const std::string fault = FaultOf(*list_.camera); !fault.empty()) {
@@ -167,9 +168,10 @@ class ImageListSequence final : public Sequence {
     return list_.root / list_.images[image].name;
   }
 
-  // Sensors of up to 12 bits often store their pictures as they are, with the upper of 16 bits
-  // empty: taken for black, as all that has 8 bits would take them. By some pictures of the whole
-  // clip, whatever its range. Not said of more bits, which a dark clip of 16 may have.
+  // Sensors of up to 12 bits often store their values in 16 bits with the upper ones empty, which
+  // programs for 8 bits would take for black. The white level is estimated from some pictures of
+  // the whole clip, independently of the range. Levels of more than 12 bits are not considered,
+  // since a dark clip of 16 bits may have them.
   double WhiteOfClip() const {
     const std::size_t last = list_.images.size() - 1;
     const std::size_t steps = std::min<std::size_t>(15, last);  // to the last picture
@@ -180,7 +182,7 @@ class ImageListSequence final : public Sequence {
         if (picture.depth() == CV_16U) brightest = std::max(brightest, Brightest(picture));
       } catch (const SystemError&) {
         throw;
-      } catch (const Error&) {  // Next tells of it, where it is in the range
+      } catch (const Error&) {  // Next reports it if it is in the range
       }
     }
     const auto* const white = std::ranges::lower_bound(kWhiteOfFewer, brightest);
@@ -191,12 +193,12 @@ class ImageListSequence final : public Sequence {
     if (white_ == kWhite) return;
     if (!warned_of_white_ && Brightest(picture) > white_) {
       warned_of_white_ = true;
-      Warn(fmt::format(
-          "{} is brighter than {}, which by other pictures of the clip is white: brighter pixels "
-          "are cut off; give the clip with its pictures made brighter by one factor, so that none "
-          "is",
-          file,
-          white_));
+      Warn(
+          fmt::format("{} is brighter than {}, which is white according to other pictures of the "
+                      "clip: brighter pixels are clipped; to avoid this, multiply all pictures of "
+                      "the clip by one factor",
+                      file,
+                      white_));
     }
     picture.convertTo(picture, -1, kWhite / white_);
   }

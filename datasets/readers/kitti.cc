@@ -41,7 +41,8 @@ Matrix34 ReadMatrix(const TextTable& table, std::size_t row, std::size_t first_c
   return matrix;
 }
 
-// P of a camera: its line begins with `P2:`, or is the third of a file without such names.
+// P of a camera. For camera 2, the line begins with `P2:`, or is the third of a file without such
+// names.
 Matrix34 ReadProjection(const fs::path& file, std::size_t camera) {
   const TextTable table(file);
   const std::string name = fmt::format("P{}:", camera);
@@ -56,7 +57,8 @@ Matrix34 ReadProjection(const fs::path& file, std::size_t camera) {
   ThrowError("{} has no projection matrix of camera {}", file.string(), camera);
 }
 
-// Row i is image i. Where there are more rows, and images are missing between, it would be another's.
+// Row i belongs to image i. If there are more rows and some images are missing, it would belong to
+// another one.
 void CheckRowsAreImages(const fs::path& file, std::size_t rows, const ImageList& list) {
   if (rows <= list.images.size()) return;
   for (std::size_t i = 0; i < list.images.size(); ++i) {
@@ -64,12 +66,13 @@ void CheckRowsAreImages(const fs::path& file, std::size_t rows, const ImageList&
     const bool is_number =
         number.size() <= 9 && number.find_first_not_of("0123456789") == std::string::npos;
     if (!is_number || std::stoul(number) == i) continue;
-    ThrowError("{} has {} rows, there are {} images, of which number {} is {}: give one for each",
-               file.string(),
-               rows,
-               list.images.size(),
-               i,
-               list.images[i].name);
+    ThrowError(
+        "{} has {} rows, but there are {} images, of which number {} is {}: give one for each",
+        file.string(),
+        rows,
+        list.images.size(),
+        i,
+        list.images[i].name);
   }
 }
 
@@ -80,7 +83,7 @@ std::map<FrameIndex, Rigid3> ReadCam0FromWorld(const fs::path& file, const Image
   std::map<FrameIndex, Rigid3> poses;
   for (std::size_t row = 0; row < std::min(table.rows(), images); ++row) {
     const auto world_from_cam0 = RigidFromMatrix(ReadMatrix(table, row, 0));
-    if (!world_from_cam0) table.Fail(row, "the first three columns are no rotation");
+    if (!world_from_cam0) table.Fail(row, "the first three columns are not a rotation");
     poses.emplace(FrameIndex(row), world_from_cam0->Inverse());
   }
   return poses;
@@ -106,7 +109,7 @@ ImageList ReadKitti(const fs::path& folder) {
     const TextTable table(file);
     list.times = file;
     if (table.rows() < list.images.size()) {
-      ThrowError("{} has {} times, there are {} images: give one for each",
+      ThrowError("{} has {} times, but there are {} images: give one for each",
                  file.string(),
                  table.rows(),
                  list.images.size());

@@ -10,10 +10,10 @@
 namespace cohort {
 
 TextTable::TextTable(const std::filesystem::path& file) : file_(file.string()) {
-  constexpr std::uint64_t kMaxBytes = std::uint64_t{1} << 28;  // in memory some 30 times as many
+  constexpr std::uint64_t kMaxBytes = std::uint64_t{1} << 28;  // about 30 times as many in memory
   LineReader reader(file);
   if (std::filesystem::file_size(file) > kMaxBytes) {
-    ThrowError("cannot read {}: tables of up to {} bytes are read", file_, kMaxBytes);
+    ThrowError("cannot read {}: tables of up to {} bytes are supported", file_, kMaxBytes);
   }
   constexpr std::string_view kSeparators = " \t,\r";
   while (reader.Next()) {
@@ -46,7 +46,7 @@ T TextTable::Parse(std::size_t row, std::size_t column, std::string_view kind) c
   T value{};
   const char* const end = text.data() + text.size();
   const auto [rest, error] = std::from_chars(text.data(), end, value);
-  if (error != std::errc() || rest != end) Fail(row, fmt::format("'{}' is no {}", text, kind));
+  if (error != std::errc() || rest != end) Fail(row, fmt::format("'{}' is not a {}", text, kind));
   if constexpr (std::is_floating_point_v<T>) {
     if (!std::isfinite(value)) Fail(row, fmt::format("'{}' is not finite", text));
   }
@@ -64,7 +64,7 @@ std::int64_t TextTable::Integer(std::size_t row, std::size_t column) const {
 std::int64_t TextTable::SecondsAsNs(std::size_t row, std::size_t column) const {
   // A double would round seconds since 1970 to 240 ns.
   const long double seconds = Parse<long double>(row, column, "time in seconds");
-  constexpr long double kLimit = 9.2e9L;  // of 64 bits of nanoseconds
+  constexpr long double kLimit = 9.2e9L;  // nanoseconds in 64 bits
   if (std::abs(seconds) > kLimit) Fail(row, "the time is beyond 292 years: give seconds");
   return std::llround(seconds * 1e9L);
 }

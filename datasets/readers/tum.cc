@@ -21,7 +21,7 @@ std::vector<ImageList::Image> ReadList(const fs::path& file) {
   return images;
 }
 
-// The files of a list beside rgb.txt by the frame they belong to; empty without the list.
+// The files of a list beside rgb.txt, by the frame to which they belong; empty without the list.
 std::map<FrameIndex, fs::path> ReadCompanions(const fs::path& folder,
                                               const char* list,
                                               const std::vector<ImageList::Image>& images) {
@@ -54,7 +54,7 @@ std::map<std::int64_t, Rigid3> ReadCamFromWorld(const fs::path& file) {
     for (std::size_t i = 0; i < v.size(); ++i) v[i] = table.Number(row, i + 1);
     const Eigen::Quaterniond rotation(v[6], v[3], v[4], v[5]);
     if (!(rotation.norm() > 0.5 && rotation.norm() < 2.0))
-      table.Fail(row, "qx qy qz qw is no unit quaternion");
+      table.Fail(row, "qx qy qz qw is not a unit quaternion");
     const Rigid3 world_from_cam{rotation.normalized(), {v[0], v[1], v[2]}};
     by_time.emplace(table.SecondsAsNs(row, 0), world_from_cam.Inverse());
   }

@@ -19,7 +19,8 @@ constexpr double kMaxDepthUnits = 65535.0;
 
 std::string Seconds(std::int64_t timestamp_ns) {
   constexpr std::uint64_t kSecond = 1'000'000'000;
-  // The quotient alone would lose the sign of -0.5, and the remainder would bring it behind the point.
+  // The quotient alone would lose the sign of -0.5, and the remainder would print it after the
+  // point.
   const bool negative = timestamp_ns < 0;
   const auto ns = negative ? -static_cast<std::uint64_t>(timestamp_ns)
                            : static_cast<std::uint64_t>(timestamp_ns);
@@ -44,7 +45,8 @@ void WriteFolder(const std::filesystem::path& folder) {
   if (error) ThrowError("cannot make folder {}: {}", folder.string(), error.message());
 }
 
-// Pictures of ours are numbered; those of the benchmark, and of others who write its form, have times.
+// Our pictures have numbers as names; those of the benchmark, and of other programs that write its
+// layout, have times.
 bool WasWrittenByUs(const std::filesystem::path& folder) {
   std::error_code none_there;
   for (const auto& entry : std::filesystem::directory_iterator(folder / "rgb", none_there)) {

@@ -30,16 +30,16 @@ extern "C" {
 namespace cohort {
 namespace {
 
-constexpr double kDefaultFramesPerSecond = 30.0;  // where the file gives none
-constexpr double kLeastFramesPerSecond = 1e-3;    // beyond these it is no rate of a video
+constexpr double kDefaultFramesPerSecond = 30.0;  // if the file states none
+constexpr double kLeastFramesPerSecond = 1e-3;    // rates beyond these are not valid for a video
 constexpr double kMostFramesPerSecond = 1e6;
-constexpr double kLongestSeconds = 1e9;  // 30 years; nanoseconds of it fit into 64 bits
-// Faults in a row that a decoder may tell before it is taken to be at the end.
+constexpr double kLongestSeconds = 1e9;  // 30 years, whose nanoseconds fit into 64 bits
+// Consecutive faults after which a decoder counts as being at the end.
 constexpr int kMostFaults = 4096;
 
-// Lists of other files, and scripts that make them up, that FFmpeg takes for videos: what it would
-// then read is not the file that was given. Its own test looks at the first MiB, so these marks, of
-// any case, are looked for there.
+// FFmpeg also opens lists of other files, and scripts that generate them, as videos: it would then
+// read other files than the given one. Its own test reads the first MiB, so these marks, in any
+// case, are searched for there.
 bool NamesOtherFiles(const Descriptor& file) {
   constexpr std::array<std::string_view, 4> kMarks{
       "#extm3u", "ffconcat version", "dash:profile", "<compositionplaylist"};
@@ -51,7 +51,7 @@ bool NamesOtherFiles(const Descriptor& file) {
       kMarks, [&start](std::string_view mark) { return start.find(mark) != std::string::npos; });
 }
 
-// Another file that the file names.
+// Called for another file to which the file refers.
 int RefuseToOpen(AVFormatContext*, AVIOContext**, const char*, int, AVDictionary**) {
   return AVERROR(EACCES);
 }
@@ -62,14 +62,14 @@ T* Allocated(T* pointer) {
   return pointer;
 }
 
-// It may be the file that asks for it.
+// The file itself may cause the request for too much memory.
 void CheckMemory(int code, const std::string& name) {
   if (code == AVERROR(ENOMEM)) {
-    ThrowError("cannot read {}: FFmpeg has not the memory that it asks for", name);
+    ThrowError("cannot read {}: FFmpeg ran out of memory", name);
   }
 }
 
-// Cover art is none.
+// Cover art does not count.
 std::optional<int> FirstVideo(const AVFormatContext& format) {
   constexpr int kNoVideo = AV_DISPOSITION_ATTACHED_PIC | AV_DISPOSITION_TIMED_THUMBNAILS;
   for (int i = 0; i < static_cast<int>(format.nb_streams); ++i) {
@@ -82,14 +82,14 @@ std::optional<int> FirstVideo(const AVFormatContext& format) {
 
 void CheckPixels(int width_px, int height_px, const std::string& name) {
   if (std::int64_t{width_px} * height_px > VideoDecoder::kMaxPixels) {
-    ThrowError("cannot read {}: its frames are {}x{}, and {} pixels are the most: make it smaller",
+    ThrowError("cannot read {}: its frames are {}x{}, but {} pixels are the maximum: scale it down",
                name,
                width_px,
                height_px,
                VideoDecoder::kMaxPixels);
   }
   if (std::max(width_px, height_px) > kMaxPictureSidePx) {
-    ThrowError("cannot read {}: its frames are {}x{}, and {} pixels a side are the most",
+    ThrowError("cannot read {}: its frames are {}x{}, but {} pixels per side are the maximum",
                name,
                width_px,
                height_px,
@@ -102,7 +102,7 @@ double RateOf(AVRational rate) {
   return value >= kLeastFramesPerSecond && value <= kMostFramesPerSecond ? value : 0.0;
 }
 
-// Programs that copy videos spell the key in several ways.
+// Programs that copy videos spell the key differently.
 std::string FocalLengthIn35mmFilmOf(const AVDictionary* metadata) {
   const AVDictionaryEntry* entry = nullptr;
   while ((entry = av_dict_get(metadata, "", entry, AV_DICT_IGNORE_SUFFIX)) != nullptr) {
@@ -117,16 +117,16 @@ std::string FocalLengthIn35mmFilmOf(const AVDictionary* metadata) {
   return {};
 }
 
-// Of a stored pixel, width / height.
+// Width / height of a stored pixel.
 double AspectOf(AVRational told) {
-  constexpr double kNone = 0.02;  // nearer to 1 it is a rounding, of a size that was scaled
+  constexpr double kNone = 0.02;  // nearer to 1 it is the rounding of a scaled size
   constexpr double kMost = 4.0;
   const double aspect = told.num > 0 && told.den > 0 ? av_q2d(told) : 1.0;
   const bool is_told = std::abs(aspect - 1.0) > kNone && aspect <= kMost && aspect >= 1.0 / kMost;
   return is_told ? aspect : 1.0;
 }
 
-// On every stream, also while FFmpeg looks for what they are.
+// Applies to every stream, also while FFmpeg probes them.
 class DecoderOptions {
  public:
   explicit DecoderOptions(unsigned streams) : options_(streams, nullptr) {
@@ -190,9 +190,9 @@ VideoDecoder::VideoDecoder(const std::filesystem::path& file)
       source_{OpenInputDescriptor(file)},
       packet_(Allocated(av_packet_alloc())),
       frame_(Allocated(av_frame_alloc())) {
-  av_log_set_level(AV_LOG_QUIET);  // our errors and warnings say what matters
+  av_log_set_level(AV_LOG_QUIET);  // our own errors and warnings suffice
   if (NamesOtherFiles(source_.file)) {
-    ThrowError("{} is a list of other files: give the video that it names", name_);
+    ThrowError("{} is a list of other files: give the video that it refers to", name_);
   }
   OpenFile();
   OpenStream();
@@ -221,7 +221,7 @@ void VideoDecoder::OpenFile() {
   CheckMemory(opened, name_);
   if (opened >= 0) {
     format_.reset(format);
-    // FFmpeg forgets a size that it does not take.
+    // FFmpeg discards a size that it does not accept.
     if (const auto stream = FirstVideo(*format)) {
       const AVCodecParameters& parameters = *format->streams[*stream]->codecpar;
       CheckPixels(parameters.width, parameters.height, name_);
@@ -239,7 +239,7 @@ void VideoDecoder::OpenFile() {
                name_,
                format_ != nullptr && format_->nb_streams > 0
                    ? "only sound, a cover or text"
-                   : "an MP4 that was cut short has lost its index");
+                   : "a truncated MP4 has lost its index");
   }
 }
 
@@ -262,7 +262,7 @@ void VideoDecoder::OpenStream() {
   CheckMemory(opened, name_);
   if (opened < 0) {
     ThrowError(
-        "cannot open {} as a video: FFmpeg's decoder {} does not take it", name_, decoder->name);
+        "cannot open {} as a video: FFmpeg's decoder {} does not accept it", name_, decoder->name);
   }
 
   frames_per_second_ = RateOf(stream.avg_frame_rate);
@@ -270,8 +270,8 @@ void VideoDecoder::OpenStream() {
   if (frames_per_second_ == 0.0) frames_per_second_ = kDefaultFramesPerSecond;
   if (stream.time_base.den != 0) seconds_per_tick_ = av_q2d(stream.time_base);
 
-  // It maps (x, y) to (a x + c y, b x + d y). Quarter turns are what pictures can be turned by;
-  // others are taken for the nearest.
+  // It maps (x, y) to (a x + c y, b x + d y). Pictures can only be rotated by quarter turns; other
+  // rotations are rounded to the nearest one.
   std::size_t bytes = 0;
   const auto* matrix = reinterpret_cast<const std::int32_t*>(
       av_stream_get_side_data(&stream, AV_PKT_DATA_DISPLAYMATRIX, &bytes));
@@ -307,7 +307,7 @@ bool VideoDecoder::HasOtherStreams() const { return format_->nb_streams > 1; }
 
 double VideoDecoder::SecondsLeft() const {
   if (format_->duration == AV_NOPTS_VALUE) return 0.0;
-  // Some durations count from the first frame's time, others from zero: then less is left.
+  // Some durations count from the first frame's time, others from zero, in which case less remains.
   const double first =
       first_tick_ ? std::max(0.0, static_cast<double>(*first_tick_) * seconds_per_tick_) : 0.0;
   const double end = first + seconds_ + 1.0 / frames_per_second_;
@@ -320,7 +320,7 @@ std::optional<std::size_t> VideoDecoder::PromisedFrames() const {
   const bool may_have_edits =
       std::string_view(format_->iformat->name).find("mp4") != std::string_view::npos;
   if (CountsFrames() && may_have_edits && stream.duration > 0) {
-    // An edit list hides some: of a piece that was cut out without coding it again.
+    // An edit list hides some frames of a clip that was cut out without re-encoding.
     const double seconds = static_cast<double>(stream.duration) * seconds_per_tick_;
     constexpr double kRounding = 0.01;
     frames = std::min(frames, std::floor(seconds * frames_per_second_ + kRounding));
@@ -337,14 +337,14 @@ void VideoDecoder::Send() {
   for (int faults = 0; faults < kMostFaults;) {
     const int read = av_read_frame(format_.get(), packet_.get());
     CheckMemory(read, name_);
-    CheckSource();  // also where FFmpeg goes on: what it has of the packet is not what the file holds
+    CheckSource();  // also if FFmpeg continues: its packet is not what the file contains
     if (read == AVERROR(EAGAIN)) {
       ++faults;
       continue;
     }
     if (read < 0) break;
     const bool ours = packet_->stream_index == stream_;
-    // A packet that is damaged gives no frame.
+    // A damaged packet gives no frame.
     if (ours) CheckMemory(avcodec_send_packet(codec_.get(), packet_.get()), name_);
     av_packet_unref(packet_.get());
     if (ours) return;
@@ -386,7 +386,7 @@ void VideoDecoder::Stamp() {
 
 void VideoDecoder::MakeConverter() {
   const AVFrame& frame = *frame_;
-  // Formats of JPEG's (yuvj420p) are full range by their name.
+  // JPEG's formats (yuvj420p) imply the full range.
   const bool full_range = frame.color_range == AVCOL_RANGE_JPEG;
   if (converter_ && width_px_ == frame.width && height_px_ == frame.height &&
       pixel_format_ == frame.format && full_range_ == full_range) {

@@ -11,9 +11,9 @@
 namespace cohort {
 namespace {
 
-// Headers are often wrong by one frame: in a long clip that is no news. Where they do not count
-// frames, the time tells; but a sound track that outlasts the picture makes them promise up to a
-// second too much.
+// Headers are often wrong by one frame, which is not worth a warning in a long clip. If they do not
+// count frames, the time decides; but a sound track that is longer than the picture makes them
+// promise up to a second too much.
 bool EndsEarly(std::size_t decoded, std::size_t promised, const VideoDecoder& decoder) {
   if (decoder.CountsFrames()) return decoded + 2 <= promised || decoded * 1.02 < promised;
   const double frames_left = decoder.SecondsLeft() * decoder.FramesPerSecond();
@@ -29,17 +29,17 @@ class VideoSequence final : public Sequence {
     focal_guess_ =
         FocalGuessOfVideo(file, decoder_->FocalLengthIn35mmFilm(), {size_.width, size_.height});
     if (const double aspect = decoder_->PixelAspect(); aspect != 1.0) {
-      Warn(fmt::format(
-          "the pixels of {} are not square, {:.3g} times as wide as high: its frames are read "
-          "as {}x{}, of square ones",
-          file_,
-          aspect,
-          size_.width,
-          size_.height));
+      Warn(
+          fmt::format("the pixels of {} are not square but {:.3g} times as wide as high: its "
+                      "frames are read as {}x{} with square pixels",
+                      file_,
+                      aspect,
+                      size_.width,
+                      size_.height));
     }
   }
 
-  // Seeking is not exact in every container: opening again is.
+  // Seeking is not exact in every container, but reopening is.
   void Rewind() override {
     decoder_.emplace(file_);
     if (!source_frames_) source_frames_ = decoder_->PromisedFrames();
@@ -52,7 +52,7 @@ class VideoSequence final : public Sequence {
                  VideoDecoder::kMaxPixels);
     }
     if (!first_) {
-      ThrowError("{} has {} frames, the range starts at frame {}: give an earlier one",
+      ThrowError("{} has {} frames, but the range starts at frame {}: give an earlier one",
                  file_,
                  grabbed_,
                  range_.first);
@@ -101,8 +101,8 @@ class VideoSequence final : public Sequence {
   std::optional<Frame> End() {
     if (source_frames_ && EndsEarly(grabbed_, *source_frames_, *decoder_)) {
       Warn(
-          fmt::format("decoded {} frames of about {}: {} is cut short or damaged, or its header "
-                      "promises too many; the last frame may be incomplete",
+          fmt::format("decoded {} frames of about {}: {} is truncated or damaged, or its header "
+                      "announces too many; the last frame may be incomplete",
                       grabbed_,
                       *source_frames_,
                       file_));
@@ -116,8 +116,8 @@ class VideoSequence final : public Sequence {
   std::string name_;
   FrameRange range_;
   std::optional<VideoDecoder> decoder_;
-  std::optional<std::size_t> source_frames_;  // what the header says, from the end on what is there
-  std::size_t grabbed_ = 0;                   // frames of the source behind us
+  std::optional<std::size_t> source_frames_;  // the header's count; after the end, the actual one
+  std::size_t grabbed_ = 0;                   // frames of the source read so far
   std::size_t next_ = 0;                      // frame of the source that Decode gives next
   std::optional<Frame> first_;                // decoded already when the file was opened
   cv::Size size_;

@@ -12,7 +12,8 @@ constexpr double kFps = 30.0;
 constexpr double kHalfPeriodFrames = 160.0;
 constexpr double kMiddleFrame = 60.0;
 
-// Frames' worth of path after `frame` frames: a triangle wave with rounded corners.
+// The position on the path, in frames at full speed, after `frame` frames: a triangle wave with
+// rounded corners.
 double Travel(double frame) {
   constexpr double kSharpness = 0.985;
   constexpr double kStart = 13.0;  // past the rounded corner: at full speed from the first frame on

@@ -84,7 +84,7 @@ void Canvas::Paint(const Polygon& corners, double reflectance, cv::Point2d slope
                          static_cast<int>(std::ceil(high.y)) + 2);
   const cv::Rect box = cv::Rect(first, last) & cv::Rect(0, 0, image_.cols, image_.rows);
   if (box.empty()) return;
-  std::vector<cv::Point> fixed;  // 4 bits behind the point
+  std::vector<cv::Point> fixed;  // 4 fractional bits
   for (const cv::Point2d& p : corners) {
     fixed.emplace_back(static_cast<int>(std::lround(16.0 * (p.x - box.x))),
                        static_cast<int>(std::lround(16.0 * (p.y - box.y))));

@@ -6,7 +6,7 @@
 namespace cohort {
 namespace {
 
-constexpr double kReach = 0.7;  // how near a thing shades the light from all sides [m]
+constexpr double kReach = 0.7;  // distance within which an object blocks the ambient light [m]
 
 }  // namespace
 
@@ -66,7 +66,7 @@ double Lighting::LightAt(const Patch& patch,
   const Eigen::Vector3d along_s = patch.x_in_world(s + step, t, 0.0) - x;
   const Eigen::Vector3d along_t = patch.x_in_world(s, t + step, 0.0) - x;
   Eigen::Vector3d normal = along_t.cross(along_s).normalized();
-  // The side that is looked at.
+  // The side that faces the viewpoint.
   if (normal.dot(design_.viewpoint.centre - x) < 0.0) normal = -normal;
   const Eigen::Vector3d origin = x + 0.01 * normal;
 

@@ -12,7 +12,7 @@ MipMap::MipMap(const cv::Mat& texture) {
   levels_.emplace_back(texture);
   do {
     cv::Mat half;
-    // Averages areas exactly also where a side is odd: nothing shifts.
+    // Averages areas exactly, also if a side is odd, so that nothing shifts.
     cv::resize(levels_.back().texels,
                half,
                cv::Size((levels_.back().texels.cols + 1) / 2, (levels_.back().texels.rows + 1) / 2),

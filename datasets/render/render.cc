@@ -19,10 +19,10 @@ constexpr double kPictureGamma = 2.2;
 constexpr double kMeanLight = 0.2;  // of the first frame
 constexpr int kSamples = 9;
 
-// Sample k of a pixel, from its centre [px]: nine rooks, point-symmetric, no two in one row or
-// column, so that upright and level edges get nine shades too; dense in the middle and thin towards
-// the neighbours' centres (a tent, two pixels wide), as a lens and a pixel's area see. That leaves
-// little above the Nyquist frequency.
+// Sample k of a pixel, from its centre [px]: a point-symmetric pattern with no two samples in one
+// row or column, so that vertical and horizontal edges get nine shades too. It is dense in the
+// middle and sparse towards the neighbours' centres (a tent, two pixels wide), like the response of
+// a lens and a pixel's area, which leaves little above the Nyquist frequency.
 Eigen::Vector2d SampleOffset(int k) {
   const auto tent = [](int place) {  // 0 .. 8, quantiles of the tent
     const double u = (place + 0.5) / kSamples;
@@ -38,7 +38,7 @@ struct FrameTriangle {
   Eigen::Vector3d t;
 };
 
-// What the rows may show, as it stands at one time.
+// The triangles that the rows may show, at their positions at one time.
 std::vector<FrameTriangle> ProjectScene(const SyntheticScene& scene,
                                         double frame,
                                         const cv::Range& rows) {
@@ -67,7 +67,7 @@ std::vector<FrameTriangle> ProjectScene(const SyntheticScene& scene,
   return result;
 }
 
-// The rows that are exposed at one time: all, or each by itself.
+// The rows that are exposed at the same time: all, or each separately.
 std::vector<cv::Range> RowsAtOnce(int height, bool rolling) {
   if (!rolling) return {cv::Range(0, height)};
   std::vector<cv::Range> rows;
@@ -75,7 +75,7 @@ std::vector<cv::Range> RowsAtOnce(int height, bool rolling) {
   return rows;
 }
 
-// What is seen at every pixel's sample.
+// What one sample of every pixel sees.
 struct Visibility {
   cv::Mat inverse_depth;  // CV_32FC1, 0: nothing
   cv::Mat triangle;       // CV_32SC1
@@ -128,7 +128,7 @@ void Rasterize(const std::vector<FrameTriangle>& triangles,
   }
 }
 
-// Adds the textures' values where they are seen.
+// Adds the textures' values at the visible surfaces.
 void Shade(const std::vector<FrameTriangle>& triangles,
            const std::vector<MipMap>& textures,
            const Eigen::Vector2d& offset,
@@ -149,7 +149,7 @@ void Shade(const std::vector<FrameTriangle>& triangles,
       const double depth = 1.0 / (q.x() * px + q.y() * py + q.z());
       const double s = depth * (triangle.s.x() * px + triangle.s.y() * py + triangle.s.z());
       const double t = depth * (triangle.t.x() * px + triangle.t.y() * py + triangle.t.z());
-      // Texels a pixel, along both axes of the picture.
+      // Texels per pixel, along both axes of the picture.
       const float w = texture.width() * static_cast<float>(depth);
       const float h = texture.height() * static_cast<float>(depth);
       const float sx = w * static_cast<float>(triangle.s.x() - s * q.x());
@@ -158,8 +158,8 @@ void Shade(const std::vector<FrameTriangle>& triangles,
       const float ty = h * static_cast<float>(triangle.t.y() - t * q.y());
       const float longest2 = std::max(sx * sx + tx * tx, sy * sy + ty * ty);
       const float area = std::abs(sx * ty - sy * tx);
-      // Nine samples look at half the pixel's width each; where the footprint is long and narrow
-      // they share its length.
+      // Each of the nine samples covers half the pixel's width; if the footprint is long and
+      // narrow, they share its length.
       const float footprint2 = std::max(area * area / (longest2 + 1e-12F), longest2 / 16.0F);
       const float lod = 0.5F * std::log2(1.3F * footprint2 + 1e-12F);
       out[x] += texture.Sample(static_cast<float>(s), static_cast<float>(t), lod);
@@ -183,7 +183,7 @@ Renderer::Renderer(const SyntheticScene& scene, unsigned threads) : scene_(scene
     cv::multiply(drawn[i], cv::max(light, 0.03), drawn[i]);
   });
   for (cv::Mat& texture : drawn) textures_.emplace_back(std::move(texture));
-  // Without the shutter's roll: the same exposure whatever the readout.
+  // Without the rolling shutter, so that the exposure does not depend on the readout.
   const double mean = cv::mean(LightOf(0.0, false))[0];
   if (mean > 0.0) exposure_ = kMeanLight / mean;
 }

@@ -281,7 +281,7 @@ SceneDesign SceneBuilder::Finish() {
       for (int i = 0; i <= 64; ++i) {
         const int row = i / 8;
         const Vector3d x = patch.x_in_world((i % 8) / 7.0, row / 8.0, 0.0) - eye;
-        // Inside the field of view, as far as that can be said for every motion.
+        // Inside the field of view, as far as this holds for every motion.
         if (x.z() < 0.5 || std::abs(x.x()) > 0.9 * x.z() || std::abs(x.y()) > 0.7 * x.z()) continue;
         nearest = std::min(nearest, x.norm());
       }

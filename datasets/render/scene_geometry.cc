@@ -13,7 +13,7 @@ namespace {
 constexpr double kNearest = 0.02;  // [m]
 constexpr int kTilePx = 16;
 constexpr int kTileMarginPx = 64;
-constexpr double kRollingMarginPx = 4.0;  // by which a way within a frame may be bent
+constexpr double kRollingMarginPx = 4.0;  // by which a path within a frame may be curved
 
 Camera PinholeCamera(const SyntheticSceneOptions& options) {
   Camera camera;
@@ -152,8 +152,8 @@ std::optional<ProjectedTriangle> SceneMoment::Project(std::size_t triangle,
   return ProjectTriangle(scene_->camera(), corners);
 }
 
-// Into the tiles that the triangle touches. With a rolling shutter: at any time of the frame; it
-// moves on an almost straight way meanwhile, so that a few times and a margin tell.
+// Adds it to the tiles that the triangle touches, with a rolling shutter at any time of the frame.
+// Its path within a frame is almost straight, so a few times and a margin suffice.
 void SceneMoment::AddCandidate(std::size_t triangle) {
   std::array<Eigen::Vector3d, 3> corners;
   for (std::size_t k = 0; k < 3; ++k) {

@@ -67,7 +67,7 @@ void CorridorSide(SceneBuilder& b, double side) {
     const double h = b.Uniform(0.5, 0.8);
     const double top = b.Uniform(-0.7, -0.4);
     b.Quad({wall - 0.03 * side, top, z + 1.05}, w * right, {0, h, 0}, Material::kPoster);
-    // Pillars before the wall.
+    // Pillars in front of the wall.
     b.Box({wall - 0.1 * side, 1.4, z - 0.55 + (side > 0 ? 0.3 : 0.0)},
           {0.2, 2.65, 0.3},
           0.0,

@@ -59,7 +59,7 @@ void StreetFurniture(SceneBuilder& b) {
   b.Box({-1.55, 1.72, 3.2}, {0.5, b.Uniform(0.6, 0.8), 0.5}, 0.5, Material::kPoster);
 }
 
-// Where the front of the house is: it is not quite square to the camera's path.
+// The position of the front of the house, which is not quite parallel to the camera's path.
 struct FacadeWall {
   double slant;
 
@@ -109,7 +109,7 @@ void FacadeColumn(SceneBuilder& b, const FacadeWall& wall, int column) {
   }
 }
 
-// Planters and boards before it.
+// Planters and boards in front of it.
 void FacadeForeground(SceneBuilder& b) {
   for (int i = 0; i < 5; ++i) {
     const double x = -3.4 + 1.7 * i + b.Uniform(-0.2, 0.2);
@@ -151,7 +151,7 @@ void BuildStreet(SceneBuilder& b) {
     z_left += length_left;
     z_right += length_right;
   }
-  // The end of the street: a house across, trees before it.
+  // The end of the street: a house across it, with trees in front.
   b.Quad({-6, -3.6, 12.8}, {12, 0, 0}, {0, 5.4, 0}, Material::kBricks, 1.3);
   for (int column = 0; column < 5; ++column) {
     for (int row = 0; row < 2; ++row) {

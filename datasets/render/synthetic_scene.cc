@@ -21,7 +21,7 @@
 namespace cohort {
 namespace {
 
-// Raise it when the same options give another scene.
+// Increase it when the same options give another scene.
 constexpr int kSceneVersion = 2;
 constexpr std::int64_t kFramesPerSecond = 30;
 
@@ -33,9 +33,9 @@ Enum ChoiceNamed(const ChoiceNames<Enum, N>& names, const std::string& text) {
 
 int Integer(const nlohmann::json& file, const char* key) {
   const nlohmann::json& value = file.at(key);
-  // As a wide number first: get<int> would cut it.
+  // Converted to a wide number first, because get<int> would truncate it.
   const auto wide = value.is_number_integer() ? value.get<double>() : -1e300;
-  if (!(std::abs(wide) <= std::numeric_limits<int>::max())) ThrowError("{} is no count", key);
+  if (!(std::abs(wide) <= std::numeric_limits<int>::max())) ThrowError("{} is not a count", key);
   return static_cast<int>(wide);
 }
 
@@ -101,7 +101,8 @@ int SceneFile::FrameOf(FrameIndex i) const {
   const std::int64_t frame = first_frame + std::int64_t{ToInt(i)} * frame_step;
   if (frame > kMostFrame) {
     ThrowError(
-        "frame {} of the clip is frame {} of its scene, and {} is the last: is scene.json its?",
+        "frame {} of the clip is frame {} of its scene, but {} is the last: check that scene.json "
+        "belongs to the clip",
         ToInt(i),
         frame,
         kMostFrame);
@@ -117,8 +118,8 @@ std::optional<SceneFile> ReadSceneFile(const std::filesystem::path& folder) {
     const auto file = ParseWithoutTwins<nlohmann::json>(ReadBytes(path, kMaxBytes));
     if (const int version = Integer(file, "version"); version != kSceneVersion) {
       ThrowError(
-          "it is of version {}, this renderer of {}: render the scene again, or use the cohort "
-          "that did",
+          "it has version {}, but this renderer has version {}: render the scene again, or use the "
+          "version of cohort that rendered it",
           version,
           kSceneVersion);
     }
@@ -129,12 +130,12 @@ std::optional<SceneFile> ReadSceneFile(const std::filesystem::path& folder) {
     scene.options.width_px = Integer(file, "width_px");
     scene.options.height_px = Integer(file, "height_px");
     scene.options.focal_px = file.at("focal_px").get<double>();
-    scene.options.readout = file.value("readout", 0.0);  // not there: a global shutter
+    scene.options.readout = file.value("readout", 0.0);  // missing: a global shutter
     const auto seed = file.at("seed").get<std::string>();
     const char* const end = seed.data() + seed.size();
     const auto [stop, fault] = std::from_chars(seed.data(), end, scene.options.seed);
     if (fault != std::errc() || stop != end) {
-      ThrowError("seed '{}' is no number", seed);
+      ThrowError("seed '{}' is not a number", seed);
     }
     scene.first_frame = Integer(file, "first_frame");
     scene.frame_step = Integer(file, "frame_step");
@@ -148,7 +149,7 @@ std::optional<SceneFile> ReadSceneFile(const std::filesystem::path& folder) {
     }
     return scene;
   } catch (const nlohmann::json::parse_error& e) {
-    ThrowError("cannot use {}: it is no JSON (byte {})", path.string(), e.byte);
+    ThrowError("cannot use {}: it is not valid JSON (byte {})", path.string(), e.byte);
   } catch (const std::exception& e) {
     ThrowError("cannot use {}: {}", path.string(), e.what());
   }

@@ -40,33 +40,38 @@ struct SyntheticSceneOptions {
     v.Choice("scene",
              o.scene,
              kSceneNames,
-             "What to render: in bodies several boxes move, in cloth one surface deforms, "
-             "the others are rigid.",
+             "The scene to render: in bodies several boxes move, in cloth one surface deforms; the "
+             "others are rigid.",
              Tier::kCommon);
-    v.Choice("motion", o.motion, kMotionNames, "How the hand-held camera moves.", Tier::kCommon);
-    v.Number(
-        "frames", o.frames, 1, 100000, "How many frames to render, at 30 a second.", Tier::kCommon);
+    v.Choice(
+        "motion", o.motion, kMotionNames, "The motion of the hand-held camera.", Tier::kCommon);
+    v.Number("frames",
+             o.frames,
+             1,
+             100000,
+             "The number of frames to render, at 30 frames per second.",
+             Tier::kCommon);
     v.Number("width_px", o.width_px, 64, 8192, "The width of the pictures [px].", Tier::kCommon);
     v.Number("height_px", o.height_px, 64, 8192, "The height of the pictures [px].", Tier::kCommon);
     v.Number("focal_px",
              o.focal_px,
              50.0,
              20000.0,
-             "The focal length [px]; a longer one sees less of the scene, but larger.",
+             "The focal length [px]; a longer one shows less of the scene, but larger.",
              Tier::kCommon);
     v.Number("readout",
              o.readout,
              0.0,
              1.0,
-             "Rolling shutter: the share of the time between frames that passes from the first "
-             "row's exposure to the last one's, some 0.5 to 0.9 for phones; the true pose of a "
-             "frame is that of its middle row. 0: all rows at once.",
+             "The readout of a rolling shutter: the time from the first row's exposure to the last "
+             "one's, as a share of the time between frames, about 0.5 to 0.9 for phones. The true "
+             "pose of a frame is that of its middle row. 0: a global shutter.",
              Tier::kCommon);
     v.Number("seed",
              o.seed,
              0U,
              4294967295U,
-             "The seed of layout, textures and the shake of the hand; another seed gives "
+             "The seed of the layout, the textures and the camera shake; another seed gives "
              "another clip.",
              Tier::kCommon);
   }

@@ -248,7 +248,7 @@ void Window(Canvas& c) {
     const int row = i / columns;
     const double y = frame + h * row;
     c.Paint(Canvas::Rectangle(x, y, w - frame, h - frame), 0.07, {0.4 / w, -1.2 / h});
-    // What stands behind the glass, and a curtain.
+    // Objects behind the glass, and a curtain.
     for (int k = 0; k < 3; ++k) {
       const double px = x + c.Uniform(0.0, 0.6) * (w - frame);
       const double py = y + c.Uniform(0.2, 0.7) * (h - frame);
@@ -357,7 +357,7 @@ PaintMaterial Recipe(Material material) {
 cv::Mat MakeTexture(const TextureSpec& spec, RandomStream random) {
   Canvas canvas(spec, random);
   Recipe(spec.material)(canvas);
-  // Spread about a middle grey, to the contrast of photographs.
+  // Stretched about a middle grey to the contrast of photographs.
   constexpr double kContrast = 1.3;
   const double middle = std::log(0.2);
   cv::Mat reflectance = kContrast * (canvas.image() - middle) + middle;

@@ -12,7 +12,7 @@ namespace {
 
 constexpr double kRoundingVariance = 1.0 / (12.0 * 255.0 * 255.0);
 
-// sum_k w_k w_(k + d) of the kernel that cv::GaussianBlur takes for pictures of floats.
+// sum_k w_k w_(k + d) of the kernel that cv::GaussianBlur uses for float pictures.
 std::vector<double> Autocorrelation(double sigma_px, int longest) {
   std::vector<double> result(static_cast<std::size_t>(longest) + 1, 0.0);
   result[0] = 1.0;
@@ -36,15 +36,15 @@ std::vector<double> Autocorrelation(double sigma_px, int longest) {
 //           blur's kernel; so the noise that is blurred with the picture counts with its exact
 //           correlation, not as white noise of some effective size
 //   sensor  C_ii = v_i = shot s_i + read in linear light, where noise is independent; the variance
-//           tells of the signal too: F has 1 / v + shot^2 / (2 v^2) in place of 1 / v
+//           depends on the signal too, so F has 1 / v + shot^2 / (2 v^2) instead of 1 / v
 // q^2 = 1 / (12 255^2): the rounding to 8 bits.
 PositionBound::PositionBound(const DegradeOptions& options, int window_px)
     : recipe_(options.recipe), half_px_(window_px / 2) {
-  Check(recipe_ != DegradeRecipe::kPhone, "the noise that a phone leaves is not known");
+  Check(recipe_ != DegradeRecipe::kPhone, "the noise of a phone's video is unknown");
   if (recipe_ == DegradeRecipe::kSensor) {
     const SensorLevel level = SensorLevelAt(options.level, options.light);
     shot_ = level.shot;
-    // Rounding happens behind digital gain and gamma; in linear light it is least where it is dark.
+    // Rounding happens after digital gain and gamma; in linear light it is smallest in the dark.
     read_ = level.read;
     return;
   }

@@ -14,8 +14,8 @@
 namespace cohort {
 namespace {
 
-// What was read or computed for a frame, kept for the next track that passes. Emptied when it holds
-// many frames: tracks of a long clip come in the order of their births.
+// Caches the data of a frame for the next track in it. It is emptied when it holds many frames: the
+// tracks of a long clip come in the order of their births.
 template <typename T>
 class FrameCache {
  public:
@@ -52,8 +52,8 @@ class OccluderMasks {
   FrameCache<std::optional<cv::Mat>> masks_;
 };
 
-// Inverse depth is linear on a plane, whatever its slope: a jump shows as a second difference of
-// more than `jump` of it. 0 is unknown.
+// Inverse depth is linear on a plane of any slope, so a jump appears as a second difference of more
+// than the share `jump` of it. 0 is unknown.
 template <typename InverseDepthAt>
 bool JumpsAround(const Eigen::Vector2d& xy,
                  double radius_px,
@@ -108,7 +108,7 @@ class SceneTruth final : public TrackTruth {
 
   bool IsOnDepthEdge(FrameIndex frame, const Eigen::Vector2d& xy, double radius_px) override {
     const SceneMoment& moment = MomentAt(frame);
-    // Nothing at all is as far as can be.
+    // A pixel without any surface counts as infinitely far.
     return JumpsAround(xy, radius_px, 0.02, [&](long x, long y) {
       return std::max(1e-9, moment.InverseDepth(Eigen::Vector2d(x, y)));
     });
@@ -165,7 +165,8 @@ class DepthTruth final : public TrackTruth {
   }
 
  private:
-  static constexpr double kUnitsPerMetre = 5000.0;  // as TUM's files: nothing is lost in 16 bits
+  // As in TUM's files, so that 16 bits lose nothing.
+  static constexpr double kUnitsPerMetre = 5000.0;
 
   const cv::Mat& UnitsAt(FrameIndex frame) {
     return depths_.Get(frame, [&] {
@@ -203,27 +204,28 @@ class DepthTruth final : public TrackTruth {
   OccluderMasks masks_;
 };
 
-// None where they come from elsewhere than files.
+// Empty if they do not come from files.
 cv::Size SizeOfPictures(const Sequence& sequence) {
   if (const auto camera = sequence.KnownCamera()) return {camera->width_px, camera->height_px};
   const std::vector<std::filesystem::path> files = sequence.Files();
   return files.empty() ? cv::Size() : ReadImage(files.back()).size();
 }
 
-// A scene.json that was copied beside other pictures would tell of positions that none of them has.
+// A scene.json that was copied beside other pictures would give wrong positions.
 void CheckSize(const SceneFile& scene,
                const Sequence& sequence,
                const std::filesystem::path& folder) {
   const cv::Size size = SizeOfPictures(sequence);
   const SyntheticSceneOptions& made = scene.options;
   if (size.empty() || size == cv::Size(made.width_px, made.height_px)) return;
-  ThrowError("{} is of a scene of {}x{}, the pictures of {} are {}x{}: it is not theirs",
-             (folder / "scene.json").string(),
-             made.width_px,
-             made.height_px,
-             sequence.Name(),
-             size.width,
-             size.height);
+  ThrowError(
+      "{} describes a scene of {}x{}, but the pictures of {} are {}x{}: it belongs to another clip",
+      (folder / "scene.json").string(),
+      made.width_px,
+      made.height_px,
+      sequence.Name(),
+      size.width,
+      size.height);
 }
 
 }  // namespace

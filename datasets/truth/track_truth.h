@@ -34,7 +34,7 @@ class TrackTruth {
   // Returns nullopt in a frame without a true pose, and behind the camera.
   virtual std::optional<TruePosition> Locate(const Anchor& anchor, FrameIndex frame) = 0;
   // Whether the depth jumps within `radius_px` of a pixel. Corners there are often not scene
-  // points: a near edge crosses a far one. Steep surfaces and creases are no jumps. Unknown depth
+  // points: a near edge crosses a far one. Steep surfaces and creases are not jumps. Unknown depth
   // counts as a jump.
   virtual bool IsOnDepthEdge(FrameIndex frame, const Eigen::Vector2d& xy, double radius_px) = 0;
 };

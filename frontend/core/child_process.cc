@@ -24,7 +24,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// The environment with Qt kept from looking for a display.
+// The environment, with Qt prevented from looking for a display.
 std::vector<std::string> ChildEnvironment() {
   std::vector<std::string> result;
   for (char** entry = environ; *entry != nullptr; ++entry) {
@@ -42,7 +42,7 @@ std::vector<char*> Pointers(std::vector<std::string>& texts) {
   return pointers;
 }
 
-// Where the end of children is ignored (SIGCHLD), as job runners have it, how one ended is not told.
+// While SIGCHLD is ignored, as under some job runners, the exit status of a child is not available.
 class EndIsTold {
  public:
   EndIsTold() {
@@ -59,10 +59,10 @@ class EndIsTold {
   struct sigaction before_ {};
 };
 
-// When a program is killed.
+// The limits beyond which a program is killed.
 struct Limits {
   std::chrono::duration<double> time;  // zero: never
-  off_t output_bytes;                  // of a file that it prints into
+  off_t output_bytes;                  // of a file into which it prints
 };
 
 off_t BytesIn(int output) {
@@ -70,8 +70,8 @@ off_t BytesIn(int output) {
   return fstat(output, &status) == 0 && S_ISREG(status.st_mode) ? status.st_size : 0;
 }
 
-// Waits for the child's end; kills it at its limits, or where the check of an interruption throws.
-// Looks up to 20 times a second, more often at first: most calls are short.
+// Waits for the child's end; kills it at its limits, or if the check for interruptions throws.
+// Polls up to 20 times a second, more often at first, because most calls are short.
 ProgramEnd WaitFor(pid_t child, int output, const Limits& limits) {
   const auto start = std::chrono::steady_clock::now();
   const off_t before = BytesIn(output);
@@ -117,7 +117,7 @@ ProgramEnd RunWithin(const Limits& limits,
   const std::vector<char*> argv = Pointers(arguments);
   const std::vector<char*> envp = Pointers(environment);
   const Descriptor null(open("/dev/null", O_RDONLY | O_CLOEXEC));
-  int pipe_ends[2];  // tells that exec failed; closed by an exec that succeeds
+  int pipe_ends[2];  // reports that exec failed; closed by a successful exec
   if (null.get() < 0 || pipe2(pipe_ends, O_CLOEXEC) != 0) {
     ThrowError("cannot run {}: {}", program.string(), std::strerror(errno));
   }
@@ -128,11 +128,11 @@ ProgramEnd RunWithin(const Limits& limits,
   const pid_t child = fork();
   if (child < 0) ThrowError("cannot run {}: {}", program.string(), std::strerror(errno));
   if (child == 0) {
-    // Only calls that are safe after fork in a program with threads.
+    // Only calls that are safe after a fork in a multi-threaded program.
     prctl(PR_SET_PDEATHSIG, SIGKILL);
-    signal(SIGPIPE, SIG_DFL);  // we ignore it, others count on it
+    signal(SIGPIPE, SIG_DFL);  // we ignore it, but other programs rely on it
     signal(SIGXFSZ, SIG_DFL);
-    if (getppid() != parent) _exit(127);  // it died before the line above
+    if (getppid() != parent) _exit(127);  // the parent died before the prctl above
     dup2(null.get(), STDIN_FILENO);
     dup2(output, STDOUT_FILENO);
     dup2(output, STDERR_FILENO);
@@ -166,7 +166,7 @@ std::string ProgramEnd::Brief() const {
 
 std::optional<fs::path> FindProgram(const std::string& program) {
   const auto usable = [](const fs::path& path) {
-    std::error_code ignored;  // of a folder that may not be entered, as another user's
+    std::error_code ignored;  // of a folder without permission, such as another user's
     return fs::is_regular_file(path, ignored) && access(path.c_str(), X_OK) == 0;
   };
   if (program.find('/') != std::string::npos) {
@@ -193,8 +193,8 @@ ProgramOutput RunProgramForText(const fs::path& program,
                                 std::chrono::duration<double> time_limit) {
   const std::unique_ptr<std::FILE, int (*)(std::FILE*)> file(std::tmpfile(), &std::fclose);
   if (file == nullptr) ThrowError("cannot make a temporary file: {}", std::strerror(errno));
-  // The child has copies of it, as 1 and 2: where it is one of those, as Python's may be, it would be
-  // closed there.
+  // The child gets copies of it as 1 and 2. If it were one of those itself, as is possible in
+  // Python, it would be closed there.
   const Descriptor output(fcntl(fileno(file.get()), F_DUPFD_CLOEXEC, STDERR_FILENO + 1));
   fcntl(fileno(file.get()), F_SETFD, FD_CLOEXEC);
   if (output.get() < 0) ThrowError("cannot run {}: {}", program.string(), std::strerror(errno));

@@ -32,9 +32,10 @@ class JsonScan {
     constexpr std::size_t kStepBytes = 16;  // keys may differ in their last letter alone
     std::set<std::string>& keys = keys_.back();
     steps_ += keys.size() * (1 + name.size() / kStepBytes);
-    if (steps_ > kMostSteps) ThrowError("objects have too many keys, as {}", Json(name).dump());
+    if (steps_ > kMostSteps)
+      ThrowError("objects have too many keys, such as {}", Json(name).dump());
     if (!keys.insert(name).second) {
-      ThrowError("key {} stands twice in one object: leave one", Json(name).dump());
+      ThrowError("key {} occurs twice in one object: keep one", Json(name).dump());
     }
     return true;
   }
@@ -46,7 +47,7 @@ class JsonScan {
  private:
   bool Open() {
     constexpr std::size_t kMostDeep = 100;
-    if (keys_.size() == kMostDeep) ThrowError("it is more than {} levels deep", kMostDeep);
+    if (keys_.size() == kMostDeep) ThrowError("it is nested more than {} levels deep", kMostDeep);
     keys_.emplace_back();
     return true;
   }

@@ -12,18 +12,18 @@
 namespace cohort {
 namespace {
 
-// Cells of the grid over which corners are spread; each gets an equal share. Square
-// ones where the picture is 4 by 3.
+// Cells of the grid over which corners are spread; each gets an equal share. The cells are square
+// in a 4:3 picture.
 constexpr int kGridColumns = 8;
 constexpr int kGridRows = 6;
-// Least corner strength, as a share of the frame's strongest: goodFeaturesToTrack's usual value. The
-// strongest counts for so many times what the cells of the grid have, by their upper quartile, at
-// most: one lamp by night took nearly all corners from the rest. On ten real clips it was 1.4 to
-// 22 times that, in a night video of a street 110 to 450 times.
+// Minimum corner strength, as a share of the frame's strongest corner: goodFeaturesToTrack's usual
+// value. The strongest is limited to kMostOfCells times the upper quartile of the cells' strongest
+// corners, because a single lamp at night suppressed nearly all other corners. On ten real clips
+// the ratio was 1.4 to 22, in a night video of a street 110 to 450.
 constexpr double kQuality = 0.01;
 constexpr double kMostOfCells = 20.0;
-// Gaussian blur before detection, and the side of the corner detector's window [px]. Chosen by eye
-// on the tuning clips.
+// Gaussian blur before detection, and the side of the corner detector's window [px]. Tuned on the
+// tuning clips.
 constexpr double kDenoiseSigmaPx = 1.5;
 constexpr int kBlockPx = 7;
 
@@ -33,8 +33,8 @@ struct Candidate {
   int y;
 };
 
-// Which positions are taken: a picture of discs would cost more than a bucket grid for few
-// features, and the same for many.
+// The occupied positions. A bucket grid is faster than a picture of discs for few features, and as
+// fast for many.
 class OccupiedGrid {
  public:
   OccupiedGrid(int width, int height, double radius_px)
@@ -73,7 +73,7 @@ class OccupiedGrid {
   std::vector<std::vector<Eigen::Vector2d>> cells_;
 };
 
-// The value that a share `q` of the pixels stays below, from every second pixel and row.
+// The q-quantile of the values, from every second pixel and row.
 float Quantile(const cv::Mat& values, int border, double q) {
   std::vector<float> sample;
   for (int y = border; y < values.rows - border; y += 2) {
@@ -86,11 +86,11 @@ float Quantile(const cv::Mat& values, int border, double q) {
   return *at;
 }
 
-// The median corner strength that the noise of a picture has alone. Two views of it, of which the
-// lower counts, because the scene's texture only adds to either:
+// The median corner strength of a picture's noise alone, as the lower of two estimates, because the
+// scene's texture only increases either:
 // - flat areas: a tenth of the pixels of most pictures; the tenth percentile of the strength of
 //   noise is 0.47 of its median;
-// - the finest detail, which lenses do not pass but sensors add: the median response to the
+// - the finest detail, which lenses do not resolve but sensors add: the median response to the
 //   difference of two Laplacians (Immerkaer 1996) is 0.67 of its deviation, which is 6 sigma. White
 //   noise blurred by b px has gradients of variance sigma^2 / (8 pi b^4), and the strength of it is
 //   4 times (the scale of cornerMinEigenVal) 0.39 (the smaller eigenvalue's share). Noise that was
@@ -121,8 +121,8 @@ std::size_t CellOf(double x, double y, const cv::Size& size) {
   return static_cast<std::size_t>(row) * kGridColumns + column;
 }
 
-// What counts as a picture's strongest, of the strongest in its cells; those that show nothing beyond
-// the noise, or a blank ground, do not count.
+// The strength that counts as a picture's strongest, from the strongest corners of its cells. Cells
+// that show only noise or a blank ground do not count.
 float Strongest(std::vector<float> of_cells, float noise) {
   constexpr float kBlank = 1e-5F;  // of the strongest
   const float strongest = *std::max_element(of_cells.begin(), of_cells.end());
@@ -133,7 +133,7 @@ float Strongest(std::vector<float> of_cells, float noise) {
   return std::min(strongest, static_cast<float>(kMostOfCells) * *quartile);
 }
 
-// Local maxima of 3 x 3 that stand out of the picture and of its noise, the strongest first.
+// Local maxima of 3 x 3 that stand out from the picture and from its noise, the strongest first.
 std::vector<Candidate> StrongestFirst(const cv::Mat& gray,
                                       const cv::Mat& strength,
                                       const cv::Mat& mask,
@@ -151,7 +151,7 @@ std::vector<Candidate> StrongestFirst(const cv::Mat& gray,
       const float s = row[x];
       float& strongest = strongest_of[CellOf(x, y, strength.size())];
       strongest = std::max(strongest, s);
-      // ">=" on one side and ">" on the other: of equal neighbours one remains.
+      // ">=" on one side and ">" on the other, so that one of several equal neighbours remains.
       if (s > row[x - 1] && s >= row[x + 1] && s > above[x - 1] && s > above[x] &&
           s > above[x + 1] && s >= below[x - 1] && s >= below[x] && s >= below[x + 1]) {
         candidates.push_back({s, x, y});
@@ -170,7 +170,7 @@ std::vector<Candidate> StrongestFirst(const cv::Mat& gray,
   return candidates;
 }
 
-// To sub-pixel.
+// The position refined to sub-pixel accuracy.
 Eigen::Vector2d Refined(const Candidate& c, const cv::Mat& strength) {
   const auto at = [&](int x, int y) { return strength.at<float>(y, x); };
   return {c.x + ParabolaPeak(at(c.x - 1, c.y), c.strength, at(c.x + 1, c.y)),
@@ -190,10 +190,10 @@ std::vector<Eigen::Vector2d> DetectCorners(const cv::Mat& gray,
   std::vector<Eigen::Vector2d> corners;
   const int width = gray.cols;
   const int height = gray.rows;
-  // Nor would OpenCV's filters take a picture narrower than they are.
+  // OpenCV's filters do not accept a picture narrower than they are either.
   if (max_new <= 0 || std::min(width, height) <= 2 * border_px) return corners;
 
-  cv::Mat denoised;  // a buffer of its own: `gray` is still to be tracked in
+  cv::Mat denoised;  // a separate buffer, since `gray` is still needed for tracking
   cv::GaussianBlur(gray, denoised, cv::Size(0, 0), kDenoiseSigmaPx);
   cv::Mat strength;
   cv::cornerMinEigenVal(denoised, strength, kBlockPx, 3);
@@ -213,14 +213,14 @@ std::vector<Eigen::Vector2d> DetectCorners(const cv::Mat& gray,
   const int share = (options.max_features + columns * rows - 1) / (columns * rows);
   const auto wanted = static_cast<std::size_t>(max_new);
 
-  // First every cell's share, then the strongest of what is left.
+  // First every cell's share, then the strongest of the remaining corners.
   for (const bool limited : {true, false}) {
     for (const Candidate& c : candidates) {
       if (corners.size() >= wanted) return corners;
       int& count = in_cell[cell_of(c.x, c.y)];
       if (limited && count >= share) continue;
       const Eigen::Vector2d xy = Refined(c, strength);
-      if (!taken.IsFree(xy)) continue;  // in the second pass: also what the first took
+      if (!taken.IsFree(xy)) continue;  // in the second pass, also those taken in the first
       taken.Add(xy);
       corners.push_back(xy);
       ++count;

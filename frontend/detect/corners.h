@@ -22,21 +22,26 @@ struct DetectorOptions {
              o.max_features,
              1,
              100000,
-             "How many features are alive at a time. More features give better cameras and "
-             "more points; the time grows in proportion.",
+             "The maximum number of features tracked at a time. More features give better cameras "
+             "and more points; the time grows in proportion.",
              Tier::kCommon);
     v.Number("min_over_noise",
              o.min_over_noise,
              0.0,
              1e6,
-             "least corner strength, as a multiple of what the picture's noise alone has");
-    v.Number("min_distance_px", o.min_distance_px, 1.0, 1000.0, "between features [px]");
+             "minimum corner strength, as a multiple of the strength that the picture's noise "
+             "alone has");
+    v.Number("min_distance_px",
+             o.min_distance_px,
+             1.0,
+             1000.0,
+             "minimum distance between features [px]");
     v.Number(
         "redetect_below",
         o.redetect_below,
         0.0,
         1.0,
-        "new corners are sought when the features alive fall below this share of max_features");
+        "share of max_features below which the number of live features triggers a new detection");
   }
 };
 

@@ -13,7 +13,7 @@ namespace {
 constexpr int kMostStride = RoundUpToLanes(kMaxPatchSide);
 constexpr int kMostFloats = kMaxPatchSide * kMostStride;
 
-// The template in rows of whole lanes, and the picture at x, with what is asked of it.
+// The template in rows of whole lanes, and the picture at x with its derivatives if requested.
 struct Patches {
   int n = 0;
   int stride = 0;
@@ -22,7 +22,7 @@ struct Patches {
   alignas(32) float dx[kMostFloats];
   alignas(32) float dy[kMostFloats];
 
-  // cppcheck-suppress uninitMemberVar; Sample fills them, and zeroes before would take time
+  // cppcheck-suppress uninitMemberVar; Sample fills them, and initialising them would take time
   Patches(std::span<const float> rows, int side) : n(side), stride(RoundUpToLanes(side)) {
     Check(static_cast<int>(rows.size()) == n * n && n <= kMaxPatchSide, "patch is n x n");
     for (int r = 0; r < n; ++r) {
@@ -37,7 +37,7 @@ struct Patches {
     SamplePatchWithGradientInLanes(picture, x.x(), x.y(), n, values, dx, dy, stride);
   }
 
-  // Of eight pixels, 0 behind the row: picture - template.
+  // Picture - template of eight pixels, 0 beyond the end of the row.
   COHORT_LANES_INLINE FloatLanes Residual(int at, const IntLanes& inside) const {
     return Masked(LoadLanes(values + at) - LoadLanes(patch + at), inside);
   }

@@ -12,8 +12,8 @@ namespace {
 
 constexpr double kMaxAngle = 89.0 / 180.0 * std::numbers::pi;  // of a ray with the axis
 
-// n_d of n without k3 to k6, and its Jacobian by n. What it computes keeps its bits: with the
-// formula of Distort, sums would be rounded in another order.
+// n_d of n without k3 to k6, and its Jacobian by n. It keeps previous results bit for bit: the
+// formula of Distort would round the sums in another order.
 Eigen::Vector2d DistortByFour(const Camera& camera,
                               const Eigen::Vector2d& n,
                               Eigen::Matrix2d* jacobian) {
@@ -38,7 +38,7 @@ Eigen::Vector2d UndistortByFour(const Camera& camera, const Eigen::Vector2d& dis
     Eigen::Matrix2d jacobian;
     const Eigen::Vector2d error = DistortByFour(camera, n, &jacobian) - distorted;
     if (error.norm() < 1e-12) break;
-    // Newton where the model is invertible, the fixed point elsewhere (far outside the image).
+    // Newton's step if the model is invertible, else fixed-point iteration (far outside the image).
     n -= jacobian.determinant() > 0.1 ? Eigen::Vector2d(jacobian.inverse() * error) : error;
   }
   return n;
@@ -57,7 +57,7 @@ Growth GrowFisheye(const Camera& c, double theta) {
           1.0 + t2 * (3.0 * c.k1 + t2 * (5.0 * c.k2 + t2 * (7.0 * c.k3 + t2 * 9.0 * c.k4)))};
 }
 
-// What n is multiplied with, n_d = n factor + tangential, and its derivatives.
+// The factor in n_d = n factor + tangential, and its derivatives.
 struct RadialFactor {
   double factor;
   double slope;             // by r2
@@ -75,7 +75,7 @@ RadialFactor PinholeFactor(const Camera& c, double r2) {
 
 RadialFactor FisheyeFactor(const Camera& c, double r2) {
   const double r = std::sqrt(r2);
-  if (r < 1e-4) {  // theta = r - r^3 / 3; the next terms are below the last digit
+  if (r < 1e-4) {  // theta = r - r^3 / 3; further terms are below the last digit
     const double slope = c.k1 - 1.0 / 3.0;
     return {1.0 + slope * r2, slope, {r2, r2 * r2}};
   }
@@ -88,11 +88,11 @@ RadialFactor FisheyeFactor(const Camera& c, double r2) {
           {t2 * theta / r, t2 * t2 * theta / r}};
 }
 
-// The t on the branch from f(0) = 0 on which f grows where f(t) = value; where that branch ends
-// before, its end.
+// The t with f(t) = value on the branch from f(0) = 0 on which f increases, or the end of that
+// branch if it ends before.
 template <typename Function>
 double InvertGrowing(const Function& f, double value, double t_max) {
-  constexpr double kStep = 0.05;  // lenses do not turn twice within 3 degrees
+  constexpr double kStep = 0.05;  // no lens has two turning points within 3 degrees
   double low = 0.0;
   double high = 0.0;
   for (;; low = high) {
@@ -111,7 +111,7 @@ double InvertGrowing(const Function& f, double value, double t_max) {
     }
     if (high == t_max) return t_max;
   }
-  // Newton's steps, halves of the bracket where they leave it.
+  // Newton's steps, or bisection if they leave the bracket.
   double t = 0.5 * (low + high);
   for (int i = 0; i < 100; ++i) {
     const Growth at = f(t);
@@ -134,7 +134,7 @@ Eigen::Vector2d UndistortRadially(const Camera& camera, const Eigen::Vector2d& d
   const auto grow = [&camera](double r) -> Growth {
     constexpr double kInfinity = std::numeric_limits<double>::infinity();
     const double r2 = r * r;
-    // Behind the pole of the rational model.
+    // Beyond the pole of the rational model.
     if (1.0 + r2 * (camera.k4 + r2 * (camera.k5 + r2 * camera.k6)) <= 0.0) return {kInfinity, 1.0};
     const RadialFactor radial = PinholeFactor(camera, r2);
     return {r * radial.factor, radial.factor + 2.0 * r2 * radial.slope};
@@ -145,8 +145,8 @@ Eigen::Vector2d UndistortRadially(const Camera& camera, const Eigen::Vector2d& d
 Eigen::Vector2d Undistort(const Camera& camera, const Eigen::Vector2d& distorted) {
   Eigen::Vector2d n = UndistortRadially(camera, distorted);
   if (camera.model == CameraModel::kFisheye || (camera.p1 == 0.0 && camera.p2 == 0.0)) return n;
-  // With the tangential part: Newton's steps, shortened until they lead nearer, where the model is
-  // invertible.
+  // With the tangential part: Newton's steps if the model is invertible, shortened until they
+  // reduce the error.
   DistortedPoint at = Distort(camera, n);
   for (int i = 0; i < 100 && !(at.d_n.determinant() > 0.0); ++i) at = Distort(camera, n *= 0.9);
   for (int i = 0; i < 50; ++i) {
@@ -203,7 +203,8 @@ std::optional<Eigen::Vector2d> Camera::Project(const Eigen::Vector3d& x_in_cam) 
   if (HasAtMostFourCoefficients()) {
     return to_pixel(DistortByFour(*this, x_in_cam.hnormalized(), nullptr));
   }
-  // Where the polynomial turns back towards the middle, the lens shows nothing of the scene.
+  // Beyond the angle at which the polynomial turns back towards the middle, the lens shows nothing
+  // of the scene.
   const DistortedPoint distorted = Distort(*this, x_in_cam.hnormalized());
   if (!(distorted.d_n.determinant() > 0.0)) return std::nullopt;
   return to_pixel(distorted.n_d);

@@ -34,7 +34,7 @@ std::string FaultOf(const Camera& camera) {
   for (const int side : {camera.width_px, camera.height_px}) {
     if (side < 0 || side > kMaxPictureSidePx) {
       return fmt::format(
-          "a picture has a side of {} px: 0 to {} are read", side, kMaxPictureSidePx);
+          "a picture has a side of {} px: 0 to {} are supported", side, kMaxPictureSidePx);
     }
   }
   return {};

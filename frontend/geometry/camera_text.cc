@@ -29,7 +29,7 @@ std::vector<double> Numbers(std::span<const std::string> words) {
     const char* const end = word.data() + word.size();
     const auto [stop, error] = std::from_chars(word.data(), end, number);
     if (error != std::errc() || stop != end || !std::isfinite(number)) {
-      ThrowError("'{}' is no number: give {}", word, kCameraForm);
+      ThrowError("'{}' is not a number: give {}", word, kCameraForm);
     }
     numbers.push_back(number);
   }

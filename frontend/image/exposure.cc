@@ -12,9 +12,9 @@
 namespace cohort {
 namespace {
 
-// A gain and an offset (of the picture's spread) nearer to none than this are none: the errors of
-// the estimate itself, which grow where the contrast is few steps of the intensities. By eye on the
-// tuning clips.
+// A smaller change of gain and offset (relative to the picture's spread) counts as none. It covers
+// the errors of the estimate itself, which grow if the contrast is only a few steps of the
+// intensities. Tuned on the tuning clips.
 double LeastChange(double deviation_in_steps) {
   constexpr double kLeast = 0.04;
   constexpr double kManySteps = 12.75;  // 0.05 of 8 bits
@@ -26,7 +26,8 @@ struct PixelPairs {
   std::vector<double> current;
 };
 
-// The pixels of the coarsest level that both show, black (up to `black`) and saturated ones left out.
+// The pixels of the coarsest level that both pictures show, without black (up to `black`) and
+// saturated ones.
 PixelPairs Overlap(const cv::Mat& previous,
                    const cv::Mat& current,
                    const Eigen::Vector2i& shift,
@@ -49,9 +50,10 @@ PixelPairs Overlap(const cv::Mat& previous,
 
 struct LightFit {
   LightChange change;
-  double correlation = 0.0;  // of the pairs that it was fit to
+  double correlation = 0.0;  // of the pairs to which it was fitted
 };
-// Both noisy: the ratio of deviations; correlation 0 where one has none.
+// Both are noisy, so the gain is the ratio of the standard deviations; the correlation is 0 if one
+// of them is 0.
 LightFit Fit(const PixelPairs& pairs) {
   const auto n = static_cast<double>(pairs.previous.size());
   double mean_p = 0.0;
@@ -78,7 +80,7 @@ LightFit Fit(const PixelPairs& pairs) {
   return fit;
 }
 
-// Without those that fit worse than most.
+// The pairs without those that fit worse than most.
 PixelPairs WithoutMisfits(const PixelPairs& pairs, const LightChange& change) {
   constexpr double kKept = 0.8;
   std::vector<double> errors;
@@ -95,14 +97,14 @@ PixelPairs WithoutMisfits(const PixelPairs& pairs, const LightChange& change) {
   return kept;
 }
 
-// With mean 0 and deviation 1 on the coarsest level, so that registration, which looks at no other,
-// sees no light.
+// With mean 0 and standard deviation 1 on the coarsest level, the only one that registration uses,
+// so that light does not affect it.
 Pyramid Standardised(const Pyramid& pyramid) {
   cv::Scalar mean;
   cv::Scalar deviation;
   cv::meanStdDev(pyramid.levels.back(), mean, deviation);
   Pyramid result = pyramid;  // the other levels are shared, not copied
-  // A Mat of its own: assigned as an expression it would be written into the shared one.
+  // A separate Mat: assigning the expression would write into the shared one.
   result.levels.back() = cv::Mat((pyramid.levels.back() - mean[0]) / std::max(deviation[0], 1e-6));
   return result;
 }
@@ -112,7 +114,7 @@ Pyramid Standardised(const Pyramid& pyramid) {
 std::optional<LightChange> EstimateLightChange(const Pyramid& previous, const Pyramid& current) {
   constexpr std::size_t kEnough = 200;  // pixels
   constexpr int kRounds = 2;
-  constexpr double kAlike = 0.95;  // correlation; by eye on the tuning clips
+  constexpr double kAlike = 0.95;  // correlation; tuned on the tuning clips
   constexpr double kBlack = 1.02;  // steps of the intensities
   const Eigen::Vector2d d = RegisterFrames(Standardised(previous), Standardised(current));
   const double scale = std::ldexp(1.0, -static_cast<int>(current.levels.size() - 1));
@@ -136,8 +138,8 @@ const LightChange& Exposure::Follow(const cv::Mat& gray) { return Follow(BuildPy
 
 const LightChange& Exposure::Follow(const Pyramid& picture) {
   const TimedPart part("light");
-  // Of a picture with less contrast, in steps of its intensities, nothing can be said, nor is it a
-  // light to bring others to.
+  // Minimum contrast in steps of the intensities. Below it the light cannot be estimated, and the
+  // picture is not suitable as a reference.
   constexpr double kLeastDeviation = 2.5;
   cv::Scalar mean;
   cv::Scalar deviation;
@@ -145,7 +147,7 @@ const LightChange& Exposure::Follow(const Pyramid& picture) {
   if (deviation[0] < kLeastDeviation * picture.step) return light_;
   const std::optional<LightChange> light = LightOf(picture);
   if (light) {
-    // How the picture would differ from itself in the light of the last one.
+    // The change of the picture relative to the light of the last one.
     const double gain = light->gain / light_.gain;
     const double offset = light->offset - gain * light_.offset;
     const double least = LeastChange(deviation[0] / picture.step);
@@ -159,7 +161,8 @@ const LightChange& Exposure::Follow(const Pyramid& picture) {
   return light_;
 }
 
-// Against the reference; where that one is too far away the last picture becomes it.
+// The light relative to the reference. If the reference is too different, the last picture becomes
+// the reference.
 std::optional<LightChange> Exposure::LightOf(const Pyramid& picture) {
   const auto against = [&](const Seen& seen) {
     std::optional<LightChange> light = EstimateLightChange(seen.picture, picture);
@@ -173,7 +176,7 @@ std::optional<LightChange> Exposure::LightOf(const Pyramid& picture) {
   if (auto light = against(*reference_)) return light;
   reference_ = last_;
   if (auto light = against(*reference_)) return light;
-  reference_.reset();  // nothing is known of what is before this picture
+  reference_.reset();  // this picture cannot be related to earlier ones
   return std::nullopt;
 }
 

@@ -15,7 +15,7 @@ struct Difference {
   Eigen::Vector2d gradient = Eigen::Vector2d::Zero();
 };
 
-// Over the part of the pictures that both show.
+// Over the overlap of both pictures.
 Difference DifferenceAt(const cv::Mat& previous, const cv::Mat& current, const Eigen::Vector2d& d) {
   const int x0 = static_cast<int>(std::floor(d.x()));
   const int y0 = static_cast<int>(std::floor(d.y()));
@@ -85,7 +85,8 @@ Eigen::Vector2d RegisterFrames(const Pyramid& previous, const Pyramid& current) 
         "RegisterFrames takes pyramids of the same size");
   const cv::Mat& from = previous.levels.back();
   const cv::Mat& to = current.levels.back();
-  constexpr int kLeastSide = 16;  // no pyramid goes lower, and phaseCorrelate() does not take it
+  // No pyramid is smaller, and phaseCorrelate() does not accept less.
+  constexpr int kLeastSide = 16;
   if (std::min(from.cols, from.rows) < kLeastSide) return Eigen::Vector2d::Zero();
   const double scale = std::ldexp(1.0, static_cast<int>(previous.levels.size()) - 1);
   const cv::Point2d peak = cv::phaseCorrelate(from, to);

@@ -12,7 +12,7 @@ inline void CheckMask(const cv::Mat& mask, const cv::Size& frames) {
   if (mask.empty()) return;
   Check(mask.type() == CV_8UC1, "masks have one channel of 8 bits");
   if (mask.size() == frames) return;
-  ThrowError("the mask is {}x{}, the frames are {}x{}: give a mask of the frames' size",
+  ThrowError("the mask is {}x{}, but the frames are {}x{}: give a mask of the frames' size",
              mask.cols,
              mask.rows,
              frames.width,

@@ -16,9 +16,9 @@ using std::string_view_literals::operator""sv;
 
 namespace {
 
-// Decoders fill what a cut JPEG lacks with grey and say nothing. After the headers (segments with
-// their lengths, any number of FF before each) comes the coded picture, in which the end mark FF D9
-// cannot occur by chance.
+// Decoders silently fill the missing part of a truncated JPEG with grey. After the headers
+// (segments with their lengths, each preceded by any number of FF) comes the coded picture, in
+// which the end marker FF D9 cannot occur by chance.
 bool IsCutJpeg(std::string_view bytes) {
   if (!bytes.starts_with("\xFF\xD8\xFF")) return false;
   std::size_t at = 2;
@@ -34,8 +34,9 @@ bool IsCutJpeg(std::string_view bytes) {
   return bytes.find("\xFF\xD9", at) == std::string_view::npos;
 }
 
-// The first bytes of the formats that are read. OpenCV hands others on to libraries that open more
-// than the bytes they are given: GDAL has files that name other files, and addresses; DICM ends GDCM.
+// The first bytes of the supported formats. OpenCV passes others to libraries that access more than
+// the given bytes: GDAL has formats that refer to other files and addresses, and DICM makes GDCM
+// abort.
 constexpr std::array<std::string_view, 13> kPictureMarks{"\x89PNG\r\n\x1A\n"sv,
                                                          "\xFF\xD8\xFF"sv,
                                                          "BM"sv,
@@ -50,8 +51,8 @@ constexpr std::array<std::string_view, 13> kPictureMarks{"\x89PNG\r\n\x1A\n"sv,
                                                          "\x59\xA6\x6A\x95"sv,
                                                          "\xFF\x4F\xFF\x51"sv};
 
-// DICOM tells itself at byte 128, whatever the first ones are; where OpenCV's decoder of those does not
-// take them ("P4" and no blank), GDCM's would.
+// DICOM is identified at byte 128, independently of the first bytes. If OpenCV's decoder for those
+// rejects the file ("P4" and no blank), GDCM would read it.
 bool IsDicom(std::string_view bytes) {
   return bytes.size() >= 132 && bytes.substr(128, 4) == "DICM";
 }
@@ -72,7 +73,8 @@ cv::Mat ReadImage(const std::filesystem::path& file, int flags) {
   if (bytes.empty()) ThrowError("cannot decode {}: the file is empty", file.string());
   if (!IsPicture(bytes)) {
     ThrowError(
-        "cannot decode {}: it is no PNG, JPEG, TIFF, BMP, PNM, WebP, JPEG 2000 or Sun raster",
+        "cannot decode {}: it is not a PNG, JPEG, TIFF, BMP, PNM, WebP, JPEG 2000 or Sun raster "
+        "file",
         file.string());
   }
   cv::Mat picture;
@@ -88,7 +90,7 @@ cv::Mat ReadImage(const std::filesystem::path& file, int flags) {
     }
   }
   if (picture.empty()) {
-    ThrowError("cannot decode {}: it is damaged, cut short or of a kind that OpenCV does not read",
+    ThrowError("cannot decode {}: it is damaged, truncated or of a kind that OpenCV does not read",
                file.string());
   }
   return picture;

@@ -9,7 +9,7 @@
 namespace cohort {
 namespace {
 
-// The (n + 1) x (columns + 1) pixels that a patch needs: in place where it lies inside the picture,
+// The (n + 1) x (columns + 1) pixels that a patch needs: in place if they lie inside the picture,
 // else copied with the border repeated.
 struct Pixels {
   const float* data;
@@ -22,7 +22,7 @@ Pixels Gather(const cv::Mat& picture, double x, double y, int n, int columns, fl
   const int half = n / 2;
   const double left = x - half;
   const double top = y - half;
-  // Far outside, the position only has to stay representable.
+  // Far outside the picture, the position only has to remain representable.
   const int x0 = static_cast<int>(std::floor(std::clamp(left, -1e6, 1e6)));
   const int y0 = static_cast<int>(std::floor(std::clamp(top, -1e6, 1e6)));
   const auto a = static_cast<float>(std::clamp(left - x0, 0.0, 1.0));
@@ -77,7 +77,7 @@ COHORT_SIMD_CLONES void InterpolateWithGradient(
   }
 }
 
-// Where a warped window lies in a picture.
+// The position of a warped window in a picture.
 struct WarpedGrid {
   const float* picture;
   int stride;
@@ -87,7 +87,7 @@ struct WarpedGrid {
   float step_y;
 };
 
-// Eight pixels and their right neighbours: two are loaded at a time.
+// Eight pixels and their right neighbours; two are loaded at a time.
 struct AdjacentPixels {
   FloatLanes left;
   FloatLanes right;
@@ -118,7 +118,7 @@ COHORT_SIMD_CLONES void InterpolateAlong(
     const FloatLanes u = LaneNumbers() + static_cast<float>(k - half);
     const FloatLanes x = x0 + grid.step_x * u;
     const FloatLanes y = y0 + grid.step_y * u;
-    // The pixel above to the left, of those that have four neighbours.
+    // The upper left pixel, clamped to those that have right and lower neighbours.
     FloatLanes left = x > zero ? x : zero;
     FloatLanes top = y > zero ? y : zero;
     left = left < last_x ? left : last_x;

@@ -25,7 +25,7 @@ void WriteImage(const std::filesystem::path& file,
                 const std::vector<int>& parameters) {
   const auto bytes = EncodedImage(file.extension().string(), picture, parameters);
   if (!bytes) {
-    ThrowError("cannot write {}: OpenCV cannot encode a picture of {}x{} so",
+    ThrowError("cannot write {}: OpenCV cannot encode a picture of {}x{} in this format",
                file.string(),
                picture.cols,
                picture.rows);

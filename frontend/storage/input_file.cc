@@ -22,16 +22,16 @@ namespace fs = std::filesystem;
   throw SystemError(what);
 }
 
-// Throws unless `status` is of a file.
+// Throws unless `status` is that of a file.
 void CheckIsFile(const fs::path& path, const struct stat& status) {
   if (S_ISREG(status.st_mode)) return;
-  ThrowError("cannot read {}: it is {}, no file",
+  ThrowError("cannot read {}: it is {}, not a file",
              path.string(),
              S_ISDIR(status.st_mode) ? "a folder" : "a pipe, a socket or a device");
 }
 
 [[noreturn]] void ThrowTooLarge(const fs::path& path, std::uint64_t max_bytes) {
-  ThrowError("cannot read {}: it has more than the {} bytes that such files may have",
+  ThrowError("cannot read {}: it is larger than the {} bytes that such files may have",
              path.string(),
              max_bytes);
 }
@@ -55,7 +55,7 @@ std::ifstream OpenInputFile(const fs::path& path) {
 }
 
 Descriptor OpenInputDescriptor(const fs::path& path) {
-  // O_NONBLOCK: opening a pipe would wait for who writes into it.
+  // O_NONBLOCK, because opening a pipe would wait for a writer.
   const int fd = open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK | O_NOCTTY);
   if (fd < 0) ThrowUnreadable(path, errno);
   struct stat status {};
@@ -75,7 +75,7 @@ std::string ReadBytes(const fs::path& path, std::uint64_t max_bytes) {
   if (size > max_bytes) ThrowTooLarge(path, max_bytes);
   std::string bytes;
   bytes.reserve(size);
-  // To the end, not to the size: files of /proc say that they have none.
+  // Up to the end rather than to the size, because files in /proc state a size of 0.
   char buffer[1 << 16];
   while (true) {
     const ssize_t n = read(file.get(), buffer, sizeof(buffer));

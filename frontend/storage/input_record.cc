@@ -24,7 +24,7 @@ std::string TargetOf(const fs::path& path) {
 }  // namespace
 
 std::string EntryOf(const fs::path& path) {
-  std::error_code error;  // whoever opens it says what is wrong with it
+  std::error_code error;  // ignored: opening the file reports the error
   const fs::path folder = fs::weakly_canonical(fs::absolute(path, error).parent_path(), error);
   return (folder / path.filename()).string();
 }

@@ -16,8 +16,8 @@ bool LineReader::Next() {
   if (stream_.bad()) ThrowError("cannot read {}: {}", path_.string(), std::strerror(errno));
   if (stream_.fail() && count == 0) return false;
   ++number_;
-  if (stream_.fail()) Throw("longer than {} characters: this is no table", buffer_.size() - 1);
-  // getline counts the line's end, except at the end of the file.
+  if (stream_.fail()) Throw("longer than {} characters: this is not a table", buffer_.size() - 1);
+  // The count includes the line's end, except at the end of the file.
   line_ = {buffer_.data(), stream_.eof() ? count : count - 1};
   if (line_.ends_with('\r')) line_.remove_suffix(1);
   if (number_ == 1 && line_.starts_with("\xEF\xBB\xBF")) line_.remove_prefix(3);  // byte order mark

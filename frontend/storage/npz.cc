@@ -33,7 +33,7 @@ constexpr std::size_t kMaxHeaderBytes = 1 << 16;
 constexpr std::size_t kMaxDimensions = 64;  // NumPy's
 constexpr std::size_t kChunkBytes = 1 << 20;
 constexpr zip_uint32_t kDeflateLevel = 6;
-constexpr std::uint64_t kMaxDeflateRatio = 1040;  // what deflate can reach, and a little more
+constexpr std::uint64_t kMaxDeflateRatio = 1040;  // slightly more than deflate can reach
 
 // ---- the types of NumPy ----
 
@@ -93,7 +93,7 @@ class HeaderParser {
  public:
   explicit HeaderParser(std::string_view text) : text_(text) {}
 
-  // None where the text is no such dictionary.
+  // Returns nullopt if the text is not such a dictionary.
   std::optional<Header> Parse() {
     Header header;
     bool has_descr = false;
@@ -165,18 +165,18 @@ class HeaderParser {
   std::string_view text_;
 };
 
-// None where it is more than an array may have.
+// Returns nullopt if the count exceeds the limit of an array.
 std::optional<std::size_t> CountOf(std::span<const std::size_t> shape) {
   std::size_t count = 1;
   for (const std::size_t size : shape) {
-    if (size > kMaxNpzValues) return std::nullopt;  // also where another one is 0
+    if (size > kMaxNpzValues) return std::nullopt;  // even if another dimension is 0
     if (size > 0 && count > kMaxNpzValues / size) return std::nullopt;
     count *= size;
   }
   return count;
 }
 
-// Fortran's order, the first index fastest, to C's.
+// Converts Fortran's order, the first index fastest, to C's.
 std::vector<double> FromFortranOrder(const std::vector<double>& values,
                                      std::span<const std::size_t> shape) {
   struct Axis {
@@ -184,7 +184,7 @@ std::vector<double> FromFortranOrder(const std::vector<double>& values,
     std::size_t stride;  // in `values`
     std::size_t index;
   };
-  std::vector<Axis> axes;  // those of 1 only cost time
+  std::vector<Axis> axes;  // without axes of length 1, which only cost time
   std::size_t stride = 1;
   for (const std::size_t size : shape) {
     if (size != 1) axes.push_back({size, stride, 0});
@@ -233,7 +233,7 @@ class Member {
     if (index < 0 || zip_stat_index(archive, static_cast<zip_uint64_t>(index), 0, &stat) != 0) {
       Fail(zip_strerror(archive));
     }
-    // What a damaged archive claims is found out before memory is taken.
+    // Checks the claims of a damaged archive before memory is allocated.
     const bool sized = (stat.valid & ZIP_STAT_SIZE) != 0 && (stat.valid & ZIP_STAT_COMP_SIZE) != 0;
     if (!sized || stat.comp_size > archive_bytes || stat.size / kMaxDeflateRatio > stat.comp_size) {
       Fail("it claims more bytes than the file can hold");
@@ -246,15 +246,15 @@ class Member {
   std::uint64_t bytes_left() const { return bytes_left_; }
 
   void Read(char* bytes, std::size_t size) {
-    if (size > bytes_left_) Fail("it is cut short");
+    if (size > bytes_left_) Fail("it is truncated");
     for (std::size_t at = 0; at < size;) {
       const zip_int64_t n = zip_fread(member_.get(), bytes + at, size - at);
-      if (n <= 0) Fail(n < 0 ? zip_file_strerror(member_.get()) : "it is cut short");
+      if (n <= 0) Fail(n < 0 ? zip_file_strerror(member_.get()) : "it is truncated");
       at += static_cast<std::size_t>(n);
     }
     bytes_left_ -= size;
   }
-  // At the end the archive's check sum is compared.
+  // Reading to the end also verifies the archive's checksum.
   void ExpectEnd() {
     char byte = 0;
     if (const zip_int64_t n = zip_fread(member_.get(), &byte, 1); n != 0) {
@@ -273,14 +273,15 @@ class Member {
 Header ReadHeader(Member& member) {
   std::array<char, 12> start{};
   member.Read(start.data(), 8);
-  if (std::string_view(start.data(), kMagic.size()) != kMagic) member.Fail("it is no .npy array");
+  if (std::string_view(start.data(), kMagic.size()) != kMagic)
+    member.Fail("it is not a .npy array");
   const int version = static_cast<unsigned char>(start[6]);
   if (version < 1 || version > 3) {
-    member.Fail(fmt::format("version {} of .npy is none of 1, 2 and 3", version));
+    member.Fail(fmt::format("version {} of .npy is not supported: 1, 2 and 3 are", version));
   }
   std::uint32_t length = 0;
   member.Read(reinterpret_cast<char*>(&length), version == 1 ? 2 : 4);
-  if (length > kMaxHeaderBytes) member.Fail("its header is longer than NumPy writes any");
+  if (length > kMaxHeaderBytes) member.Fail("its header is longer than any that NumPy writes");
   std::string text(length, '\0');
   member.Read(text.data(), length);
   if (text.find("'descr': [") != std::string::npos) {
@@ -299,10 +300,11 @@ const Type* FindType(const Header& header) {
 const Type& TypeOf(const Header& header, const Member& member) {
   if (const Type* type = FindType(header)) return *type;
   if (header.descr == "|O") {
-    member.Fail("it holds Python objects, which are not read: save arrays of numbers");
+    member.Fail("it holds Python objects, which are not supported: save arrays of numbers");
   }
-  member.Fail(fmt::format("its type {} is not read: save bool, integers or floats of up to 8 bytes",
-                          header.descr));
+  member.Fail(
+      fmt::format("its type {} is not supported: save bool, integers or floats of up to 8 bytes",
+                  header.descr));
 }
 
 }  // namespace
@@ -371,7 +373,7 @@ NpzArray NpzReader::Read(const std::string& name, std::size_t max_values) {
   const auto count = CountOf(header.shape);
   if (!count || *count > max_values) {
     member.Fail(
-        fmt::format("it is {}: {} numbers are the most", ShapeText(header.shape), max_values));
+        fmt::format("it is {}: {} numbers are the maximum", ShapeText(header.shape), max_values));
   }
   if (*count * type.bytes != member.bytes_left()) {
     member.Fail(fmt::format("its shape {} does not fit its {} bytes of {}",
@@ -397,7 +399,7 @@ NpzArray NpzReader::Read(const std::string& name, std::size_t max_values) {
 
 namespace {
 
-// One NAME.npy as libzip asks for it: its header, then its rows.
+// One NAME.npy as libzip requests it: its header, then its rows.
 class Rows {
  public:
   using Fill = std::function<void(std::size_t row, std::span<std::byte> bytes)>;
@@ -405,7 +407,7 @@ class Rows {
   Rows(std::string header, std::size_t rows, std::size_t row_bytes, Fill fill)
       : header_(std::move(header)), rows_(rows), row_(row_bytes), fill_(std::move(fill)) {}
 
-  // What zip_source_function calls.
+  // The callback for zip_source_function.
   static zip_int64_t Answer(void* self, void* data, zip_uint64_t size, zip_source_cmd_t command) {
     return static_cast<Rows*>(self)->Answer(data, size, command);
   }
@@ -444,7 +446,7 @@ class Rows {
     }
   }
 
-  // As many bytes as there are, up to those asked for: how they are cut would show in what is packed.
+  // Fills as much of `out` as possible, because the sizes of the chunks affect the packed bytes.
   std::size_t Read(std::span<std::byte> out) {
     std::size_t written = 0;
     while (written < out.size()) {
@@ -476,7 +478,7 @@ class Rows {
 struct NpzWriter::Impl {
   explicit Impl(const fs::path& path) : file(path), path(path) { RemoveLeftovers(); }
 
-  // libzip writes PARTIAL.XXXXXX, then renames it; a run that was killed left it.
+  // libzip writes PARTIAL.XXXXXX and then renames it; a killed run leaves that file behind.
   void RemoveLeftovers() const {
     const std::string begin = file.partial().filename().string() + ".";
     std::error_code error;
@@ -500,7 +502,7 @@ struct NpzWriter::Impl {
     for (const std::size_t size : shape) tuple += fmt::format("{}, ", size);
     std::string header =
         fmt::format("{{'descr': '{}', 'fortran_order': False, 'shape': ({}), }}", descr, tuple);
-    // NumPy ends its header with a line, on a multiple of 64 bytes.
+    // NumPy ends its header with a line break at a multiple of 64 bytes.
     constexpr std::size_t kPrefix = 10;
     header.append(63 - (kPrefix + header.size()) % 64, ' ');
     header += '\n';
@@ -629,10 +631,11 @@ void NpzWriter::Commit() {
       zip_source_free(source);
       fail(zip_strerror(archive.get()));
     }
-    // 1980-01-01, the first day of zip: the same arrays are the same bytes.
+    // 1980-01-01, the first date that zip supports, so that equal arrays give equal bytes.
     constexpr zip_uint16_t kFirstDay = (1 << 5) | 1;
     zip_file_set_dostime(archive.get(), static_cast<zip_uint64_t>(index), 0, kFirstDay, 0);
-    // NumPy's level: libzip's own, 9, is ten times slower on empty cells, for a twentieth of the size.
+    // NumPy's compression level. libzip's default, 9, takes ten times as long on empty cells and
+    // saves a twentieth of the size.
     zip_set_file_compression(
         archive.get(), static_cast<zip_uint64_t>(index), ZIP_CM_DEFLATE, kDeflateLevel);
   }

@@ -37,7 +37,7 @@ class NpzReader {
   NpzReader(NpzReader&&) noexcept;
   ~NpzReader();
 
-  // The names of all arrays, in the file's order. Entries of the archive that are no .npy are not
+  // The names of all arrays, in the file's order. Entries of the archive that are not .npy are not
   // listed.
   const std::vector<std::string>& names() const;
   bool Has(std::string_view name) const;

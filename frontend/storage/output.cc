@@ -22,7 +22,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// Without a slash or a dot behind it.
+// Without a trailing slash or dot.
 fs::path NameOfFolder(fs::path path) {
   const fs::path last = path.filename();
   if (last == "." || last == "..") path = fs::weakly_canonical(fs::absolute(path));
@@ -30,7 +30,7 @@ fs::path NameOfFolder(fs::path path) {
 }
 
 void CheckParent(const fs::path& path) {
-  constexpr std::size_t kLongestName = 230;  // of 255 bytes: others get more behind it
+  constexpr std::size_t kLongestName = 230;  // of 255 bytes, because temporary names append to it
   if (path.filename().native().size() > kLongestName) {
     ThrowError("cannot write {}: its name is longer than {} bytes; give a shorter one",
                path.string(),
@@ -44,7 +44,7 @@ void CheckParent(const fs::path& path) {
     ThrowError(
         "cannot write {}: folder {}: {}", path.string(), parent.string(), std::strerror(errno));
   }
-  // In a folder such as /tmp nobody replaces what another user has put there.
+  // In a sticky folder such as /tmp, files of another user cannot be replaced.
   struct stat of_parent {};
   struct stat old {};
   const uid_t user = geteuid();
@@ -54,7 +54,7 @@ void CheckParent(const fs::path& path) {
   }
 }
 
-// Of /dev and /proc files can be made, and a device or the link to a stream replaced: by root at least.
+// In /dev and /proc, root at least could create files, or replace a device or the link to a stream.
 bool IsOfTheSystem(const fs::path& path) {
   std::error_code error;
   const std::string folder = fs::canonical(fs::absolute(path).parent_path(), error).string() + "/";
@@ -68,16 +68,17 @@ void CheckIsNoInput(const fs::path& path) {
   }
 }
 
-// Nor is what it is written as, which is removed.
+// The partial file must not be an input either, because it is removed.
 void CheckPartialIsNoInput(const fs::path& path) {
   if (InputRecord::Holds(PartialOf(path))) {
-    ThrowError("cannot write {}: this run reads {}, which it is written as; give another name",
-               path.string(),
-               PartialOf(path).string());
+    ThrowError(
+        "cannot write {}: this run reads {}, the temporary name of that output; give another name",
+        path.string(),
+        PartialOf(path).string());
   }
 }
 
-// Into which another file system is mounted, or a folder of another place.
+// Whether another file system, or another folder, is mounted on the folder.
 bool IsMountPoint(const fs::path& folder) {
   struct statx status {};
   return statx(AT_FDCWD, folder.c_str(), 0, STATX_TYPE, &status) == 0 &&
@@ -122,10 +123,10 @@ void OutputFile::LockAnew() {
 }
 
 void OutputFile::Commit() {
-  CheckIsNoInput(path_);  // once more: what came later
+  CheckIsNoInput(path_);  // again, for later changes
   if (!lock_->IsAt(partial_)) {
     committed_ = true;
-    ThrowError("cannot write {}: something has taken the place of {} meanwhile",
+    ThrowError("cannot write {}: {} has been replaced by something else in the meantime",
                path_.string(),
                partial_.string());
   }
@@ -169,7 +170,7 @@ void OutputFolder::CheckOld() const {
   std::error_code ignored;
   if (!fs::exists(path_)) {
     if (fs::is_symlink(path_, ignored)) {
-      ThrowError("cannot write folder {}: it is a link to nothing; remove it", path_.string());
+      ThrowError("cannot write folder {}: it is a dangling link; remove it", path_.string());
     }
     return;
   }
@@ -179,14 +180,16 @@ void OutputFolder::CheckOld() const {
   for (const auto& entry : fs::directory_iterator(path_)) {
     const std::string name = entry.path().filename().string();
     if (!is_own_(name)) {
-      ThrowError("cannot replace folder {}: it holds {}, which is not ours; give another folder",
-                 path_.string(),
-                 name);
+      ThrowError(
+          "cannot replace folder {}: it holds {}, which cohort did not write; give another folder",
+          path_.string(),
+          name);
     }
   }
   if (was_ours_ && !fs::is_empty(path_) && !was_ours_(path_)) {
-    ThrowError("cannot replace folder {}: what it holds was not written by us; give another folder",
-               path_.string());
+    ThrowError(
+        "cannot replace folder {}: its contents were not written by cohort; give another folder",
+        path_.string());
   }
   if (IsMountPoint(path_)) {
     ThrowError("cannot replace folder {}: something is mounted there; give a folder in it",
@@ -195,28 +198,30 @@ void OutputFolder::CheckOld() const {
   CheckFolderHoldsNoInput(path_);
 }
 
-// What a killed run left has our names, or those on the way to them.
+// The leftovers of a killed run have our names or our partial names.
 void OutputFolder::CheckPartial() const {
   std::error_code error;
-  if (fs::is_symlink(partial_, error)) return;  // the link is removed, and not what it leads to
+  if (fs::is_symlink(partial_, error)) return;  // the link itself is removed, not its target
   for (fs::directory_iterator entry(partial_, error), end; !error && entry != end;
        entry.increment(error)) {
     const std::string name = entry->path().filename().string();
     if (!is_own_(name) && !is_own_(name.substr(0, name.find(".partial")))) {
-      ThrowError("cannot write folder {}: it is written as {}, which holds {}, not ours: move it",
-                 path_.string(),
-                 partial_.string(),
-                 name);
+      ThrowError(
+          "cannot write folder {}: its temporary folder {} holds {}, which cohort did not write: "
+          "move it",
+          path_.string(),
+          partial_.string(),
+          name);
     }
   }
   CheckFolderHoldsNoInput(partial_);
 }
 
 void OutputFolder::Commit() {
-  CheckOld();  // once more: what came later
+  CheckOld();  // again, for later changes
   if (fs::exists(path_)) {
-    // Swapped in one step, so that there is a whole folder at every moment; file systems that
-    // cannot do that get two renames.
+    // Swapped atomically, so that a complete folder exists at every moment; file systems that do
+    // not support this get two renames.
     if (renameat2(AT_FDCWD, partial_.c_str(), AT_FDCWD, path_.c_str(), RENAME_EXCHANGE) == 0) {
       // The old folder, unless another run is about to remove it already.
       if (const auto old = WriteLock::TryOf(partial_)) RemoveQuietly(partial_);
@@ -235,7 +240,7 @@ void OutputFolder::Commit() {
       } catch (const Error& error) {
         const fs::path kept = fs::path(old) / "old";
         if (std::rename(kept.c_str(), path_.c_str()) != 0) {
-          ThrowError("{}; what was there before is {}", error.what(), kept.string());
+          ThrowError("{}; the previous contents are in {}", error.what(), kept.string());
         }
         RemoveQuietly(old);
         throw;
@@ -249,11 +254,12 @@ void OutputFolder::Commit() {
 }
 
 void CheckOutputPath(const fs::path& path) {
-  if (path == "-") ThrowError("cannot write to the standard output: give a name of a file");
+  if (path == "-") ThrowError("cannot write to the standard output: give the name of a file");
   if (fs::is_directory(path)) ThrowError("cannot write {}: it is a folder", path.string());
   if (IsOfTheSystem(path) || (fs::exists(path) && !fs::is_regular_file(path))) {
     ThrowError(
-        "cannot write {}: it is no file, but a pipe, a socket or a device; give a name of a file",
+        "cannot write {}: it is not a file but a pipe, a socket or a device; give the name of a "
+        "file",
         path.string());
   }
   CheckParent(path);
@@ -282,10 +288,8 @@ void CheckDistinctOutputs(
     if (path.empty()) continue;
     const auto [other, is_new] = options.emplace(EntryOf(path), option);
     if (!is_new) {
-      ThrowUsageError("{} and {} are both {}: give each a name of its own",
-                      other->second,
-                      option,
-                      path.string());
+      ThrowUsageError(
+          "{} and {} are both {}: give each its own name", other->second, option, path.string());
     }
   }
 }

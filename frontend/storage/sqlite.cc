@@ -21,15 +21,15 @@ namespace fs = std::filesystem;
 constexpr std::uint64_t kUnlimited = std::numeric_limits<std::uint64_t>::max();
 constexpr int kPatienceMs = 10'000;       // while another program writes
 constexpr int kInstructionsACall = 1000;  // of the progress handler
-// A row has at least four bytes in a page; a byte of a real table costs one instruction or two.
+// A row has at least four bytes in a page; a byte of a real table costs one or two instructions.
 constexpr std::uint64_t kBytesARow = 4;
 constexpr std::uint64_t kInstructionsAByte = 32;
 constexpr std::uint64_t kReadings = 4;  // of a text or blob by one statement
 
-// What to do about it, where the message alone does not say.
+// Advice for errors whose message does not say what to do.
 const char* Advice(int code) {
   if (code == SQLITE_READONLY_ROLLBACK) {
-    return " (a program died while it wrote it: open it by that program once)";
+    return " (a program died while writing it: open it once with that program)";
   }
   if (code == SQLITE_INTERRUPT) return " (it is damaged: it has more rows than it has room for)";
   switch (code & 0xFF) {
@@ -39,7 +39,7 @@ const char* Advice(int code) {
     case SQLITE_READONLY:
       return " (check that the file and its folder may be written)";
     case SQLITE_BUSY:
-      return " (another program has locked it: wait for its end)";
+      return " (another program has locked it: wait until that program ends)";
     default:
       return "";
   }
@@ -54,21 +54,21 @@ int CountInstructions(void* step) {
 
 fs::path Beside(const fs::path& path, const char* suffix) { return path.string() + suffix; }
 
-// SQLite follows links: a log or a journal lies beside the file that they lead to.
+// SQLite follows links, so a log or a journal lies beside the link's target.
 fs::path WithoutLinks(const fs::path& path) {
   std::error_code error;
   fs::path file = fs::canonical(path, error);
   return error ? path : file;
 }
 
-// Of a file; 0 if it is not there.
+// The size of a file; 0 if it does not exist.
 std::uint64_t BytesOf(const fs::path& path) {
   std::error_code error;
   const std::uintmax_t bytes = fs::file_size(path, error);
   return error ? 0 : bytes;
 }
 
-// Does the database say of itself that it has a write-ahead log?
+// Whether the database states that it has a write-ahead log.
 bool SaysItHasALog(const fs::path& path) {
   const Descriptor file = OpenInputDescriptor(path);
   std::array<unsigned char, 20> head{};
@@ -87,7 +87,7 @@ std::string UriOf(const fs::path& path) {
   return uri;
 }
 
-// A log is removed by the last program that closes its database.
+// The file may disappear, because the last program that closes a database removes its log.
 void CheckIfThere(const fs::path& log) {
   try {
     CheckInputFile(log);
@@ -95,10 +95,10 @@ void CheckIfThere(const fs::path& log) {
   }
 }
 
-// SQLite's words, and where a file could not be opened the system's, which say why.
+// SQLite's message and, if a file could not be opened, the system's reason.
 std::string WhatSqliteSays(sqlite3* db) {
   const std::string what = sqlite3_errmsg(db);
-  const int reason = sqlite3_system_errno(db);  // stays there after later errors of other kinds
+  const int reason = sqlite3_system_errno(db);  // persists after later errors of other kinds
   const bool tells = (sqlite3_errcode(db) & 0xFF) == SQLITE_CANTOPEN && reason != 0;
   return tells ? what + ": " + std::strerror(reason) : what;
 }
@@ -173,7 +173,7 @@ bool SqliteStatement::Step() {
     sqlite3_reset(statement_.get());
     return false;
   }
-  // Resetting repeats the step's error in the database, so the message survives it.
+  // Resetting reports the step's error again, so the message survives.
   sqlite3_reset(statement_.get());
   ThrowSqlite(db_);
 }
@@ -236,17 +236,18 @@ SqliteDatabase SqliteDatabase::Open(const fs::path& path, Mode mode) {
     CheckInputFile(path);
     for (const char* suffix : {"-wal", "-journal"}) CheckIfThere(Beside(file, suffix));
     flags = SQLITE_OPEN_URI | SQLITE_OPEN_READONLY;
-    // SQLite shares its index of a log by a file beside it, unless it has the database for itself, by
-    // locks that take the right to write. Without locks the index is in memory.
+    // SQLite shares its index of a log through a file beside it, unless it holds the database
+    // exclusively, whose locks require write permission. Without locks the index is in memory.
     if (has_log) vfs = "unix-none";
     if (!has_log && SaysItHasALog(path)) uri += "?immutable=1";
   }
-  const std::uint64_t bytes = BytesOf(file) + BytesOf(log);  // it may be renamed once it is open
+  // Before opening, since the file may be renamed later.
+  const std::uint64_t bytes = BytesOf(file) + BytesOf(log);
   sqlite3* raw = nullptr;
   const int result = sqlite3_open_v2(uri.c_str(), &raw, flags, vfs);
   SqliteDatabase db(raw);
   if (result != SQLITE_OK) {
-    constexpr std::size_t kLongestPath = 500;  // of SQLite's 512 bytes, which take "-journal", too
+    constexpr std::size_t kLongestPath = 500;  // of SQLite's 512 bytes, which include "-journal"
     const bool too_long = fs::absolute(file).native().size() > kLongestPath;
     const std::string what =
         fmt::format("database {}: {}{}",
@@ -258,8 +259,8 @@ SqliteDatabase SqliteDatabase::Open(const fs::path& path, Mode mode) {
     throw Error(what);
   }
   sqlite3_busy_timeout(raw, kPatienceMs);
-  // Files of others hold what they like: no code of theirs (views, triggers, functions in the schema)
-  // is run, and what says of its own size that it is larger than its page is an error.
+  // A file may be malicious: no code in it (views, triggers, functions in the schema) runs, and a
+  // cell that claims to be larger than its page is an error.
   for (const int code_in_schema : {SQLITE_DBCONFIG_ENABLE_VIEW,
                                    SQLITE_DBCONFIG_ENABLE_TRIGGER,
                                    SQLITE_DBCONFIG_TRUSTED_SCHEMA}) {
@@ -269,14 +270,14 @@ SqliteDatabase SqliteDatabase::Open(const fs::path& path, Mode mode) {
   if (has_log) db.Execute("PRAGMA locking_mode = EXCLUSIVE");
   db.Execute("PRAGMA cell_size_check = ON");
   if (mode == Mode::kRead) db.LimitWork(bytes);
-  // Opening reads nothing: this says at once that the file is no database, or damaged.
+  // Opening reads nothing, so this detects at once a file that is damaged or not a database.
   db.Execute("PRAGMA schema_version");
   if (mode == Mode::kRead) db.CheckTables();
   return db;
 }
 
 void SqliteDatabase::LimitWork(std::uint64_t file_bytes) {
-  constexpr std::uint64_t kLeast = 1 << 19;  // of a small file
+  constexpr std::uint64_t kLeast = 1 << 19;  // for a small file
   const std::uint64_t bytes = std::max(file_bytes, kLeast);
   work_->most = {kInstructionsAByte * bytes, bytes / kBytesARow, kReadings * bytes};
   work_->step = work_->most;
@@ -285,15 +286,16 @@ void SqliteDatabase::LimitWork(std::uint64_t file_bytes) {
   sqlite3_limit(db_.get(), SQLITE_LIMIT_LENGTH, static_cast<int>(std::min(bytes, kLongest)));
 }
 
-// Columns that are computed may be as large as they like, and virtual tables are code.
+// Computed columns may have any size, and virtual tables are code.
 void SqliteDatabase::CheckTables() {
   auto table = Prepare(
       "SELECT name FROM sqlite_master WHERE type = 'table' AND (rootpage = 0 OR EXISTS "
       "(SELECT 1 FROM pragma_table_xinfo(sqlite_master.name) WHERE hidden > 0)) LIMIT 1");
   if (table.Step()) {
-    ThrowError("database {}: its table {} is virtual or has computed columns, which are not read",
-               sqlite3_db_filename(db_.get(), "main"),
-               table.Text(0));
+    ThrowError(
+        "database {}: its table {} is virtual or has computed columns, which are not supported",
+        sqlite3_db_filename(db_.get(), "main"),
+        table.Text(0));
   }
 }
 

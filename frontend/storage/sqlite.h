@@ -41,7 +41,7 @@ class SqliteStatement {
   bool Step();  // true: there is a row; false: done, and reset for the next use
   void Run();   // steps to the end and resets
 
-  // Of the current row. Text and Blob stay valid until the next Step.
+  // Columns of the current row. Text and Blob stay valid until the next Step.
   bool IsNull(int column) const;
   std::int64_t Int(int column) const;
   double Real(int column) const;

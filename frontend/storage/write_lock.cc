@@ -22,13 +22,14 @@ namespace fs = std::filesystem;
 constexpr std::chrono::seconds kPatience{5};
 constexpr std::chrono::milliseconds kPause{20};
 
-// Does no other run hold it? Where there are no locks nobody does.
+// Whether no other run holds the lock. True if the file system has no locks.
 bool TryLock(int descriptor, int kind) {
   return flock(descriptor, kind | LOCK_NB) == 0 || errno != EWOULDBLOCK;
 }
 
-// NFS makes of a lock one of all bytes of the file (flock(2)), and SQLite, which locks bytes of the
-// files that we hold, would wait for us. It never locks the first byte.
+// Whether the lock is a lock of bytes: NFS converts flock to a lock of all bytes of the file
+// (flock(2)), and SQLite, which locks bytes of the files that we hold, would wait for us. SQLite
+// never locks the first byte.
 bool IsOfBytes(int descriptor) {
   struct flock first {};
   first.l_type = F_WRLCK;
@@ -36,7 +37,7 @@ bool IsOfBytes(int descriptor) {
   return fcntl(descriptor, F_GETLK, &first) == 0 && first.l_type != F_UNLCK;
 }
 
-// None where it would be of bytes.
+// Takes the lock, but releases it again if it is a lock of bytes.
 bool TryLockBesideSqlite(int descriptor, int kind) {
   if (!TryLock(descriptor, kind)) return false;
   if (IsOfBytes(descriptor)) flock(descriptor, LOCK_UN);
@@ -51,7 +52,7 @@ void LockOrThrow(int descriptor,
   while (!try_lock(descriptor, kind)) {
     if (std::chrono::steady_clock::now() > until) {
       ThrowError(
-          "cannot write {}: another run is writing it; wait for its end, or give another output",
+          "cannot write {}: another run is writing it; wait until it ends, or give another output",
           path.string());
     }
     std::this_thread::sleep_for(kPause);
@@ -62,7 +63,7 @@ int Open(const fs::path& path) {
   return open(path.c_str(), O_RDONLY | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC);
 }
 
-// The errno of what failed, or 0. What is there already is EEXIST.
+// Returns the errno of the failed call, or 0.
 int Remove(const fs::path& path, bool folder) {
   if (folder) {
     std::error_code error;
@@ -72,7 +73,8 @@ int Remove(const fs::path& path, bool folder) {
   return unlink(path.c_str()) == 0 || errno == ENOENT ? 0 : errno;
 }
 
-// For a lock alone, of the bytes where need be: for writing, as NFS locks no other file.
+// For a file that is only a lock, if necessary a lock of bytes. Opened for writing, because NFS
+// locks no other file.
 int OpenLockFile(const fs::path& path) {
   return open(path.c_str(), O_RDWR | O_CREAT | O_NOFOLLOW | O_CLOEXEC, 0644);
 }
@@ -92,12 +94,13 @@ int Make(const fs::path& path, bool folder, int* descriptor) {
 WriteLock WriteLock::OfNew(const fs::path& path, bool folder) {
   int error = EEXIST;
   for (int attempt = 0; error == EEXIST && attempt < 100; ++attempt) {
-    // Held while it is removed, so that nobody else's new one is.
+    // The old file is locked while it is removed, so that no other run's new file is removed.
     const WriteLock old(Open(path));
     const int why_not = old.descriptor_ < 0 ? errno : 0;
-    // What is no file has no lock, what may not be opened may be another user's who is writing it.
+    // An entry that is not a file has no lock; a file without permission may be in use by another
+    // user.
     if (why_not != 0 && why_not != ENOENT && why_not != ELOOP && why_not != ENXIO) {
-      ThrowError("cannot write {}: what is in its place cannot be opened: {}; remove it",
+      ThrowError("cannot write {}: the existing file cannot be opened: {}; remove it",
                  path.string(),
                  std::strerror(why_not));
     }
@@ -105,7 +108,7 @@ WriteLock WriteLock::OfNew(const fs::path& path, bool folder) {
       LockOrThrow(old.descriptor_, path, LOCK_EX);
       if (!old.IsAt(path)) continue;
     }
-    // Where nothing was, another run may have put its own by now.
+    // If there was nothing, another run may have created its own by now.
     if (why_not != ENOENT) {
       error = Remove(path, folder);
       if (error != 0) break;
@@ -121,10 +124,10 @@ WriteLock WriteLock::OfNew(const fs::path& path, bool folder) {
   if (folder) ThrowError("cannot make folder {}: {}", path.string(), std::strerror(error));
   ThrowError("cannot write {}: {}",
              path.string(),
-             error == EISDIR ? "a folder is in its place, remove it" : std::strerror(error));
+             error == EISDIR ? "a folder of that name exists, remove it" : std::strerror(error));
 }
 
-// Another run may have put its own there while we waited.
+// Another run may have replaced the file while we waited.
 bool WriteLock::IsAt(const fs::path& path) const {
   struct stat held {};
   struct stat there {};

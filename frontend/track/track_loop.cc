@@ -12,10 +12,10 @@
 namespace cohort {
 namespace {
 
-// A feature nearer to the image border ends: its patch would be cut [px].
+// A feature nearer to the image border ends, because its patch would be cut off [px].
 constexpr double kBorderPx = 5.0;
-// No feature is born nearer to the border: it would leave the picture soon, and the widest measured
-// patch (31 px) is whole there [px].
+// No feature is born nearer to the border, because it would leave the picture soon; at this
+// distance the widest measured patch (31 px) is complete [px].
 constexpr int kBirthBorderPx = 16;
 
 }  // namespace
@@ -50,7 +50,7 @@ FrameResult TrackLoop::Track(const Frame& frame) {
     case SceneChange::kNone:
       if (!features_.empty()) MoveFeatures(pyramid, frame.index, result);
       break;
-    case SceneChange::kBlank:  // the mover goes on from the last picture that showed something
+    case SceneChange::kBlank:  // the mover continues from the last picture that showed something
       HoldFeatures(frame.index, result);
       previous_frame_ = frame.index;
       return result;
@@ -58,8 +58,8 @@ FrameResult TrackLoop::Track(const Frame& frame) {
       EndAtCut(result);
       break;
   }
-  // Features that are only predicted keep their place, but do not count: the picture needs new
-  // ones.
+  // Features that are only predicted keep their places but do not count, because the picture needs
+  // new ones.
   const auto confirmed =
       static_cast<int>(std::count_if(features_.begin(), features_.end(), [](const Feature& f) {
         return f.unconfirmed_frames == 0;
@@ -80,9 +80,9 @@ void TrackLoop::CheckSize(const cv::Size& size) {
   Check(size == size_, "all frames of a sequence have one size");
 }
 
-// The mover is left without features, and begins anew with those that are born next: nothing that it
-// knows of the old scene tells of the new one. What it knows of the camera's noise
-// (CovarianceCalibration) stays.
+// The mover loses all features and starts again with those that are born next, because nothing that
+// it knows about the old scene applies to the new one. It keeps its knowledge of the camera's noise
+// (CovarianceCalibration).
 void TrackLoop::EndAtCut(FrameResult& result) {
   result.cut = true;
   for (const Feature& feature : features_) {
@@ -92,7 +92,7 @@ void TrackLoop::EndAtCut(FrameResult& result) {
   features_.clear();
 }
 
-// All stay where they are, unseen.
+// All features keep their positions as predicted.
 void TrackLoop::HoldFeatures(FrameIndex frame, FrameResult& result) {
   std::vector<Move> moves;
   for (const Feature& feature : features_) {
@@ -105,7 +105,7 @@ void TrackLoop::HoldFeatures(FrameIndex frame, FrameResult& result) {
 
 void TrackLoop::MoveFeatures(const Pyramid& pyramid, FrameIndex frame, FrameResult& result) {
   const std::vector<Move> moves = mover_->MoveFeatures(pyramid);
-  Check(moves.size() == features_.size(), "a mover answers for every feature");
+  Check(moves.size() == features_.size(), "a mover returns a result for every feature");
   UseMoves(moves, frame, result);
 }
 

@@ -32,32 +32,32 @@ struct TrackerOptions {
 
   template <typename Self, typename Visitor>
   static void Visit(Self& o, Visitor& v) {
-    v.Choice(
-        "tracker",
-        o.tracker,
-        kTrackerNames,
-        "Which tracker follows the features: subspace all of them together, the others each of "
-        "them alone. klt is what most programs use; subspace takes longer, and loses fewer "
-        "in the dark.",
-        Tier::kCommon);
+    v.Choice("tracker",
+             o.tracker,
+             kTrackerNames,
+             "The tracker: subspace tracks all features jointly, the others track each feature "
+             "independently. klt is what most programs use; subspace takes longer and loses fewer "
+             "features in the dark.",
+             Tier::kCommon);
     v.Number("max_unconfirmed_frames",
              o.max_unconfirmed_frames,
              0,
              100000,
-             "a feature that the image has not confirmed for more frames in a row ends");
-    v.Flag(
-        "cuts",
-        o.cuts,
-        "End all tracks where the clip is cut, and hold them through a frame that shows nothing. "
-        "Without it what looks alike by chance on both sides of a cut is followed across it.",
-        Tier::kCommon);
+             "a feature ends after more than this many frames in a row in which the image does not "
+             "confirm it");
+    v.Flag("cuts",
+           o.cuts,
+           "End all tracks at cuts of the clip, and keep them through frames that show nothing. "
+           "Otherwise features that look alike by chance on both sides of a cut are tracked across "
+           "it.",
+           Tier::kCommon);
     v.Group("detector", o.detector, "corner detection");
     v.Group("klt", o.klt, "tracker klt");
     v.Group("anchored_klt", o.anchored_klt, "tracker anchored-klt");
     v.Group("rlof", o.rlof, "tracker rlof");
     v.Group("dense_flow", o.dense_flow, "tracker dis");
     v.Group("subspace", o.subspace, "tracker subspace");
-    v.Group("measurement", o.measurement, "guide, then measure: tracker subspace");
+    v.Group("measurement", o.measurement, "measurement after the guide, tracker subspace");
   }
 };
 

@@ -31,8 +31,8 @@ std::optional<FrameIndex> FrameNames::Find(const std::string& name) {
     const std::string& before = found_.emplace(*found->second, name).first->second;
     if (before != name) {
       ThrowError(
-          "images {} and {} are both frame {} of the clip by their names: give images whose "
-          "names are apart",
+          "the names of images {} and {} both match frame {} of the clip: give images with "
+          "distinct names",
           before,
           name,
           ToInt(*found->second));
@@ -46,7 +46,7 @@ void CheckSomeImageKnown(const ImportedTracks& imported,
                          const std::string& path,
                          std::span<const FrameInfo> frames) {
   if (imported.unknown_images == 0 || !imported.tracks.observations().empty()) return;
-  ThrowError("{}: none of its {} images is a frame of the clip: it has {}, the clip {}",
+  ThrowError("{}: none of its {} images is a frame of the clip: it has {}, but the clip has {}",
              path,
              imported.unknown_images,
              imported.an_unknown_image,

@@ -15,7 +15,7 @@ namespace cohort {
 struct ImportedTracks {
   TrackSet tracks;
   std::optional<Camera> camera;    // if the file has one
-  std::size_t unknown_images = 0;  // images with positions that are no frame of the clip
+  std::size_t unknown_images = 0;  // images with positions that are not frames of the clip
   std::string an_unknown_image;
   std::size_t left_out = 0;  // positions, for the reason that the reader states
 };

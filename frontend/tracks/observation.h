@@ -78,7 +78,7 @@ struct Observation {
   Eigen::Vector2d xy = Eigen::Vector2d::Zero();
   ObservationState state = ObservationState::kObserved;
   double residual = 0.0;  // mean absolute difference to the template, intensities 0..1
-  // Of xy, if the measurement step gives one.
+  // The covariance of xy, if the measurement step gives one.
   std::optional<PixelCovariance> covariance = std::nullopt;
 };
 

@@ -64,7 +64,7 @@ ImportedTracks ReadOpenSfmTracks(const fs::path& path,
   if (reader.line().starts_with(kHeader)) {
     const auto named = Parse<int>(reader.line().substr(kHeader.size()));
     if (!named || *named < 0 || *named > kNewestVersion) {
-      reader.Throw("version '{}' of OpenSfM's tracks is none of 0 to {}",
+      reader.Throw("version '{}' of OpenSfM's tracks is not supported: 0 to {} are",
                    reader.line().substr(kHeader.size()),
                    kNewestVersion);
     }

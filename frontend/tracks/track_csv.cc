@@ -39,10 +39,10 @@ class FieldSplitter {
   }
 
  private:
-  std::vector<std::string_view> fields_;  // kept, so that a line allocates nothing
+  std::vector<std::string_view> fields_;  // kept, so that no line allocates memory
 };
 
-// Where the columns are.
+// The positions of the columns.
 struct Columns {
   std::size_t track_id, frame, x, y, residual;
   std::size_t observed;

@@ -22,7 +22,7 @@ namespace fs = std::filesystem;
 constexpr std::size_t kMaxCells = std::size_t{1} << 27;
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
-// Under what names trackers and their users save them; the first that is there counts.
+// The names under which trackers and their users save the arrays; the first existing one counts.
 constexpr std::initializer_list<const char*> kTrackNames = {"tracks", "pred_tracks", "pred_track"};
 constexpr std::initializer_list<const char*> kVisibilityNames = {"visibility",
                                                                  "visibilities",
@@ -58,12 +58,12 @@ Size ParseSize(const std::string& text) {
   const auto height =
       x < text.size() ? Parse<int>(std::string_view(text).substr(x + 1)) : std::nullopt;
   if (!width || !height || *width < 1 || *height < 1) {
-    ThrowUsageError("--npz.size '{}' is no size in pixels: give WxH, as 256x256", text);
+    ThrowUsageError("--npz.size '{}' is not a size in pixels: give WxH, such as 256x256", text);
   }
   return {static_cast<double>(*width), static_cast<double>(*height)};
 }
 
-// The arrays of one file, brought to frames first.
+// The arrays of one file, with frames as the first axis.
 class TracksReader {
  public:
   TracksReader(const fs::path& path,
@@ -101,7 +101,7 @@ class TracksReader {
   }
   const std::string& tracks_name() const { return tracks_name_; }
 
-  // Values of cells, none where the file has no such array.
+  // The values of the cells; empty if the file has no such array.
   std::vector<double> Cells(const std::string& name, std::size_t values_a_cell) {
     NpzArray array = npz_.Read(name, values_a_cell * kMaxCells);
     std::vector<std::size_t> shape{frames_.size(), track_count_};
@@ -113,7 +113,7 @@ class TracksReader {
     }
     if (array.shape != shape) {
       Fail(name,
-           fmt::format("it is {} instead of {}, as {} is",
+           fmt::format("it is {} instead of {}, the shape of {}",
                        ShapeText(array.shape),
                        ShapeText(shape),
                        tracks_name_));
@@ -138,13 +138,14 @@ class TracksReader {
   std::string Required() const {
     std::string name = options_.tracks.empty() ? Find(kTrackNames) : options_.tracks;
     if (!name.empty() && npz_.Has(name)) return name;
-    ThrowError("{} has no array {}, but {}: name the one of the positions by --npz.tracks",
-               path_,
-               name.empty() ? "tracks" : name,
-               npz_.names().empty() ? "none" : fmt::format("{}", fmt::join(npz_.names(), ", ")));
+    ThrowError(
+        "{} has no array {}, but {}: give the name of the array of positions by --npz.tracks",
+        path_,
+        name.empty() ? "tracks" : name,
+        npz_.names().empty() ? "none" : fmt::format("{}", fmt::join(npz_.names(), ", ")));
   }
 
-  // A first axis of 1 more than it should have.
+  // Removes an additional first axis of 1.
   static void DropBatch(NpzArray& array, std::size_t dimensions) {
     while (array.shape.size() > dimensions && array.shape.front() == 1) {
       array.shape.erase(array.shape.begin());
@@ -154,7 +155,7 @@ class TracksReader {
   void ReadFrames(std::span<const FrameInfo> frames) {
     for (const char* name : {"frame_indices", "frame_index", "frame_ids", "frames"}) {
       if (!npz_.Has(name)) continue;
-      // `frames` may be the pictures themselves.
+      // An array `frames` may be the pictures themselves.
       const NpzReader::Description about = npz_.Describe(name);
       if (about.shape.size() != 1 || about.kind != NpzKind::kInteger) continue;
       const NpzArray indices = npz_.Read(name, kMaxCells);
@@ -168,7 +169,7 @@ class TracksReader {
         }
         frames_.push_back(FrameIndex{static_cast<std::uint32_t>(index)});
       }
-      if (frames_.empty()) Fail(name, "it names no frame");
+      if (frames_.empty()) Fail(name, "it lists no frame");
       const std::set<FrameIndex> once(frames_.begin(), frames_.end());
       if (once.size() != frames_.size()) Fail(name, "a frame occurs twice");
       return;
@@ -176,13 +177,13 @@ class TracksReader {
     for (const FrameInfo& frame : frames) frames_.push_back(frame.index);
   }
 
-  // Which axis is of frames.
+  // Decides which axis is the frame axis.
   void Decide(const std::vector<std::size_t>& shape) {
     const bool first = shape[0] == frames_.size();
     const bool second = shape[1] == frames_.size();
     if (options_.layout == NpzLayout::kAuto && first && second) {
       Fail(tracks_name_,
-           fmt::format("it is {}, as many tracks as frames: say which come first by --npz.layout "
+           fmt::format("it is {}, as many tracks as frames: give the order by --npz.layout "
                        "frames-first or tracks-first",
                        ShapeText(shape)));
     }
@@ -190,8 +191,8 @@ class TracksReader {
         options_.layout == NpzLayout::kAuto ? first : options_.layout == NpzLayout::kFramesFirst;
     if (frames_first_ ? !first : !second) {
       Fail(tracks_name_,
-           fmt::format("it is {}, and {} is the {} frames of the input: choose those that were "
-                       "tracked by --frames, or save their numbers as an array frame_indices",
+           fmt::format("it is {}, and {} is the {} frames of the input: select the tracked frames "
+                       "by --frames, or save their numbers as an array frame_indices",
                        ShapeText(shape),
                        options_.layout == NpzLayout::kAuto ? "neither axis"
                        : frames_first_                     ? "not its first axis"
@@ -215,7 +216,7 @@ bool MeansHidden(const std::string& name) {
   return name.starts_with("occ") || name.find("_occ") != std::string::npos;
 }
 
-// Whether a cell is visible: empty, if all are.
+// Whether each cell is visible; empty if all are.
 std::vector<bool> ReadVisible(TracksReader& reader, const NpzTracksOptions& options) {
   std::string name = options.visibility;
   if (!name.empty() && !reader.Has(name)) reader.Fail(name, "there is none of this name");
@@ -225,8 +226,8 @@ std::vector<bool> ReadVisible(TracksReader& reader, const NpzTracksOptions& opti
     for (const double value : reader.Cells(name, 1)) {
       if (!(value >= 0.0 && value <= 1.0)) {
         reader.Fail(name,
-                    fmt::format("{} is no probability: save bool, or numbers from 0 to 1 (the "
-                                "sigmoid of what a network gives)",
+                    fmt::format("{} is not a probability: save bool, or numbers from 0 to 1 (the "
+                                "sigmoid of a network's output)",
                                 value));
       }
       visible.push_back((MeansHidden(name) ? 1.0 - value : value) >= options.min_visibility);
@@ -265,7 +266,7 @@ std::vector<FeatureId> ReadTrackIds(TracksReader& reader) {
     }
     ids.push_back(FeatureId{static_cast<std::uint32_t>(id)});
     if (!once.insert(ids.back()).second)
-      reader.Fail("track_ids", fmt::format("{} is there twice", id));
+      reader.Fail("track_ids", fmt::format("{} occurs twice", id));
   }
   return ids;
 }
@@ -279,13 +280,14 @@ std::optional<PixelCovariance> CovarianceOf(const TracksReader& reader,
   const double yy = covariances[3 * cell + 2];
   if (std::isnan(xx) && std::isnan(xy) && std::isnan(yy)) return std::nullopt;
   if (!PixelCovariance::IsOne(xx, xy, yy)) {
-    reader.Fail("covariance",
-                fmt::format("xx {}, xy {}, yy {} is no positive definite covariance", xx, xy, yy));
+    reader.Fail(
+        "covariance",
+        fmt::format("xx {}, xy {}, yy {} is not a positive definite covariance", xx, xy, yy));
   }
   const Eigen::Matrix2d scaled = scale.matrix().asDiagonal() * Eigen::Matrix2d{{xx, xy}, {xy, yy}} *
                                  scale.matrix().asDiagonal();
   if (!PixelCovariance::IsOne(scaled(0, 0), scaled(0, 1), scaled(1, 1))) {
-    reader.Fail("covariance", "it is beyond all numbers in the size of the pictures");
+    reader.Fail("covariance", "it overflows when it is scaled to the size of the pictures");
   }
   return PixelCovariance::From(scaled);
 }
@@ -301,7 +303,7 @@ ImportedTracks ReadTracksNpz(const fs::path& path,
   const Size size{static_cast<double>(width_px), static_cast<double>(height_px)};
   const Size made_on = options.size.empty() ? size : ParseSize(options.size);
   const Eigen::Array2d scale(size.width / made_on.width, size.height / made_on.height);
-  // Of the file's (0, 0) from the corner of the top-left pixel.
+  // Distance of the file's (0, 0) from the corner of the top-left pixel.
   const double shift = options.origin == NpzOrigin::kPixelCentre ? 0.5 : 0.0;
   const bool as_it_is = options.origin == NpzOrigin::kPixelCentre && (scale == 1.0).all();
 
@@ -315,7 +317,7 @@ ImportedTracks ReadTracksNpz(const fs::path& path,
 
   ImportedTracks result;
   std::vector<Observation> observations;
-  observations.reserve(reader.PositionCount());  // growing would hold them twice
+  observations.reserve(reader.PositionCount());  // growing would hold them twice in memory
   std::size_t observed = 0;
   for (std::size_t n = 0; n < reader.track_count(); ++n) {
     for (std::size_t t = 0; t < reader.frame_count(); ++t) {
@@ -345,8 +347,8 @@ ImportedTracks ReadTracksNpz(const fs::path& path,
   if (observations.empty()) reader.Fail(reader.tracks_name(), "it has no position");
   if (2 * result.left_out > observed) {
     reader.Fail(reader.tracks_name(),
-                fmt::format("{} of {} visible positions lie outside the picture of {} x {}: if it "
-                            "was of another size to the tracker, say so by --npz.size",
+                fmt::format("{} of {} visible positions lie outside the picture of {} x {}: if the "
+                            "tracker saw pictures of another size, give that size by --npz.size",
                             result.left_out,
                             observed,
                             width_px,
@@ -361,8 +363,8 @@ void WriteTracksNpz(const fs::path& path, const TrackFile& file) {
   const std::size_t columns = features.size();
   if (columns > 0 && file.frames.size() > kMaxCells / columns) {
     ThrowError(
-        "cannot write {}: {} frames times {} tracks are too many cells; take --csv, which has "
-        "a row only for what there is",
+        "cannot write {}: {} frames times {} tracks are too many cells; use --csv, which has rows "
+        "only for existing positions",
         path.string(),
         file.frames.size(),
         columns);
@@ -373,7 +375,7 @@ void WriteTracksNpz(const fs::path& path, const TrackFile& file) {
   std::vector<std::int64_t> frame_indices;
   for (const FeatureId feature : features) track_ids.push_back(ToInt(feature));
   for (const FrameInfo& frame : file.frames) frame_indices.push_back(ToInt(frame.index));
-  // Frame by frame: most of the cells of a long clip are empty, and all together may be many GB.
+  // Frame by frame, because most cells of a long clip are empty, and all together may take many GB.
   const auto each = [&](std::size_t t, const auto& visit) {
     auto column = features.begin();
     for (const Observation* o : file.tracks.InFrame(file.frames[t].index)) {

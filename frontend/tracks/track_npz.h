@@ -36,38 +36,41 @@ struct NpzTracksOptions {
     v.Choice("layout",
              o.layout,
              kNpzLayoutNames,
-             "Which axis of a .npz comes first; auto: the one that is as long as the input has "
-             "frames is of frames. Needed where there are as many tracks.",
+             "Which axis of a .npz comes first. auto: the frame axis is the one whose length is "
+             "the number of frames of the input. Needed if there are as many tracks as frames.",
              Tier::kCommon);
     v.Choice("origin",
              o.origin,
              kNpzOriginNames,
-             "What (0, 0) is in a .npz: the centre of the top-left pixel (CoTracker, VGGSfM, "
-             "OpenCV), or its outer corner (TAPIR, TAPNext, COLMAP).",
+             "The position of (0, 0) in a .npz: the centre of the top-left pixel (CoTracker, "
+             "VGGSfM, OpenCV), or its outer corner (TAPIR, TAPNext, COLMAP).",
              Tier::kCommon);
-    v.Text("size",
-           o.size,
-           "The size WxH of the pictures that the tracks of a .npz were made on, where the input's "
-           "is another, as 256x256: positions are scaled, x + 1/2 as W.",
-           Tier::kCommon);
+    v.Text(
+        "size",
+        o.size,
+        "The size WxH of the pictures from which the tracks of a .npz were made, such as 256x256, "
+        "if it differs from that of the input. Positions are scaled: x + 1/2 in proportion to W.",
+        Tier::kCommon);
     v.Number("min_visibility",
              o.min_visibility,
              0.0,
              1.0,
-             "Where the visibility in a .npz is a number from 0 to 1: positions of as "
-             "much are observed, others predicted.",
+             "The visibility in a .npz from which a position counts as observed, if it is a number "
+             "from 0 to 1; others are predicted.",
              Tier::kCommon);
     v.Number("min_confidence",
              o.min_confidence,
              0.0,
              1e9,
-             "Where a .npz has a confidence too: positions of less are predicted.",
+             "The confidence in a .npz below which positions are predicted, if it has one.",
              Tier::kCommon);
-    v.Text("tracks", o.tracks, "name of the array of positions in a .npz, if it is another");
+    v.Text("tracks",
+           o.tracks,
+           "name of the array of positions in a .npz, if it is not one of the usual names");
     v.Text("visibility",
            o.visibility,
-           "name of the array of visibility in a .npz, if it is another; one that begins with "
-           "occ, or has _occ, is of what is hidden");
+           "name of the array of visibility in a .npz, if it is not one of the usual names; a name "
+           "that begins with occ or contains _occ denotes occlusion");
   }
 };
 

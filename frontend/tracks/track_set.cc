@@ -44,7 +44,7 @@ void TrackSet::Index() {
 
   by_frame_.resize(observations_.size());
   for (std::size_t i = 0; i < observations_.size(); ++i) by_frame_[i] = &observations_[i];
-  // Stable: within a frame the features stay ascending.
+  // Stable, so that the features within a frame remain ascending.
   std::stable_sort(by_frame_.begin(), by_frame_.end(), [](const auto* a, const auto* b) {
     return a->frame < b->frame;
   });

@@ -20,7 +20,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::int64_t kApplicationId = 0x636F6872;  // "cohr": tells our SQLite files from others
+// "cohr": distinguishes our SQLite files from others.
+constexpr std::int64_t kApplicationId = 0x636F6872;
 constexpr std::int64_t kVersion = 1;
 
 constexpr const char* kSchema = R"(
@@ -128,7 +129,7 @@ std::uint32_t ReadId(std::int64_t value, const fs::path& path, std::string_view 
   return static_cast<std::uint32_t>(value);
 }
 
-// Also in COLMAP's models, which number images from 1.
+// The limit is that of COLMAP's models, which number images from 1.
 std::uint32_t ReadFrameIndex(std::int64_t value, const fs::path& path) {
   constexpr std::int64_t kMost = 2'147'483'645;
   if (value > kMost) ThrowDamaged(path, fmt::format("it has frame {} of {} at most", value, kMost));
@@ -140,7 +141,7 @@ int ReadSize(const std::string& text, const fs::path& path) {
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
   if (error != std::errc() || end != text.data() + text.size() || value < 0 ||
       value > kMaxPictureSidePx) {
-    ThrowDamaged(path, fmt::format("'{}' is no image size", text));
+    ThrowDamaged(path, fmt::format("'{}' is not an image size", text));
   }
   return value;
 }
@@ -187,13 +188,14 @@ SqliteDatabase OpenTracks(const fs::path& path) {
   auto db = SqliteDatabase::Open(path, SqliteDatabase::Mode::kRead);
   auto id = db.Prepare("PRAGMA application_id");
   if (!id.Step() || id.Int(0) != kApplicationId) {
-    ThrowError("{} is no .tracks file of cohort", path.string());
+    ThrowError("{} is not a .tracks file of cohort", path.string());
   }
   if (db.UserVersion() != kVersion) {
-    ThrowError("{} is a .tracks file of version {}, this program reads version {}: make it again",
-               path.string(),
-               db.UserVersion(),
-               kVersion);
+    ThrowError(
+        "{} is a .tracks file of version {}, but this program reads version {}: make it again",
+        path.string(),
+        db.UserVersion(),
+        kVersion);
   }
   return db;
 }
@@ -201,7 +203,7 @@ SqliteDatabase OpenTracks(const fs::path& path) {
 std::vector<Observation> ReadObservations(SqliteDatabase& db, const fs::path& path) {
   std::vector<Observation> observations;
   auto count = db.Prepare("SELECT COUNT(frame) FROM observations");
-  constexpr std::uint64_t kBytesARow = 16;  // and more, of what is no lie
+  constexpr std::uint64_t kBytesARow = 16;  // at least, unless the file is malicious
   if (count.Step()) {
     observations.reserve(std::min(static_cast<std::uint64_t>(count.Int(0)),
                                   static_cast<std::uint64_t>(fs::file_size(path)) / kBytesARow));
@@ -246,7 +248,7 @@ std::vector<TrackEnd> ReadEnds(SqliteDatabase& db, const fs::path& path) {
                                     kLossReasonNames.end(),
                                     [&](const auto& entry) { return entry.first == row.Text(2); });
     if (name == kLossReasonNames.end()) {
-      ThrowDamaged(path, fmt::format("'{}' is no reason to end a track", row.Text(2)));
+      ThrowDamaged(path, fmt::format("'{}' is not a reason to end a track", row.Text(2)));
     }
     ends.push_back({.feature = FeatureId{ReadId(row.Int(0), path, "track")},
                     .last_frame = FrameIndex{ReadId(row.Int(1), path, "frame")},
@@ -278,21 +280,21 @@ TrackFile ReadTrackFile(const fs::path& path) {
   if (file.found_camera &&
       (file.found_camera->known || file.found_camera->width_px != file.width_px ||
        file.found_camera->height_px != file.height_px)) {
-    ThrowDamaged(path, "the camera that was found is not of these pictures");
+    ThrowDamaged(path, "the camera that was found does not belong to these pictures");
   }
   auto frames = db.Prepare("SELECT \"index\", name, timestamp_ns FROM frames ORDER BY \"index\"");
   while (frames.Step()) {
     file.frames.push_back({.index = FrameIndex{ReadFrameIndex(frames.Int(0), path)},
                            .name = std::string(frames.Text(1)),
                            .timestamp_ns = frames.Int(2)});
-    // Frames that came from no file may have none.
+    // Frames that did not come from files may have no name.
     const std::string& name = file.frames.back().name;
     if (const std::string fault = FaultOfPictureName(name); !name.empty() && !fault.empty()) {
       ThrowDamaged(path, fmt::format("the name of frame '{}' {}", name, fault));
     }
   }
   if (!file.frames.empty() && (file.width_px == 0 || file.height_px == 0)) {
-    ThrowDamaged(path, "it has frames of no size");
+    ThrowDamaged(path, "it has frames without a size");
   }
   auto unlisted = db.Prepare(
       "SELECT frame FROM observations WHERE frame NOT IN (SELECT \"index\" FROM frames) LIMIT 1");
@@ -313,7 +315,7 @@ void WriteTrackFile(const fs::path& path, const TrackFile& file) {
   OutputFile out(path);
   {
     auto db = SqliteDatabase::Open(out.partial(), SqliteDatabase::Mode::kCreate);
-    // The file is thrown away if anything fails: no journal needed.
+    // The file is discarded if anything fails, so no journal is needed.
     db.Execute("PRAGMA journal_mode = OFF");
     SqliteTransaction transaction(db);
     CreateSchema(db, file);
@@ -333,7 +335,7 @@ void WriteTrackFile(const fs::path& path, const TrackFile& file) {
     for (const TrackEnd& end : file.tracks.ends()) insert.Insert(end);
     transaction.Commit();
   }
-  RemoveJournals(path);  // of another program
+  RemoveJournals(path);  // left by another program
   out.Commit();
 }
 

@@ -35,7 +35,7 @@ struct TrackFile {
   bool KnowsCamera() const { return camera && camera->known; }
 };
 
-// Throws Error naming the path if the file is missing, damaged or no .tracks file.
+// Throws Error naming the path if the file is missing, damaged or not a .tracks file.
 TrackFile ReadTrackFile(const std::filesystem::path& path);
 
 // Creates or replaces a .tracks file (SQLite; schema in docs/files.md), whole or not at all.

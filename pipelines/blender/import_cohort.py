@@ -68,7 +68,7 @@ def read(path):
     try:
         model = read_model(path)
     except BAD as error:
-        raise ImportFailed(f"{path} is not as cohort writes it: {error!r}") from error
+        raise ImportFailed(f"{path} does not have the form that cohort writes: {error!r}") from error
     return checked(model, path)
 
 
@@ -76,13 +76,13 @@ def checked(model, path):
     """With numbers that a scene can have."""
     camera = model.camera
     if not all(0 < value < 2**31 for value in (*camera[:2], camera.fx, camera.fy)):
-        raise ImportFailed(f"{path}: the camera {camera[:6]} is none")
+        raise ImportFailed(f"{path}: the camera {camera[:6]} is invalid")
     if not all(
         isinstance(frame.number, int) and 0 <= frame.number <= LAST_FRAME for frame in model.frames
     ):
-        raise ImportFailed(f"{path} has frames whose numbers Blender does not have")
+        raise ImportFailed(f"{path} has frame numbers that Blender does not support")
     if not all(0 < frame.zoom < math.inf for frame in model.frames):
-        raise ImportFailed(f"{path} has focal lengths that are none")
+        raise ImportFailed(f"{path} has invalid focal lengths")
     poses = [frame.world_from_blender for frame in model.frames]
     numbers = (camera[:6], poses, model.points, model.colours)
     if not all(np.isfinite(np.asarray(values, float)).all() for values in numbers):
@@ -103,7 +103,7 @@ def read_model(path):
         trajectory = os.path.join(path, "model", "trajectory.tum")
         return read_colmap(sparse, trajectory, os.path.join(path, "images"))
     raise ImportFailed(
-        f"{path} holds no model: give a folder with cameras.txt (cohort reconstruct, or colmap "
+        f"{path} contains no model: give a folder with cameras.txt (cohort reconstruct, or colmap "
         "model_converter --output_type TXT), a scene of cohort sfm, or a transforms.json"
     )
 
@@ -111,7 +111,7 @@ def read_model(path):
 def check_file(path):
     """A pipe or a device may never end."""
     if os.path.exists(path) and not os.path.isfile(path):
-        raise ImportFailed(f"cannot read {path}: it is no file")
+        raise ImportFailed(f"cannot read {path}: it is not a file")
 
 
 def data_lines(path):
@@ -127,7 +127,7 @@ def read_colmap(folder, trajectory, images):
     try:
         return parse_colmap(folder, trajectory, images)
     except BAD as error:
-        raise ImportFailed(f"{folder} is no model in COLMAP's text form: {error!r}") from error
+        raise ImportFailed(f"{folder} is not a model in COLMAP's text format: {error!r}") from error
 
 
 def parse_colmap(folder, trajectory, images):
@@ -225,7 +225,7 @@ def camera_of(name, words, folder):
     one_focal = name.startswith(("SIMPLE_", "RADIAL"))
     fx, fy, cx, cy, *rest = parameters[:1] + parameters if one_focal else parameters
     if not (width > 0 and height > 0 and fx > 0 and fy > 0):
-        raise ImportFailed(f"{folder}: the camera {name} {' '.join(words)} is none")
+        raise ImportFailed(f"{folder}: the camera {name} {' '.join(words)} is invalid")
     distorted = "FISHEYE" in name or any(value != 0 for value in rest)
     return Camera(int(width), int(height), fx, fy, cx, cy, distorted)
 
@@ -273,7 +273,7 @@ def read_transforms(path):
             for i, frame in enumerate(scene["frames"])
         ]
     except BAD as error:
-        raise ImportFailed(f"{path} is no transforms.json with one camera: {error!r}") from error
+        raise ImportFailed(f"{path} is not a transforms.json with one camera: {error!r}") from error
     if not frames:
         raise ImportFailed(f"{path} has no frames")
     camera, frames = with_one_camera(frames, cameras, path)
@@ -307,7 +307,7 @@ def read_ply(path):
     if properties == floats + bytes_ and form == [b"ascii"]:  # Nerfstudio's own
         table = np.array(body.split(), float).reshape(-1, 6)
         return table[:, :3], table[:, 3:]
-    raise ImportFailed(f"{path} is no PLY of x, y, z and red, green, blue, as cohort and Nerfstudio write it")
+    raise ImportFailed(f"{path} is not a PLY of x, y, z and red, green, blue, as cohort and Nerfstudio write it")
 
 
 def fps_of(trajectory):

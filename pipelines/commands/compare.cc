@@ -32,7 +32,7 @@ void PrintNotes(const char* what, const std::vector<CellNote>& notes) {
 void RunCompare(const ExperimentOptions& options) {
   const ExperimentPlan plan = RunCells(options);
   const std::filesystem::path out = options.out;
-  // Shards may end together: the last to write has seen what all others finished.
+  // Shards may end at the same time; the last one to write includes the results of all others.
   const WriteLock lock = WriteLock::Await(out / "cells" / "results.lock");
   const ExperimentResults results = CollectResults(options, plan);
   const auto headline = MakeHeadline(results);
@@ -53,16 +53,15 @@ void RunCompare(const ExperimentOptions& options) {
 }
 
 Command CompareCommand() {
-  return MakeCommand(
-      {.name = "compare",
-       .usage = "INPUT... --out DIR [options]",
-       .summary =
-           "Compare trackers by the reconstructions made of their tracks, or as the paper did",
-       .positionals = {"inputs"},
-       .required = {"inputs", "out"},
-       .short_flags = {{"features", {"tracking.detector.max_features"}},
-                       {"colmap-program", {"colmap.program"}}}},
-      RunCompare);
+  return MakeCommand({.name = "compare",
+                      .usage = "INPUT... --out DIR [options]",
+                      .summary = "Compare trackers by the reconstructions made from their tracks, "
+                                 "or by the paper's protocol",
+                      .positionals = {"inputs"},
+                      .required = {"inputs", "out"},
+                      .short_flags = {{"features", {"tracking.detector.max_features"}},
+                                      {"colmap-program", {"colmap.program"}}}},
+                     RunCompare);
 }
 
 }  // namespace cohort

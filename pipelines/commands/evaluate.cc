@@ -54,7 +54,7 @@ void RunEvaluate(const EvaluateJobOptions& options) {
   AddRows(figures, "", rows);
   fmt::print("{}", AlignedTable(rows));
   if (figures.value("failed", false)) {
-    spdlog::warn("{}: {}: its errors say little",
+    spdlog::warn("{}: {}: its errors are not meaningful",
                  options.subject,
                  figures.at("why_failed").get<std::string>());
   }

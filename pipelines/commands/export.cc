@@ -25,15 +25,16 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// Before the inputs are read. To have looked into it makes it none.
+// Called before the inputs are read. Inspecting the output must not make it an input, so it is
+// forgotten.
 void CheckHoldsNoDescriptors(const std::string& database) {
   if (!fs::is_regular_file(database) || InputRecord::Holds(database)) return;
   const std::int64_t images = CountDescribedImages(database);
   InputRecord::Forget(database);
   if (images == 0) return;
   ThrowError(
-      "{} has features of {} images with descriptors, as COLMAP finds them: give another name, or "
-      "remove it",
+      "{} has features of {} images with descriptors, which COLMAP has extracted: give another "
+      "name, or remove it",
       database,
       images);
 }
@@ -52,7 +53,7 @@ void ExportColmapDatabase(TrackFile file,
   FocalScales focal_scale;
   if (model && !model->focal_scale.empty()) {
     focal_scale = model->focal_scale;
-    Camera camera = model->camera;  // which the scales are of
+    Camera camera = model->camera;  // to which the scales belong
     camera.known = file.KnowsCamera();
     file.camera = camera;
   }
@@ -66,14 +67,13 @@ TrackFile TracksToExport(TrackFile file,
                          const ExportCommandOptions& options,
                          const std::optional<Reconstruction>& given) {
   if (file.tracks.observations().empty()) {
-    spdlog::warn("{} has no observation of any track: there is nothing in it to export",
-                 options.tracks);
+    spdlog::warn("{} has no observations: there is nothing to export", options.tracks);
   }
   if (given) WarnIfModelOfOthers(*given, options.model, file, options.tracks);
   if (!options.global_shutter) return file;
   const Reconstruction model = given ? *given : ReconstructWithCeres(file).reconstruction;
   if (model.readout == 0.0) {
-    spdlog::warn("{}: no rolling shutter is known of; the positions are written as they are",
+    spdlog::warn("{}: no rolling shutter is known; the positions are written unchanged",
                  options.model.empty() ? options.tracks : options.model);
   }
   return AsGlobalShutter(std::move(file), model);
@@ -89,7 +89,7 @@ void RunExport(const ExportCommandOptions& options) {
         "--bal and a file");
   }
   if (!options.bal.empty() && options.model.empty()) {
-    ThrowUsageError("--bal is a problem of cameras and points: give their folder by --model");
+    ThrowUsageError("--bal needs cameras and points: give their folder by --model");
   }
   CheckDistinctOutputs({{"--colmap-database", options.colmap_database},
                         {"--csv", options.csv},
@@ -136,8 +136,7 @@ void RunExport(const ExportCommandOptions& options) {
   if (!options.bal.empty()) {
     if (model->readout != 0.0 && !options.global_shutter) {
       spdlog::warn(
-          "{}: its shutter rolls, which no camera of a BAL problem can explain: give "
-          "--global-shutter",
+          "{}: it has a rolling shutter, which BAL cannot represent: give --global-shutter",
           options.model);
     }
     WriteBal(options.bal, *model);
@@ -153,7 +152,7 @@ Command ExportCommand() {
                       .usage = "F.tracks [--colmap-database F.db] [--covariances F.npz] "
                                "[--csv F.csv] [--npz F.npz] [--opensfm F.csv] "
                                "[--model DIR --bal F.txt] [options]",
-                      .summary = "Write tracks as other programs read them",
+                      .summary = "Export tracks to the formats of other programs",
                       .positionals = {"tracks"},
                       .required = {"tracks"}},
                      RunExport);

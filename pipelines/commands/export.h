@@ -37,27 +37,28 @@ struct ExportCommandOptions {
     v.Text("opensfm", o.opensfm, "Write OpenSfM's tracks.csv to this file.", Tier::kCommon);
     v.Text("covariances",
            o.covariances,
-           "Write how certain every keypoint of the COLMAP database is to this file, a CSV table, "
-           "or NumPy arrays if it ends with .npz.",
+           "Write the covariance of every keypoint of the COLMAP database to this file: a CSV "
+           "table, or NumPy arrays if its name ends in .npz.",
            Tier::kCommon);
     v.Text("bal",
            o.bal,
-           "Write the bundle adjustment problem of a model to this file (BAL); needs "
+           "Write the bundle adjustment problem of a model to this file, in BAL format; needs "
            "--model.",
            Tier::kCommon);
     v.Text("model",
            o.model,
-           "The model folder that `cohort reconstruct` made of the tracks.",
+           "The model folder that `cohort reconstruct` made from the tracks.",
            Tier::kCommon);
     v.Flag("global_shutter",
            o.global_shutter,
-           "Write the positions as a global shutter would have seen them, for programs that know "
-           "no rolling one: by --model, or by a reconstruction made for it.",
+           "Write the positions as a global shutter would have seen them, for programs without a "
+           "rolling-shutter model. They are computed from --model or, without it, from a "
+           "reconstruction made for this purpose.",
            Tier::kCommon);
     v.Flag("write_frames",
            o.write_frames,
-           "Beside the database F.db of a video, write its frames as pictures into "
-           "F_images/, where COLMAP looks for them.",
+           "For a video, write the frames as pictures into F_images/ beside the database F.db, "
+           "where COLMAP looks for them.",
            Tier::kCommon);
     v.Group("database", o.database, "COLMAP database");
   }

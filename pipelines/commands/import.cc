@@ -23,7 +23,7 @@
 namespace cohort {
 namespace {
 
-// All of the file but the tracks.
+// Everything in the file except the tracks.
 TrackFile ReadFrames(const InputOptions& input) {
   const auto sequence = OpenInput(input);
   TrackFile file;
@@ -57,7 +57,7 @@ void CheckFramesKnown(const TrackSet& tracks,
   }
 }
 
-// What a file is, by its first bytes.
+// The format of a file, from its first bytes.
 TracksForm FormOf(const std::string& path) {
   if (std::filesystem::is_directory(path)) return TracksForm::kColmap;
   std::array<char, 4096> start{};
@@ -90,16 +90,17 @@ ImportedTracks ReadColmap(const ImportCommandOptions& options, const TrackFile& 
           ? TracksOfColmapModel(ReadColmapModel(options.tracks), file.frames, options.tracks)
           : TracksOfColmapDatabase(ReadColmapDatabase(options.tracks), file.frames, options.tracks);
   if (imported.camera->width_px != file.width_px || imported.camera->height_px != file.height_px) {
-    ThrowError("{} is of pictures of {} x {}, but {} has {} x {}: give the images that COLMAP had",
-               options.tracks,
-               imported.camera->width_px,
-               imported.camera->height_px,
-               options.input.input,
-               file.width_px,
-               file.height_px);
+    ThrowError(
+        "{} was made from pictures of {} x {}, but {} has {} x {}: give the images that COLMAP had",
+        options.tracks,
+        imported.camera->width_px,
+        imported.camera->height_px,
+        options.input.input,
+        file.width_px,
+        file.height_px);
   }
   if (imported.left_out > 0) {
-    spdlog::warn("{}: {} {} a point two positions in an image, and are left out",
+    spdlog::warn("{}: {} {} a point two positions in one image, and are left out",
                  options.tracks,
                  imported.left_out,
                  is_model ? "positions give" : "matches would give");
@@ -118,7 +119,7 @@ ImportedTracks ReadTracks(TracksForm form,
       ImportedTracks imported =
           ReadTracksNpz(options.tracks, file.frames, file.width_px, file.height_px, options.npz);
       if (imported.left_out > 0) {
-        spdlog::warn("{}: {} visible positions lie outside the picture, and count as predicted",
+        spdlog::warn("{}: {} visible positions lie outside the picture and count as predicted",
                      options.tracks,
                      imported.left_out);
       }
@@ -129,7 +130,7 @@ ImportedTracks ReadTracks(TracksForm form,
     case TracksForm::kColmap:
       return ReadColmap(options, file);
   }
-  Check(false, "every form of tracks is read");
+  Check(false, "every format of tracks is read");
   return {};
 }
 
@@ -138,20 +139,19 @@ ImportedTracks ReadTracks(TracksForm form,
 void RunImport(const ImportCommandOptions& options) {
   const TracksForm form = options.from == TracksForm::kAuto ? FormOf(options.tracks) : options.from;
   if (form != TracksForm::kNpz && !ChangedOptions(options.npz).empty()) {
-    ThrowUsageError("--npz.* is for NumPy files: leave it out with {}, which is none",
-                    options.tracks);
+    ThrowUsageError("--npz.* is for NumPy files: leave it out with {}", options.tracks);
   }
   CheckOutputsGiven({options.out});
   TrackFile file = ReadFrames(options.input);
   ImportedTracks imported = ReadTracks(form, options, file);
   if (imported.unknown_images > 0) {
-    spdlog::warn("{}: {} of its images are no frame of {} and are left out, {} for one",
+    spdlog::warn("{}: {} of its images are not frames of {} and are left out, such as {}",
                  options.tracks,
                  imported.unknown_images,
                  options.input.input,
                  imported.an_unknown_image);
   }
-  // What the command line says, then who is sure of it: a calibration before a guess.
+  // The command line takes precedence, then a calibration over a guess.
   const bool given = !options.input.camera.empty() || !options.input.camera_prior.empty();
   if (imported.camera && !given && (!file.camera || imported.camera->known)) {
     NoteCamera(imported.camera, file);
@@ -160,7 +160,7 @@ void RunImport(const ImportCommandOptions& options) {
   WarnOf(PredictOutside(file, options.tracks, options.input.input, imported.tracks));
   const auto observations = imported.tracks.observations();
   if (std::none_of(observations.begin(), observations.end(), IsObserved)) {
-    spdlog::warn("{}: none of its {} positions is observed: no backend will take one",
+    spdlog::warn("{}: none of its {} positions is observed: backends use only observed positions",
                  options.tracks,
                  observations.size());
   }
@@ -179,7 +179,7 @@ void RunImport(const ImportCommandOptions& options) {
 Command ImportCommand() {
   return MakeCommand({.name = "import",
                       .usage = "TRACKS --images INPUT --out F.tracks [options]",
-                      .summary = "Take over the tracks of any other tracker, of COLMAP or OpenSfM",
+                      .summary = "Import the tracks of any other tracker, of COLMAP or OpenSfM",
                       .positionals = {"tracks"},
                       .required = {"tracks", "input", "out"},
                       .short_flags = {{"images", {"input"}}}},

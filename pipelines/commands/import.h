@@ -31,7 +31,7 @@ struct ImportCommandOptions {
     v.Choice("from",
              o.from,
              kTracksFormNames,
-             "What the tracks are; auto: told by the file.",
+             "The format of the tracks; auto: recognised from the file.",
              Tier::kCommon);
     InputOptions::Visit(o.input, v);
     v.Text("out", o.out, "The .tracks file to write.", Tier::kCommon);

@@ -23,7 +23,7 @@ void RunReconstruct(const ReconstructJobOptions& options) {
   const ReconstructionSummary summary = RunReconstructJob(options);
   PrintSummary(summary, options.out);
   if (summary.Failed()) {
-    ThrowError("the reconstruction failed: {} ({}); what there is lies in {}",
+    ThrowError("the reconstruction failed: {} ({}); partial results are in {}",
                summary.WhyFailed(),
                summary.termination,
                options.out);

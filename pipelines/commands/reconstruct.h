@@ -5,7 +5,7 @@
 namespace cohort {
 
 // Makes a model folder from .tracks (ReconstructJob) and prints its summary. If fewer than 80 % of
-// the frames registered, it writes all results and then throws Error, because a part is no
+// the frames registered, it writes all results and then throws Error, because a part is not a
 // reconstruction of the clip.
 Command ReconstructCommand();
 

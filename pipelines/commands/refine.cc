@@ -23,7 +23,7 @@
 namespace cohort {
 namespace {
 
-// Of tracks these do nothing: who gives one expects something.
+// These options have no effect on tracks, which a user who gives one would not expect.
 void CheckNoneIsOfModels(const RefineModelOptions& options) {
   for (const std::string& path : ChangedOptions(options)) {
     ThrowUsageError("--{} is for a COLMAP model: leave it out with a .tracks file", FlagName(path));
@@ -35,11 +35,11 @@ void RefineTracks(const RefineCommandOptions& options) {
   CheckDistinctOutputs({{"--out", options.out}, {"--json", options.json}});
   const TrackFile file = ReadTrackFile(options.tracks);
   const Reconstruction model = ReadModelFolder(options.model);
-  // In the place of the old ones, where the same name is given.
+  // The new tracks may replace the old ones if the same name is given.
   if (CanonicalPath(options.out) == CanonicalPath(options.tracks)) InputRecord::Forget(options.out);
   CheckOutputsGiven({options.out, options.json});
   if (model.points.empty()) {
-    ThrowError("{}: the model has no points to look for: reconstruct first", options.model);
+    ThrowError("{}: the model has no points to measure: reconstruct first", options.model);
   }
   WarnIfModelOfOthers(model, options.model, file, options.tracks);
   const auto sequence =
@@ -51,8 +51,7 @@ void RefineTracks(const RefineCommandOptions& options) {
       file, model, *sequence, ReadMask(mask), options.of_model.second_pass, ProgressBars());
   if (second.figures.replaced + second.figures.left == 0 && second.figures.masked > 0) {
     ThrowError(
-        "the mask {} leaves none of the {} tracks that have a point: give one that is white "
-        "where they are",
+        "the mask {} covers all {} tracks that have a point: give one that is white where they are",
         mask,
         second.figures.masked);
   }
@@ -84,13 +83,12 @@ void RefineColmapModel(const RefineCommandOptions& options) {
   if (options.of_model.second_pass.measurement.patch.max_distance_px !=
       SecondPassOptions().measurement.patch.max_distance_px) {
     ThrowUsageError(
-        "--max-distance-px is for a .tracks file: of a COLMAP model it is --model-max-distance-px");
+        "--max-distance-px is for a .tracks file: for a COLMAP model, use --model-max-distance-px");
   }
   if (options.images.empty()) {
     ThrowUsageError(
-        "refine of a COLMAP model needs its pictures: give --images INPUT, or the .tracks file "
-        "that "
-        "the model was made of");
+        "refining a COLMAP model needs its pictures: give --images INPUT, or the .tracks file that "
+        "the model was made from");
   }
   const auto sequence = OpenSequence(options.images);
   AddModelToInputs(options.model);
@@ -141,7 +139,7 @@ Command RefineCommand() {
       {.name = "refine",
        .usage = "F.tracks --model DIR --out G.tracks [options], or cohort refine --model "
                 "COLMAP_MODEL --images INPUT --out DIR [options]",
-       .summary = "Measure tracks, or a COLMAP model, again where the model says",
+       .summary = "Measure tracks, or a COLMAP model, again where the model predicts them",
        .positionals = {"tracks"},
        .required = {"model", "out"}},
       RunRefine);

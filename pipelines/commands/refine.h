@@ -21,30 +21,29 @@ struct RefineCommandOptions {
   static void Visit(Self& o, Visitor& v) {
     v.Text("tracks",
            o.tracks,
-           "The .tracks file that the model was made of; of another program's model there is none.",
+           "The .tracks file that the model was made from; another program's model has none.",
            Tier::kCommon);
-    v.Text(
-        "model",
-        o.model,
-        "The model folder of `cohort reconstruct`, or a COLMAP model of a video or of pictures in "
-        "order.",
-        Tier::kCommon);
+    v.Text("model",
+           o.model,
+           "The model folder of `cohort reconstruct`, or a COLMAP model of a video or of an "
+           "ordered picture sequence.",
+           Tier::kCommon);
     v.Text("images",
            o.images,
-           "The pictures: of a COLMAP model, by the names that it has for them; of tracks, if they "
-           "are no longer where the tracks were made of them.",
+           "The pictures. For a COLMAP model: under the names that they have in the model. For "
+           "tracks: only needed if the pictures are no longer where they were when the tracks were "
+           "made.",
            Tier::kCommon);
     v.Text("out",
            o.out,
-           "The .tracks file to write, or of a COLMAP model the folder of the refined one.",
+           "The .tracks file to write or, for a COLMAP model, the folder of the refined model.",
            Tier::kCommon);
-    v.Text(
-        "mask",
-        o.mask,
-        "A picture of the frames' size, black where nothing is measured. Without it, the tracks' "
-        "own.",
-        Tier::kCommon);
-    v.Text("json", o.json, "Write the figures of the run to this file, too.", Tier::kCommon);
+    v.Text("mask",
+           o.mask,
+           "A mask of the frames' size, black where nothing is measured. The default is the mask "
+           "of the tracks.",
+           Tier::kCommon);
+    v.Text("json", o.json, "Also write the figures of the run to this file.", Tier::kCommon);
     RefineModelOptions::Visit(o.of_model, v);
     SecondPassOptions::VisitMeasurement(o.of_model.second_pass, v);
   }

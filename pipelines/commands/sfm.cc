@@ -34,17 +34,17 @@ void PrintFigures(const SfmFigures& figures, const std::string& out) {
                                 *figures.focal_px,
                                 std::max(1.0, std::ceil(*figures.focal_sigma_px)))});
   }
-  rows.push_back({"to look at", (fs::path(out) / "report.html").string()});
+  rows.push_back({"report", (fs::path(out) / "report.html").string()});
   fmt::print("{}", AlignedTable(rows));
   for (const Doubt& reason : figures.reasons) PrintLine("Doubt: {}", reason.sentence);
   for (const std::string& advice : figures.film_better) PrintLine("To film better: {}", advice);
 }
 
-// SCENE/report.html, unless it is of this scene already.
+// Writes SCENE/report.html, unless it already belongs to this scene.
 void WriteSceneReport(const SfmJobOptions& options, const SfmFigures& figures) {
   const fs::path folder = options.out;
   const fs::path page = folder / "report.html";
-  if (fs::exists(page)) return;  // RunSfmJob has removed that of another
+  if (fs::exists(page)) return;  // RunSfmJob has removed any other scene's
   ClipReport report = ReadClipReport(folder / "model");
   report.sentences.insert(
       report.sentences.end(), figures.film_better.begin(), figures.film_better.end());
@@ -58,7 +58,7 @@ void RunSfm(const SfmJobOptions& options) {
   WriteSceneReport(options, figures);
   PrintFigures(figures, options.out);
   if (figures.model.Failed()) {
-    ThrowError("the reconstruction failed: {} ({}); how to film better is said above and in {}",
+    ThrowError("the reconstruction failed: {} ({}); see the advice on filming above and in {}",
                figures.model.WhyFailed(),
                figures.model.termination,
                (fs::path(options.out) / "report.html").string());

@@ -16,31 +16,32 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// Throws Error where the files are of two clips, as far as they know.
+// Throws Error if the files belong to two clips, as far as they record it.
 void CheckOneClip(const ShowOptions& options, const std::vector<TrackFile>& files) {
   const TrackFile& a = files.front();
   const TrackFile& b = files.back();
   if (a.width_px != b.width_px || a.height_px != b.height_px) {
-    ThrowError("the tracks are of clips of {}x{} and {}x{}: give tracks of one clip",
+    ThrowError("the tracks belong to clips of {}x{} and {}x{}: give tracks of one clip",
                a.width_px,
                a.height_px,
                b.width_px,
                b.height_px);
   }
-  if (!options.images.empty()) return;  // whoever gives them knows
+  if (!options.images.empty()) return;  // the user has decided
   const bool both_tell = !a.meta.fingerprint.empty() && !b.meta.fingerprint.empty();
   if (both_tell ? a.meta.fingerprint == b.meta.fingerprint : a.source == b.source) return;
   if (a.source != b.source) {
     ThrowError(
-        "{} is of {}, {} of {}: give tracks of one clip, or with --images the clip to show both on",
+        "{} was made from {}, but {} from {}: give tracks of one clip, or by --images the clip on "
+        "which to show both",
         options.tracks.front(),
         a.source,
         options.tracks.back(),
         b.source);
   }
   ThrowError(
-      "{} and {} are of {}, which was another clip for each: track it again, or give with --images "
-      "the clip to show both on",
+      "{} and {} were made from {}, which has changed in between: track it again, or give by "
+      "--images the clip on which to show both",
       options.tracks.front(),
       options.tracks.back(),
       a.source);

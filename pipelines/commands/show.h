@@ -19,31 +19,31 @@ struct ShowOptions {
   static void Visit(Self& o, Visitor& v) {
     v.List("tracks",
            o.tracks,
-           "The .tracks files of a clip: one, or two to see side by side.",
+           "The .tracks files of a clip: one, or two to show side by side.",
            Tier::kCommon);
     v.Text("out",
            o.out,
-           "What to write: a video .mp4, a .gif (with the program ffmpeg), or a page .html.",
+           "The file to write: a video .mp4, a .gif (needs the program ffmpeg) or a page .html.",
            Tier::kCommon);
     v.Text("images",
            o.images,
-           "The clip, if it is not any more where the tracks were made of it.",
+           "The clip, if it is no longer where it was when the tracks were made.",
            Tier::kCommon);
     v.Text("model",
            o.model,
-           "For a page: the model folder made of the tracks, shown in 3-D.",
+           "The model folder made from the tracks, which a page shows in 3-D.",
            Tier::kCommon);
     v.Number("frames_per_second",
              o.frames_per_second,
              0.1,
              240.0,
-             "How fast the video goes [1/s].",
+             "The frame rate of the video [1/s].",
              Tier::kCommon);
     v.Number("width_px",
              o.width_px,
              0,
              8192,
-             "Width of each tracker's picture in the video [px]; 0: the clip's.",
+             "The width of each tracker's picture in the video [px]; 0: that of the clip.",
              Tier::kCommon);
   }
 };

@@ -12,7 +12,7 @@ void RunSynth(const SynthCommandOptions& options) {
 Command SynthCommand() {
   return MakeCommand({.name = "synth",
                       .usage = "OUT [options]",
-                      .summary = "Render a clip of a made-up scene with exact truth",
+                      .summary = "Render a clip of a synthetic scene with exact truth",
                       .positionals = {"out"},
                       .required = {"out"}},
                      RunSynth);

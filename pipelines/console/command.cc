@@ -28,7 +28,7 @@ namespace cohort {
 namespace {
 
 constexpr const char* kOutOfMemory =
-    "out of memory: give fewer frames, smaller pictures or fewer features, or a smaller file";
+    "out of memory: use fewer frames, smaller pictures, fewer features or a smaller file";
 
 // A message of the log without line breaks.
 class OneLineOfLog : public spdlog::custom_flag_formatter {
@@ -44,8 +44,8 @@ class OneLineOfLog : public spdlog::custom_flag_formatter {
   }
 };
 
-// The log goes to stderr. What OpenCV and its video decoder print beside their exceptions and
-// return values would only repeat, less clearly, what our own errors say.
+// The log goes to stderr. What OpenCV and its video decoder print besides their exceptions and
+// return values would only repeat our own errors less clearly.
 void SetUpLogging() {
   auto logger = std::make_shared<spdlog::logger>(
       "cohort", std::make_shared<spdlog::sinks::stderr_color_sink_mt>());
@@ -55,8 +55,8 @@ void SetUpLogging() {
   spdlog::set_default_logger(std::move(logger));
   cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);
   setenv("OPENCV_FFMPEG_LOGLEVEL", "-8", /*overwrite=*/0);
-  std::cerr.setstate(std::ios::failbit);  // OpenCV's decoders of pictures; we print by stdio
-  SilenceLibraries();                     // what those are made of
+  std::cerr.setstate(std::ios::failbit);  // silences OpenCV's picture decoders; we print by stdio
+  SilenceLibraries();                     // silences the libraries behind them
 }
 
 std::string Help(const std::vector<Command>& commands) {
@@ -86,19 +86,20 @@ int Dispatch(const std::vector<Command>& commands, std::span<const std::string> 
   std::error_code ignored;
   if (std::filesystem::exists(name, ignored)) {
     ThrowUsageError(
-        "{} is no command: 'cohort sfm {} --out scene' makes a scene of it", name, name);
+        "{} is not a command: 'cohort sfm {} --out scene' makes a scene from it", name, name);
   }
   ThrowUsageError("unknown command '{}': 'cohort --help' lists the commands", name);
 }
 
-// Whether anybody reads it or not: where stderr is full or closed, the exit code must say it.
+// Does not throw if stderr is full or closed, because the exit code must report the failure anyway.
 int Fail(int exit_code, std::string_view prefix, std::string_view what) {
   std::fputs(fmt::format("cohort: error: {}{}\n", prefix, OneLine(what)).c_str(), OwnStderr());
   return exit_code;
 }
 
-// A file that is opened while one of the standard streams is closed would get its number, and the
-// log or the table would be written into that file. Closed ones are opened so that writing fails.
+// A file that is opened while a standard stream is closed would get the stream's number, and the
+// log or the table would be written into it. Closed streams are therefore opened such that writing
+// fails.
 void OpenStandardStreams() {
   while (true) {
     const int fd = open("/dev/null", O_RDONLY);
@@ -115,10 +116,11 @@ void OpenStandardStreams() {
 int RunProgram(const std::vector<Command>& commands, std::span<const std::string> arguments) {
   try {
     OpenStandardStreams();
-    signal(SIGPIPE, SIG_IGN);  // a reader who leaves does not end the work
-    // Who starts us may ignore it, and we would inherit that: the end of no child would be told.
+    signal(SIGPIPE, SIG_IGN);  // a reader that exits does not end the work
+    // We would inherit an ignored SIGCHLD, and the exit statuses of children would not be
+    // available.
     signal(SIGCHLD, SIG_DFL);
-    signal(SIGXFSZ, SIG_IGN);  // a file that may not grow is a write that fails
+    signal(SIGXFSZ, SIG_IGN);  // a file at its size limit is a failed write
     const InputRecord record;
     SetUpLogging();
     const int exit_code = Dispatch(commands, arguments);
@@ -131,7 +133,7 @@ int RunProgram(const std::vector<Command>& commands, std::span<const std::string
     return Fail(1, "", e.what());
   } catch (const std::bad_alloc&) {
     return Fail(1, "", kOutOfMemory);
-  } catch (const std::length_error&) {  // of more than there can be
+  } catch (const std::length_error&) {  // a size beyond the possible
     return Fail(1, "", kOutOfMemory);
   } catch (const cv::Exception& e) {
     if (e.code == cv::Error::StsNoMem) return Fail(1, "", kOutOfMemory);
@@ -139,15 +141,14 @@ int RunProgram(const std::vector<Command>& commands, std::span<const std::string
   } catch (const std::filesystem::filesystem_error& e) {
     return Fail(1, "", WhatFailed(e));
   } catch (const std::exception& e) {
-    // fmt::print throws at a full disk.
+    // fmt::print throws if the disk is full.
     if (std::ferror(stdout) != 0) return Fail(1, "", "cannot write to standard output");
-    // As libraries say it that begin threads.
+    // The message of libraries that cannot start a thread.
     if (std::string_view(e.what()).find(std::strerror(EAGAIN)) != std::string_view::npos) {
-      return Fail(
-          1,
-          "",
-          "the system gives no more threads: there are too many processes (ulimit -u), or too "
-          "little memory (ulimit -v); fewer threads: --threads 1, where there is that option");
+      return Fail(1,
+                  "",
+                  "the system cannot start more threads: there are too many processes (ulimit -u) "
+                  "or too little memory (ulimit -v); use --threads 1 where that option exists");
     }
     return Fail(1, "internal: ", e.what());
   }

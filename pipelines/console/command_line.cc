@@ -14,7 +14,7 @@
 namespace cohort {
 namespace {
 
-// An option as the command line knows it: one flag for one or several entries.
+// An option of the command line: one flag for one or several entries.
 struct DeclaredOption {
   std::vector<const OptionEntry*> entries;
   std::string given_as;  // in messages
@@ -80,7 +80,7 @@ DeclaredOption DeclareEntry(const CommandLine& line, const OptionEntry& entry) {
            has_short_flag ? Tier::kCommon : entry.tier}};
 }
 
-// A short flag of several entries.
+// A short flag for several entries.
 DeclaredOption DeclareShortFlag(const std::vector<OptionEntry>& entries, const ShortFlag& flag) {
   std::vector<const OptionEntry*> targets;
   std::vector<std::string> names;
@@ -97,7 +97,8 @@ DeclaredOption DeclareShortFlag(const std::vector<OptionEntry>& entries, const S
            ValueOf(*targets.front())}};
 }
 
-// Later ones overwrite earlier ones: the full name of an option goes before a flag of several.
+// Later options overwrite earlier ones, so the full name of an option takes precedence over a flag
+// for several.
 std::vector<DeclaredOption> DeclareOptions(const CommandLine& line,
                                            const std::vector<OptionEntry>& entries) {
   std::vector<DeclaredOption> options;
@@ -119,16 +120,17 @@ const std::vector<OptionHelp>& SharedOptions() {
   static const std::vector<OptionHelp> kOptions{
       {{"--config"},
        "--config",
-       "Read options from this JSON file, as --dump-config prints them; flags override it.",
+       "Read options from this JSON file, in the form that --dump-config prints; flags override "
+       "it.",
        Value::kText},
-      {{"--dump-config"}, "--dump-config", "Print all options as JSON, and end.", Value::kNone},
+      {{"--dump-config"}, "--dump-config", "Print all options as JSON and exit.", Value::kNone},
       {{"--quiet"},
        "--quiet",
-       "Show no log and no progress bar, only warnings and errors.",
+       "Show only warnings and errors, no log and no progress bar.",
        Value::kNone},
       {{"--help", "--help-all"},
        "--help",
-       "Print the options that people use, and end; --help-all: all.",
+       "Print the common options and exit; --help-all prints all options.",
        Value::kNone}};
   return kOptions;
 }
@@ -225,7 +227,7 @@ std::size_t EditDistance(std::string_view a, std::string_view b) {
                                   const std::string& argument) {
   if (!argument.starts_with("-")) {
     ThrowUsageError(
-        "unexpected argument '{}': the form is cohort {} {}", argument, line.name, line.usage);
+        "unexpected argument '{}': usage is cohort {} {}", argument, line.name, line.usage);
   }
   const std::string flag = argument.substr(0, argument.find('='));
   std::string nearest;
@@ -294,15 +296,16 @@ ParseOutcome ParseCommandLine(const CommandLine& line,
   app.add_flag("-h,--help", help);
   app.add_flag("--help-all", help_all);
 
-  // CLI11 would take the next word, be it an option: `--json=$UNSET --quiet` wrote a file --quiet.
+  // CLI11 would take the next word as the value, even if it is an option: `--json=$UNSET --quiet`
+  // would write a file --quiet.
   for (const std::string& word : arguments) {
     if (word == "--") break;
     if (word.starts_with("--") && word.find('=') == word.size() - 1) {
-      ThrowUsageError("{} has no value: give one, or leave it out", word);
+      ThrowUsageError("{} has no value: give one, or leave the option out", word);
     }
   }
   std::vector<std::string> words(arguments.rbegin(), arguments.rend());
-  // CLI11 takes a word in brackets for a list; behind "./" it is the same file.
+  // CLI11 takes a word in brackets as a list; with "./" in front it denotes the same file.
   for (std::string& word : words) {
     if (word.starts_with('[') && word.ends_with(']')) word.insert(0, "./");
   }
@@ -317,7 +320,7 @@ ParseOutcome ParseCommandLine(const CommandLine& line,
     return ParseOutcome::kDone;
   }
   std::vector<std::string> left = app.remaining();
-  std::erase(left, "--");  // what is behind it is no option, and was taken as such
+  std::erase(left, "--");  // the words after it are positional and have been parsed as such
   if (!left.empty()) ThrowUnexpected(app, line, left.front());
 
   if (!config.empty()) {
@@ -334,7 +337,7 @@ ParseOutcome ParseCommandLine(const CommandLine& line,
   }
   for (const std::string& path : line.required) {
     if (ToText(EntryAt(entries, path).get()).empty()) {
-      ThrowUsageError("{} is missing: the form is cohort {} {}",
+      ThrowUsageError("{} is missing: usage is cohort {} {}",
                       IsPositional(line, path) ? path : "--" + FlagName(path),
                       line.name,
                       line.usage);

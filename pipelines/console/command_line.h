@@ -9,7 +9,7 @@
 
 namespace cohort {
 
-// A short name of options on the command line, beside their full ones: {"features",
+// A short name of options on the command line, besides their full ones: {"features",
 // {"detector.max_features"}} gives --features. With several paths it sets all of them, and has its
 // own help. An option with a short name is common, whatever its tier.
 struct ShortFlag {

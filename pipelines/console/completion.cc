@@ -8,7 +8,7 @@ namespace {
 
 using Value = OptionHelp::Value;
 
-// The flags of one tier; of an option that is on, the one that turns it off.
+// The flags of one tier; for an option that is on by default, the flag that turns it off.
 struct Flag {
   std::string name;
   const OptionHelp* option;
@@ -27,7 +27,7 @@ std::vector<Flag> FlagsOf(const Command& command, Tier tier) {
   return flags;
 }
 
-// What the menu of a shell has room for: the first sentence.
+// The first sentence, for which the menu of a shell has room.
 std::string Brief(const std::string& text) {
   std::string brief = text;
   for (const std::string_view end : {". ", " (", ": ", "; "})
@@ -36,7 +36,7 @@ std::string Brief(const std::string& text) {
   return brief;
 }
 
-// In single quotes; `quote` is how the shell writes one within them.
+// In single quotes; `quote` is the shell's form of a quote within them.
 std::string Quoted(std::string_view text, std::string_view quote) {
   std::string quoted = "'";
   for (const char c : text) {
@@ -52,7 +52,7 @@ std::string Quoted(std::string_view text, std::string_view quote) {
 std::string ForZsh(std::string_view text) { return Quoted(text, "'\\''"); }
 std::string ForFish(std::string_view text) { return Quoted(text, "\\'"); }
 
-// The names of the options that take such a value, as a pattern of `case`.
+// The names of the options with such a value, as a pattern of `case`.
 std::string PatternOf(const Command& command, const std::function<bool(const OptionHelp&)>& takes) {
   std::vector<std::string> names;
   for (const OptionHelp& option : command.options) {
@@ -68,8 +68,8 @@ bool TakesUnknown(const OptionHelp& option) {
 
 bool TakesText(const OptionHelp& option) { return option.value == Value::kText; }
 
-// `case $before in` of bash and zsh: choices, nothing for a number, files for a text. `choices` has
-// the place {} for the words.
+// `case $before in` of bash and zsh: offers choices, nothing for a number, and files for a text.
+// `choices` has the placeholder {} for the words.
 std::string CaseOfValues(const Command& command,
                          fmt::format_string<std::string> choices,
                          std::string_view files) {

@@ -18,7 +18,7 @@ InterruptGuard::InterruptGuard() {
   action.sa_flags = SA_RESTART | static_cast<int>(SA_RESETHAND);
   for (std::size_t i = 0; i < kSignals.size(); ++i) {
     sigaction(kSignals[i], nullptr, &before_[i]);
-    // Who started us in the background wants it to be ignored.
+    // A shell that starts us in the background ignores it on purpose.
     if (before_[i].sa_handler != SIG_IGN) sigaction(kSignals[i], &action, nullptr);
   }
 }

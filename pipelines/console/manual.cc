@@ -9,8 +9,8 @@
 namespace cohort {
 namespace {
 
-// Text as roff prints it: what it would take for its own, or make typographic, is escaped. A line
-// that begins with one of those escapes is no request.
+// Text for roff: characters with a special meaning, or that roff would replace typographically, are
+// escaped. A line that begins with such an escape is not a request.
 std::string Escaped(std::string_view text) {
   std::string escaped;
   for (const char c : text) {
@@ -52,12 +52,16 @@ std::string Upper(std::string text) {
 
 std::string Bold(std::string_view text) { return "\\fB" + Escaped(text) + "\\fR"; }
 
-// No justified lines and no hyphens of its own, which would stand in names of options.
+// Without justification and hyphenation, which would break the names of options.
 std::string Head(const std::string& page, const std::string& summary) {
   return fmt::format(
-      ".\\\" Made by write_manual of what --help knows.\n"
-      ".TH \"{}\" \"1\" \"\" \"cohort {}\" \"cohort\"\n.nh\n.ad l\n"
-      ".SH NAME\n{} \\- {}\n.SH SYNOPSIS\n",
+      ".\\\" Made by write_manual from the declarations that --help shows.\n"
+      ".TH \"{}\" \"1\" \"\" \"cohort {}\" \"cohort\"\n"
+      ".nh\n"
+      ".ad l\n"
+      ".SH NAME\n"
+      "{} \\- {}\n"
+      ".SH SYNOPSIS\n",
       Escaped(Upper(page)),
       kVersion,
       Escaped(page),
@@ -97,13 +101,16 @@ std::string ManualOfProgram(const std::vector<Command>& commands) {
   std::string text =
       Head("cohort", "joint feature tracking for structure from motion in dark, noisy video");
   text +=
-      "\\fBcohort\\fR \\fIcommand\\fR ...\n.br\n"
-      "\\fBcohort\\fR \\fIcommand\\fR \\fB\\-\\-help\\fR|\\fB\\-\\-help\\-all\\fR\n.br\n"
+      "\\fBcohort\\fR \\fIcommand\\fR ...\n"
+      ".br\n"
+      "\\fBcohort\\fR \\fIcommand\\fR \\fB\\-\\-help\\fR|\\fB\\-\\-help\\-all\\fR\n"
+      ".br\n"
       "\\fBcohort \\-\\-version\\fR\n"
       ".SH DESCRIPTION\n"
-      "Follows feature points through dark, noisy, shaky video, all of them together, and makes "
-      "cameras and points of the tracks, by itself or with COLMAP.\n"
-      ".SH COMMANDS\nEach has a page of its own, such as \\fBcohort\\-track\\fR(1).\n";
+      "Tracks feature points jointly through dark, noisy, shaky video, and reconstructs cameras "
+      "and points from the tracks, by itself or with COLMAP.\n"
+      ".SH COMMANDS\n"
+      "Each has a page of its own, such as \\fBcohort\\-track\\fR(1).\n";
   for (const Command& command : commands) {
     text += fmt::format(".TP\n{} {}\n{}.\n",
                         Bold("cohort " + command.name),

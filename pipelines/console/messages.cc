@@ -6,7 +6,7 @@
 namespace cohort {
 namespace {
 
-std::FILE* own_stderr = nullptr;  // none: stderr itself
+std::FILE* own_stderr = nullptr;  // null: stderr itself
 
 }  // namespace
 
@@ -17,7 +17,7 @@ void SilenceLibraries() {
   std::FILE* const nowhere = std::fopen("/dev/null", "we");
   if (nowhere == nullptr) return;
   own_stderr = stderr;
-  stderr = nowhere;  // glibc's is a variable
+  stderr = nowhere;  // assignable in glibc
 }
 
 std::string WhatFailed(const std::exception& exception) {

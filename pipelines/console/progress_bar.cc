@@ -18,7 +18,7 @@ namespace cohort {
 
 namespace {
 
-// Of stderr; a usual one where it does not say.
+// The width of stderr's terminal; a usual one if it is not available.
 std::size_t TerminalWidth() {
   constexpr std::size_t kUsual = 80;
   winsize size{};
@@ -26,7 +26,7 @@ std::size_t TerminalWidth() {
   return size.ws_col;
 }
 
-// One that draws over a line.
+// Whether stderr is a terminal that can overwrite a line.
 bool IsTerminal() {
   const char* const kind = std::getenv("TERM");
   return isatty(STDERR_FILENO) == 1 && (kind == nullptr || std::string_view(kind) != "dumb");
@@ -78,10 +78,10 @@ void ProgressBar::Advance(std::size_t steps) {
   const double seconds = std::chrono::duration<double>(now - start_).count();
   const std::string line = ProgressLine(label_, done_, total_, seconds, rate_unit_);
   std::FILE* const out = OwnStderr();
-  // A line that wraps could not be drawn over.
+  // A wrapped line could not be overwritten.
   const std::string drawn =
       fmt::format("\r{}\x1b[K", std::string_view(line).substr(0, TerminalWidth() - 1));
-  std::fputs(drawn.c_str(), out);  // fmt::print would throw at a full disk
+  std::fputs(drawn.c_str(), out);  // fmt::print would throw if the disk is full
   std::fflush(out);
 }
 

@@ -9,9 +9,9 @@
 
 namespace cohort {
 
-// One line on stderr, `track [=====     ] 120/300  87.0 fps  ETA 0:02`, redrawn at most ten times a
-// second, cut to the terminal's width and wiped at the end. Draws nothing if stderr is no terminal
-// or a dumb one, or the log is quiet. An empty `rate_unit` hides the speed.
+// One line on stderr, `track [===== ] 120/300 87.0 fps ETA 0:02`, redrawn at most ten times a
+// second, cut to the terminal's width and wiped at the end. Draws nothing if stderr is not a
+// terminal or a dumb one, or the log is quiet. An empty `rate_unit` hides the speed.
 class ProgressBar {
  public:
   explicit ProgressBar(std::string label,

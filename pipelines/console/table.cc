@@ -24,7 +24,7 @@ std::vector<std::size_t> WidthsOf(const TextRows& rows) {
   return widths;
 }
 
-// A row for every line of the headings.
+// One row for every line of the headings.
 TextRows HeadingRows(const std::vector<std::string>& headings) {
   TextRows rows;
   for (std::size_t c = 0; c < headings.size(); ++c) {
@@ -38,7 +38,7 @@ TextRows HeadingRows(const std::vector<std::string>& headings) {
   return rows;
 }
 
-// The columns 0 .. left_columns - 1 and begin .. end - 1.
+// A block of the table with the columns 0 .. left_columns - 1 and begin .. end - 1.
 std::string Block(const TextRows& rows,
                   std::size_t heading_rows,
                   const std::vector<std::size_t>& widths,

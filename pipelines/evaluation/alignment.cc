@@ -10,10 +10,10 @@ namespace cohort {
 
 namespace {
 
-// Against the largest of its kind: rounding gives 1e-16.
+// Relative to the largest value of its kind; rounding gives 1e-16.
 constexpr double kTolerance = 1e-12;
 
-// Root mean square distance from `mean`; 0 where that is only rounding.
+// Root mean square distance from `mean`; 0 if it is only rounding.
 double Spread(std::span<const Eigen::Vector3d> points, const Eigen::Vector3d& mean) {
   double variance = 0.0;
   double largest = 0.0;
@@ -35,7 +35,7 @@ std::string_view Reason(AlignmentStatus status) {
     case AlignmentStatus::kTooFewPoints:
       return "fewer than 3 cameras have a true pose";
     case AlignmentStatus::kOnePlace:
-      return "all cameras, or all true ones, are in one place";
+      return "all cameras, or all true ones, are at one position";
   }
   return "";
 }
@@ -64,7 +64,7 @@ Alignment FitAlignment(std::span<const Eigen::Vector3d> source,
   const Eigen::JacobiSVD<Eigen::Matrix3d> svd(covariance,
                                               Eigen::ComputeFullU | Eigen::ComputeFullV);
   const Eigen::Vector3d& d = svd.singularValues();
-  const double most = source_spread * target_spread;  // that d[0] can be
+  const double most = source_spread * target_spread;  // the largest possible d[0]
   if (most == 0.0 || !(d[0] > kTolerance * most)) return {.status = AlignmentStatus::kOnePlace};
   Alignment alignment;
   alignment.status =

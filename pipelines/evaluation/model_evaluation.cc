@@ -13,7 +13,8 @@ constexpr std::size_t kMostPosesInPairs = 10'000;  // 0.4 GB of errors
 
 double Rmse(std::vector<double> errors) { return ComputeStatistics(std::move(errors))->rmse; }
 
-// Registered frames that have truth, world_from_cam, and the counts of both kinds.
+// The poses (world_from_cam) of registered frames that have truth, and the counts of registered
+// frames and of frames with truth.
 struct Paired {
   std::vector<PosePair> pairs;
   std::size_t registered = 0;

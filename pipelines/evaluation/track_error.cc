@@ -42,7 +42,7 @@ std::optional<AnchoredTrack> AnchorTrack(const TrackSet& tracks,
                        .path = std::move(*path)};
 }
 
-// None without errors.
+// Returns nullopt without errors.
 std::optional<ErrorSummary> SummarizeErrors(const std::vector<double>& errors_px) {
   if (errors_px.empty()) return std::nullopt;
   return ErrorSummary{.count = errors_px.size(),
@@ -67,19 +67,19 @@ bool InsideBorder(const Eigen::Vector2d& xy, const ReinitializationOptions& opti
          xy.y() <= options.height_px - 1 - options.border_px;
 }
 
-// L^-1 error. The covariance is positive definite.
+// L^-1 error; the covariance is positive definite.
 Eigen::Vector2d Normalise(const Eigen::Vector2d& error, const PixelCovariance& covariance) {
   return covariance.Matrix().llt().matrixL().solve(error);
 }
 
-// L^-1 d, and the deviation that S claims.
+// L^-1 d, and the standard deviation according to S.
 struct NormalisedError {
   Eigen::Vector2d error;
   double claimed_px = 0.0;
 };
 
-// A track's errors about their own median, and normalised. With n of them that median takes one
-// part in n of their variance.
+// Adds a track's errors about their own median, normalised. With n errors, the median removes one
+// n-th of their variance.
 void AddNormalised(const std::vector<std::pair<Eigen::Vector2d, PixelCovariance>>& errors,
                    std::vector<NormalisedError>& normalised) {
   const auto n = static_cast<double>(errors.size());
@@ -153,7 +153,8 @@ std::optional<double> Ratio(std::size_t part, std::size_t whole) {
   return static_cast<double>(part) / static_cast<double>(whole);
 }
 
-// The errors of all positions, by what the tracker called them and how long the point was hidden.
+// The errors of all positions, by the state that the tracker gave them and by how long the point
+// was hidden.
 struct PositionErrors {
   std::vector<double> observed_px;
   std::vector<double> hidden_but_observed_px;
@@ -225,7 +226,7 @@ ReinitializationFigure MeasureReinitializations(const TrackSet& tracks,
         if (visible && InsideBorder(sighting->xy, options)) ++figure.reinitializations;
         break;
       }
-      if (observation->frame != frame) continue;  // a gap in a track from elsewhere
+      if (observation->frame != frame) continue;  // a gap in an imported track
       const Eigen::Vector2d xy = observation->xy;
       ++observation;
       if (!visible) continue;

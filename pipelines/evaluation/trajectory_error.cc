@@ -24,14 +24,14 @@ double AngleDeg(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
   return std::atan2(a.cross(b).norm(), a.dot(b)) * kDegrees;
 }
 
-// Finds the pose nearest in time, of those equally near the first of the list.
+// Finds the pose nearest in time; the first in the list if several are equally near.
 class NearestInTime {
  public:
   explicit NearestInTime(std::span<const StampedPose> poses) {
     for (std::size_t i = 0; i < poses.size(); ++i) by_time_.emplace_back(poses[i].timestamp_ns, i);
     std::sort(by_time_.begin(), by_time_.end());
   }
-  // There is one.
+  // Requires at least one pose.
   std::size_t Find(std::int64_t timestamp_ns) const {
     const auto later = FirstFrom(timestamp_ns);
     if (later == by_time_.begin()) return later->second;
@@ -66,7 +66,7 @@ std::vector<StampedPose> ReadTumTrajectory(const std::filesystem::path& path) {
     pose.world_from_cam.translation = {number(1), number(2), number(3)};
     const Eigen::Quaterniond rotation(number(7), number(4), number(5), number(6));
     if (!(rotation.norm() > 0.0 && std::isfinite(rotation.norm()))) {
-      table.Fail(row, "the quaternion is none");
+      table.Fail(row, "the quaternion is invalid");
     }
     pose.world_from_cam.rotation = rotation.normalized();
   }
@@ -168,7 +168,7 @@ std::vector<double> RelativePoseErrorsDeg(std::span<const PosePair> pairs, doubl
       const Rigid3 truth = pairs[i].truth.Inverse() * pairs[j].truth;
       double error = AngleBetween(estimate.rotation, truth.rotation) * kDegrees;
       if (truth.translation.norm() >= min_baseline && truth.translation.norm() > 0.0) {
-        // An estimate without any motion has no direction: it is wrong, by the most there is.
+        // An estimate without motion has no direction and gets the largest possible error.
         const bool has_direction = estimate.translation.norm() > 0.0;
         error = std::max(error,
                          has_direction ? AngleDeg(estimate.translation, truth.translation) : 180.0);

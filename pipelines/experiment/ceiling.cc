@@ -15,13 +15,13 @@ namespace {
 constexpr int kWindowPx = 21;
 constexpr double kMaxSigmaPx = 3.0;
 
-// Moves every feature to where the truth has it.
+// Moves every feature to its true position.
 class TruthMover final : public FeatureMover {
  public:
   TruthMover(TrackTruth& truth, const DegradeOptions& degrade)
       : truth_(truth), bound_(degrade, kWindowPx), seed_(degrade.seed) {}
 
-  // The frame that the loop is given next.
+  // Sets the next frame of the loop.
   void Show(FrameIndex frame, const cv::Mat& signal) {
     frame_ = frame;
     signal_ = PositionBound::Prepare(signal);
@@ -31,7 +31,7 @@ class TruthMover final : public FeatureMover {
     RandomStream random = RandomStream(seed_, "compare/ceiling").Fork(ToInt(frame_));
     std::vector<Move> moves;
     for (Feature& feature : features_) {
-      Eigen::Vector2d normal;  // not as arguments, whose order is the compiler's choice
+      Eigen::Vector2d normal;  // in variables, because C++ does not specify the order of arguments
       normal.y() = random.Gaussian();
       normal.x() = random.Gaussian();
       moves.push_back(MoveOf(feature, normal));
@@ -55,7 +55,7 @@ class TruthMover final : public FeatureMover {
  private:
   struct Feature {
     Eigen::Vector2d xy;
-    std::optional<TrackTruth::Anchor> anchor;  // none: the truth does not know what is there
+    std::optional<TrackTruth::Anchor> anchor;  // nullopt: the truth is unknown there
   };
 
   Move MoveOf(const Feature& feature, const Eigen::Vector2d& normal) const {
@@ -84,7 +84,7 @@ class TruthMover final : public FeatureMover {
   std::vector<Feature> features_;
 };
 
-// Without the tracks whose points the truth does not know.
+// Without the tracks whose true points are unknown.
 TrackSet OfKnownPoints(const TrackSet& tracks, TrackTruth& truth) {
   std::vector<Observation> observations;
   for (const FeatureId feature : tracks.features()) {

@@ -28,7 +28,7 @@ using Json = nlohmann::ordered_json;
 
 Json NotAvailable(const std::string& reason) { return {{"not_available", reason}}; }
 
-// Cells that run side by side share the cores.
+// Cells that run in parallel share the cores.
 int ThreadsOfCell(const ExperimentOptions& options) { return options.jobs == 1 ? 0 : 1; }
 
 Json Evaluate(const TrackCell& cell, const fs::path& subject, const fs::path& json) {
@@ -53,10 +53,10 @@ TrackJobOptions TrackOf(const ExperimentOptions& options, const TrackCell& cell)
 
 Json TrackCeiling(const ExperimentOptions& options, const TrackCell& cell) {
   if (!cell.condition.IsDegraded()) {
-    return NotAvailable("the noise of a clip as it is is not known: give --levels");
+    return NotAvailable("the noise of an undegraded clip is unknown: give --levels");
   }
   if (cell.condition.Recipe() == DegradeRecipe::kPhone) {
-    return NotAvailable("what noise a phone's denoising and encoder leave is not known");
+    return NotAvailable("the noise that a phone's denoising and encoding leave is unknown");
   }
   if (!cell.condition.clip.has_track_truth) return NotAvailable("no truth of tracks");
   const auto clip = OpenInput(ClipInput(options, cell.condition));
@@ -94,7 +94,7 @@ Json RunPaperProtocol(const InputOptions& clip_input,
       *MakeMover(tracker), next, points, static_cast<std::size_t>(options.window_frames));
   const double ms = stopwatch.Milliseconds();
   if (trajectories.features == 0) {
-    ThrowError("{}: no corner of its first frame stays visible for {} frames",
+    ThrowError("{}: no corner of the first frame stays visible for {} frames",
                clip_input.input,
                options.window_frames);
   }
@@ -112,7 +112,7 @@ Json RunPaperProtocol(const InputOptions& clip_input,
           {"frames_between_reinitializations", life.MeanFramesBetween()}};
 }
 
-// As `cohort reconstruct` makes it.
+// Makes the model like `cohort reconstruct`.
 ReconstructionSummary MakeModel(const ExperimentOptions& options,
                                 const TrackCell& cell,
                                 GridBackend backend,
@@ -129,7 +129,7 @@ ReconstructionSummary MakeModel(const ExperimentOptions& options,
   return RunReconstructJob(job);
 }
 
-// A finished model's figures.
+// The figures of a finished model.
 Json WithErrors(const TrackCell& cell,
                 GridBackend backend,
                 const fs::path& model,
@@ -165,7 +165,7 @@ Json TriangulateCell(const ExperimentOptions& options, const TrackCell& cell) {
       cell, GridBackend::kTriangulation, file.frames, result.reconstruction, result.summary);
 }
 
-// Its pictures would seem to be missing, or to be fewer.
+// Otherwise its pictures would seem to be missing or incomplete.
 void CheckIsDegraded(const Condition& condition) {
   if (!condition.IsDegraded()) return;
   const Json error = ReadJsonFile(condition.folder / "degrade.json").at("error");
@@ -194,7 +194,7 @@ Json ReconstructSift(const ExperimentOptions& options, const TrackCell& cell) {
   return WriteModel(cell, GridBackend::kColmap, clip.frames, result.reconstruction, result.summary);
 }
 
-// The first pass's.
+// The tracks of the first pass.
 TrackFile TracksToHalve(const ExperimentOptions& options, const TrackCell& cell) {
   if (!HasSecondPass(cell.tracker)) return ReadTrackFile(cell.Tracks());
   const TrackJobOptions track = TrackOf(options, cell);
@@ -212,7 +212,7 @@ TrackFile TracksToHalve(const ExperimentOptions& options, const TrackCell& cell)
 }  // namespace
 
 Json MakeTracks(const ExperimentOptions& options, const TrackCell& cell) {
-  // What an earlier run left would stand for this one, should it fail.
+  // If this run fails, the files of an earlier run would be taken for its own.
   fs::remove(cell.Tracks());
   fs::remove(cell.TrackErrors());
   CheckIsDegraded(cell.condition);
@@ -238,9 +238,9 @@ Json FollowCell(const ExperimentOptions& options, const TrackCell& cell) {
 }
 
 Json ReconstructCell(const ExperimentOptions& options, const TrackCell& cell, GridBackend backend) {
-  fs::remove_all(cell.Model(backend));  // as of tracks
+  fs::remove_all(cell.Model(backend));  // for the same reason as in MakeTracks
   if (cell.tracker.source == TrackSource::kSift) return ReconstructSift(options, cell);
-  // Tracks may be there, of the frames until it failed.
+  // There may be tracks up to the frame at which tracking failed.
   const Json error = ReadJsonFile(cell.Result()).at("error");
   if (!error.is_null()) ThrowError("tracking failed: {}", error.get<std::string>());
   if (backend == GridBackend::kTriangulation) return TriangulateCell(options, cell);

@@ -30,7 +30,7 @@ class RowAdder {
 
   void Fail(const std::string& reason) { results_.failures.push_back(Note(reason)); }
 
-  // What a cell cannot have is no failure of its tracker.
+  // A figure that is impossible for a cell is not a failure of its tracker.
   void AddNotAvailable(const std::string& reason) {
     Add("not_available", true, "");
     results_.not_available.push_back(Note(reason));
@@ -51,7 +51,7 @@ class RowAdder {
   ExperimentResults& results_;
 };
 
-// Has the task figures? If not, its rows say why.
+// Whether the task has figures. If not, adds rows that state why.
 bool IsFinished(const Json& result, RowAdder& rows) {
   const Json& figures = result.at("figures");
   if (figures.contains("not_available")) {
@@ -84,7 +84,7 @@ void AddFollowRows(const Json& figures, RowAdder& rows) {
   rows.Add("track_time", figures.at("ms_per_frame"), "ms/frame");
 }
 
-// Of tracks against the truth.
+// Errors of tracks against the truth.
 void AddErrorRows(const Json& errors, RowAdder& rows) {
   if (!errors.at("observed").is_null()) {
     rows.Add("observed_error_median", errors.at("observed").at("median_px"), "px");
@@ -154,7 +154,7 @@ void AddModelRows(const TrackCell& cell,
   rows.Add("mean_reprojection", model.at("mean_reprojection_px"), "px");
   if (!figures.contains("errors")) return;
   const Json& errors = figures.at("errors");
-  if (backend != GridBackend::kTriangulation) {  // whose cameras are the truth
+  if (backend != GridBackend::kTriangulation) {  // which uses the true cameras
     rows.Add("ate", errors.at("ate_m"), "m");
     rows.Add("rpe_rot", errors.at("rpe_rot_deg"), "deg");
     rows.Add("rpe_trans", errors.at("rpe_trans_m"), "m");
@@ -184,7 +184,7 @@ void AddHalvesRows(const TrackCell& cell,
                    const Json& halves,
                    ExperimentResults& results) {
   RowAdder rows(cell, NameOf(kGridBackendNames, backend), results);
-  if (!HasModel(model)) {  // which is a failure with a reason already
+  if (!HasModel(model)) {  // which is already a failure with a reason
     rows.Add(kHalvesFailedMetric, true, "");
     return;
   }
@@ -205,7 +205,7 @@ void AddHalvesRows(const TrackCell& cell,
     rows.Fail(fmt::format("halves: {}", WhyFailed(half)));
     return;
   }
-  rows.Fail("halves: their cameras fix no alignment");
+  rows.Fail("halves: their cameras do not determine an alignment");
 }
 
 }  // namespace cohort

@@ -8,7 +8,7 @@
 
 namespace cohort {
 
-// Adds a task's result (tasks.h) for a cell's tracks, or for a model made of them.
+// Adds a task's result (tasks.h) for a cell's tracks, or for a model made from them.
 void AddTrackRows(const TrackCell& cell,
                   const nlohmann::ordered_json& result,
                   ExperimentResults& results);

@@ -26,13 +26,13 @@ std::string LabelOf(const TrackCell& cell, GridBackend backend) {
       "{} {} {}", NameOf(kGridBackendNames, backend), LabelOf(cell.condition), cell.tracker.name);
 }
 
-// However its path is spelled.
+// Independent of the spelling of its path.
 Json DependencyOf(InputOptions clip) {
   clip.input = CanonicalPath(clip.input);
   return ToJson(clip);
 }
 
-// The frames, and what is done to them.
+// The frames and everything that is applied to them.
 Json DependenciesOf(const ExperimentOptions& options, const TrackCell& cell) {
   Json depends_on{{"clip", DependencyOf(ClipInput(options, cell.condition))},
                   {"fingerprint", cell.condition.clip.fingerprint},
@@ -58,8 +58,7 @@ Json BackendOptions(const ExperimentOptions& options, const TrackCell& cell, Gri
       if (cell.tracker.source == TrackSource::kSift) {
         colmap["sift"] = ToJson(SiftOptionsOf(options));
       } else {
-        colmap["ceres"] =
-            ToJson(options.ceres);  // it helps: camera, shutter, a model to begin with
+        colmap["ceres"] = ToJson(options.ceres);  // for camera, shutter and initial model
       }
       return colmap;
   }

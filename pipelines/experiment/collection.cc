@@ -14,7 +14,8 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
-// The last plain KLT's of the undegraded clip and the first seed; null: the grid has none.
+// The cell of the last plain KLT on the undegraded clip with the first seed; null if the grid has
+// none.
 const TrackCell* FindUndegradedReference(const ExperimentPlan& plan, const GridClip& clip) {
   const TrackCell* reference = nullptr;
   for (const TrackCell& other : plan.cells) {
@@ -26,8 +27,8 @@ const TrackCell* FindUndegradedReference(const ExperimentPlan& plan, const GridC
   return reference;
 }
 
-// Real clips: also against the reconstruction of the undegraded frames, where the grid has them.
-// One for all trackers, and the opponent's: that of the last plain KLT.
+// Adds, for real clips, the error against the reconstruction of the undegraded frames, if the grid
+// has one. All trackers share one reference, that of an opponent: the last plain KLT.
 void AddUndegradedRow(const ExperimentOptions& options,
                       const ExperimentPlan& plan,
                       const TrackCell& cell,
@@ -69,8 +70,9 @@ ExperimentResults CollectResults(const ExperimentOptions& options, const Experim
       collected.is_tracked = true;
       UseJsonFile(cell.Result(), [&](const Json& json) { AddTrackRows(cell, json, results); });
     }
-    if (options.protocol == Protocol::kPaper) continue;  // models that lie there are of the other
-    for (const GridBackend backend : plan.backends) {    // what is not there is another shard's
+    // Existing models belong to the other protocol.
+    if (options.protocol == Protocol::kPaper) continue;
+    for (const GridBackend backend : plan.backends) {  // missing results belong to another shard
       if (!HasResult(ModelTask(options, cell, backend))) continue;
       collected.modelled.push_back(backend);
       UseJsonFile(cell.Result(backend), [&](const Json& result) {

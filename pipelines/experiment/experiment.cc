@@ -25,7 +25,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// Tells the folder of the cells: it is removed and made anew.
+// Marks the folder of the cells, which a new run removes and creates again.
 constexpr const char* kMark = "cells_of_cohort_compare";
 
 void MakeFolder(const fs::path& folder) {
@@ -34,7 +34,7 @@ void MakeFolder(const fs::path& folder) {
   if (error) ThrowError("cannot make folder {}: {}", folder.string(), error.message());
 }
 
-// Has the cell all of its results, good or bad?
+// Whether the cell has all of its results, good or bad.
 bool IsFinished(const ExperimentOptions& options,
                 const ExperimentPlan& plan,
                 const TrackCell& cell) {
@@ -54,24 +54,24 @@ bool IsFinished(const ExperimentOptions& options,
   return true;
 }
 
-// There is something to collect; what is missing is said.
+// Throws Error if there is nothing to collect; warns of missing cells.
 void CheckWhatIsFinished(const ExperimentOptions& options, const ExperimentPlan& plan) {
   const auto finished =
       std::count_if(plan.cells.begin(), plan.cells.end(), [&](const TrackCell& cell) {
         return IsFinished(options, plan, cell);
       });
   if (finished == 0) {
-    ThrowError("no cell of this grid is finished in {}: run it, or shards of it, first",
+    ThrowError("no cell of this grid is finished in {}: first run it, or shards of it",
                options.out);
   }
   if (finished < std::ssize(plan.cells)) {
-    spdlog::warn("{} of {} cells are not finished: the results are without them",
+    spdlog::warn("{} of {} cells are not finished: the results do not include them",
                  std::ssize(plan.cells) - finished,
                  plan.cells.size());
   }
 }
 
-// What is removed whole must be of an earlier run, and hold no input.
+// A folder that will be removed must come from an earlier run and contain no input.
 void CheckCellsAreOurs(const ExperimentOptions& options, const fs::path& cells) {
   for (const std::string& input : options.inputs) InputRecord::Add(input);
   CheckFolderHoldsNoInput(cells);
@@ -83,17 +83,18 @@ void CheckCellsAreOurs(const ExperimentOptions& options, const fs::path& cells) 
       return;
     }
   }
-  ThrowError("{} is in the way of the cells, and not of a comparison: give another --out",
-             cells.string());
+  ThrowError(
+      "{} is where the cells belong, but was not written by a comparison: give another --out",
+      cells.string());
 }
 
-// Nobody else makes the same shard: a queue may have started it twice.
+// Prevents two runs of the same shard, which a queue may have started twice.
 WriteLock LockOfShard(const ExperimentPlan& plan) {
   return WriteLock::OfLockFile(
       plan.cells_folder / fmt::format("shard_{}_of_{}.lock", plan.shard.index, plan.shard.count));
 }
 
-// Its cells would all fail for want of it, as if that were the trackers' fault.
+// Without COLMAP all its cells would fail, as if the trackers had failed.
 void CheckColmapIsThere(const ExperimentOptions& options, const ExperimentPlan& plan) {
   if (options.protocol == Protocol::kPaper ||
       std::ranges::find(plan.backends, GridBackend::kColmap) == plan.backends.end()) {
@@ -115,13 +116,15 @@ ExperimentPlan RunCells(const ExperimentOptions& options) {
   if (anew) CheckCellsAreOurs(options, plan.cells_folder);
   MakeFolder(plan.cells_folder);
   if (!fs::exists(plan.cells_folder / kMark)) WriteBytes(plan.cells_folder / kMark, "");
-  // Shards share a folder, and who collects may look at any time; two whole grids may not.
+  // Shards may share a folder, and collecting is possible at any time; two complete grids may not
+  // share one.
   plan.locks.push_back(WriteLock::Of(options.out, options.collect || !options.shard.empty()));
   if (!options.shard.empty() && !options.collect) plan.locks.push_back(LockOfShard(plan));
   const std::vector<GridClip> clips = ProbeClips(options, plan);
-  // Not before the inputs are known to be good. Other shards may be at work in the same folder.
+  // Not before the inputs have been checked, and not with shards, since others may be running in
+  // the same folder.
   if (anew) {
-    CheckFolderHoldsNoInput(plan.cells_folder);  // once more: the mask has been read
+    CheckFolderHoldsNoInput(plan.cells_folder);  // again, since the mask has been read
     for (const auto& entry : fs::directory_iterator(plan.cells_folder)) {
       if (entry.path().filename() != kMark) fs::remove_all(entry.path());
     }

@@ -19,7 +19,7 @@ struct ExperimentPlan;
 
 // The measurement of every cell.
 enum class Protocol {
-  kReconstruction,  // tracks, and the models made of them
+  kReconstruction,  // tracks, and the models made from them
   kPaper,           // the tracking errors of the paper's section 4; paper_protocol.h
 };
 inline constexpr ChoiceNames<Protocol, 2> kProtocolNames{
@@ -54,7 +54,7 @@ struct ExperimentOptions {
   // Long, because it lists one statement per option.
   template <typename Self, typename Visitor>
   static void Visit(Self& o, Visitor& v) {
-    v.List("inputs", o.inputs, "The clips, given as `cohort track` takes them.", Tier::kCommon);
+    v.List("inputs", o.inputs, "The clips, given as for `cohort track`.", Tier::kCommon);
     v.Text("out",
            o.out,
            "The folder for results.csv, results.json, report.html and cells/.",
@@ -62,90 +62,91 @@ struct ExperimentOptions {
     v.Choice("protocol",
              o.protocol,
              kProtocolNames,
-             "What is measured: reconstruction, the models made of the tracks; paper, how "
-             "far trackers stray from points of known trajectory, on clips with exact truth, "
-             "with the trackers' own checks by which features end off.",
+             "What is measured. reconstruction: the models made from the tracks. paper: how far "
+             "trackers stray from points of known trajectory, on clips with exact truth, with the "
+             "trackers' own checks that end features switched off.",
              Tier::kCommon);
-    v.List("trackers",
-           o.trackers,
-           "The trackers to compare: those of `cohort track`; kltN, anchored-kltN: with a "
-           "window of N px; subspace-paper, descent-paper: joint and first-order tracker "
-           "as the paper prints them, without measurement; subspace-fused: subspace with "
-           "the most probable positions; NAME-refined, NAME-online: with and without a "
-           "second pass (of subspace the default is with); ceiling: the truth with the "
-           "least noise of a patch of 21 px; sift: COLMAP's own features (backend colmap);"
-           " F.json: the tracker options of this file.",
-           Tier::kCommon);
+    v.List(
+        "trackers",
+        o.trackers,
+        "The trackers to compare: those of `cohort track`; kltN, anchored-kltN: with a window of N "
+        "px; subspace-paper, descent-paper: the joint and the first-order tracker as published in "
+        "the paper, without measurement; subspace-fused: subspace with the most probable "
+        "positions; NAME-refined, NAME-online: with and without a second pass (subspace has one by "
+        "default); ceiling: the truth with the least noise that a patch of 21 px allows; sift: "
+        "COLMAP's own features (backend colmap only); F.json: the tracker options in this file.",
+        Tier::kCommon);
     v.List("backends",
            o.backends,
-           "What reconstructs, in protocol reconstruction: ceres; colmap; triangulation: "
-           "points alone, from the true cameras.",
+           "The backends, in protocol reconstruction: ceres; colmap; triangulation: only points, "
+           "from the true cameras.",
            Tier::kCommon);
     v.List("levels",
            o.levels,
-           "How dark `cohort degrade` makes the clips: clean, medium, hard, a number; "
-           "sensor, phone: its recipe of that name at hard; sensor-half, -4th, -8th, -16th: at "
-           "that share of its light; phone-medium: recipe phone at medium; as-is: not at all.",
+           "How dark `cohort degrade` makes the clips. clean, medium, hard or a number: that "
+           "level; sensor, phone: the recipe of that name at level hard; sensor-half, -4th, -8th, "
+           "-16th: recipe sensor at level hard with that share of the light; phone-medium: recipe "
+           "phone at level medium; as-is: unchanged.",
            Tier::kCommon);
     v.List("seeds",
            o.seeds,
-           "The seeds of the noise and of COLMAP. Tables show medians over them: more "
-           "seeds give surer figures, and the time grows in proportion.",
+           "The seeds of the noise and of COLMAP. Tables show medians over the seeds: more seeds "
+           "give more reliable figures; the time grows in proportion.",
            Tier::kCommon);
     v.Number("jobs",
              o.jobs,
              1,
              1024,
-             "How many processes run at a time; the results stay the same.",
+             "The number of processes that run at a time; the results stay the same.",
              Tier::kCommon);
     v.Text("shard",
            o.shard,
-           "Do only every n-th clip x level x seed x tracker, given as i/n with i from 0, "
-           "so that several machines share the work.",
+           "Run only every n-th clip x level x seed x tracker, given as i/n with i from 0, so that "
+           "several machines can share the work.",
            Tier::kCommon);
     v.Flag("resume",
            o.resume,
-           "Keep the finished cells of an earlier run. What depends on an option, a file of the "
-           "clip or a cohort that has changed since is done again; another COLMAP is not noticed.",
+           "Keep the finished cells of an earlier run. Cells that depend on an option, a file of "
+           "the clip or a version of cohort that has changed since are run again; a change of "
+           "COLMAP is not noticed.",
            Tier::kCommon);
     v.Flag("collect",
            o.collect,
-           "Run nothing: write the results of the cells that are finished, such as those of "
-           "shards.",
+           "Run nothing; only write the results of the finished cells, such as those of shards.",
            Tier::kCommon);
     v.Flag("halves",
            o.halves,
-           "Of clips without true cameras, compare the models of two halves of the features; "
-           "--no-halves: do not, which saves two reconstructions a cell.");
+           "For clips without true cameras, compare the models of two halves of the features; "
+           "--no-halves skips this, which saves two reconstructions per cell.");
     v.Choice("layout",
              o.layout,
              kLayoutNames,
-             "How to read the inputs; only needed where their layout is not recognised.",
+             "How to read the inputs; only needed if their layout is not recognised.",
              Tier::kCommon);
     v.Text("frames",
            o.frames,
-           "Take only frames A to B - 1 of the inputs, given as A:B, or every STEP-th of "
-           "them, A:B:STEP.",
+           "Read only frames A to B - 1 of the inputs, given as A:B, or every STEP-th of them, "
+           "A:B:STEP.",
            Tier::kCommon);
     v.Text("camera",
            o.camera,
-           "The camera of all inputs: fx,fy,cx,cy in pixels, and its distortion, as in `cohort "
+           "The camera of all inputs: fx,fy,cx,cy in pixels and its distortion, as for `cohort "
            "track`.",
            Tier::kCommon);
     v.Text("camera_prior",
            o.camera_prior,
-           "What is thought of the focal length of all inputs, FOCAL_PX or FOCAL_PX+-SIGMA in "
-           "pixels, as in `cohort track`.",
+           "A prior of the focal length of all inputs, FOCAL_PX or FOCAL_PX+-SIGMA in pixels, as "
+           "for `cohort track`.",
            Tier::kCommon);
     v.Text("mask",
            o.mask,
-           "A picture of the frames' size, black where no tracker may have a feature, such as the "
-           "bonnet of a car, or all but a thing that is turned.",
+           "A mask of the frames' size, black where no tracker may have a feature, such as on the "
+           "bonnet of a car, or everywhere but on an object that is turned.",
            Tier::kCommon);
     v.Group("tracking", o.tracking, "all trackers", Tier::kExpert);
     v.Group("ceres", o.ceres, "backend ceres", Tier::kExpert);
     v.Group("colmap", o.colmap, "backend colmap", Tier::kExpert);
-    v.Group("second_pass", o.second_pass, "second pass of trackers that have one", Tier::kExpert);
+    v.Group("second_pass", o.second_pass, "second pass, for trackers that have one", Tier::kExpert);
     v.Group("sift", o.sift, "tracker sift", Tier::kExpert);
     v.Group("paper", o.paper, "protocol paper", Tier::kExpert);
   }

@@ -18,7 +18,7 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-// Does a name stand for something else in tables and folders?
+// Whether a name means something else in tables and folders.
 bool IsTaken(const std::string& name) {
   if (name == "frames") return true;  // the degraded clip's folder
   try {
@@ -93,10 +93,11 @@ GridTracker NamedGridTracker(const std::string& name,
     tracker.second_pass = mode;
   }
   tracker.options = NamedTracker(first_pass, base);
-  // Of a file its name alone.
+  // For a file, only its name.
   const std::string stem = std::filesystem::path(first_pass).stem().string();
   if (stem != first_pass && IsTaken(stem)) {
-    ThrowUsageError("tracker '{}': '{}' is the name of another one: rename the file", name, stem);
+    ThrowUsageError(
+        "tracker '{}': '{}' is the name of another tracker: rename the file", name, stem);
   }
   tracker.name = stem + with_pass;
   return tracker;

@@ -12,7 +12,8 @@ namespace cohort {
 // UsageError.
 TrackerOptions NamedTracker(const std::string& name, const TrackerOptions& base);
 
-// The same for names that are no option of a tracker: NAME-refined, NAME-online, ceiling, sift.
+// The same, including names that tracker options cannot express: NAME-refined, NAME-online,
+// ceiling, sift.
 GridTracker NamedGridTracker(const std::string& name,
                              const TrackerOptions& base,
                              SecondPassMode second_pass);

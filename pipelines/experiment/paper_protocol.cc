@@ -8,7 +8,7 @@
 namespace cohort {
 namespace {
 
-// The trajectory of the point that `xy` shows in frame `birth`; `frames` are the clip's.
+// The trajectory of the point at `xy` in frame `birth`; `frames` are those of the clip.
 FollowedPoint Follow(TrackTruth& truth,
                      const std::vector<FrameIndex>& frames,
                      std::size_t birth,
@@ -36,7 +36,8 @@ std::vector<FollowedPoint> ChoosePoints(Sequence& clip,
                                         DetectorOptions detector,
                                         const PaperProtocolOptions& options,
                                         const cv::Mat& mask) {
-  detector.max_features = options.features;  // the share of each cell of its grid follows from it
+  // This determines the share of each cell of the detector's grid.
+  detector.max_features = options.features;
   std::vector<FrameIndex> frames;
   std::vector<Frame> starts;
   const auto window = static_cast<std::size_t>(options.window_frames);
@@ -79,7 +80,7 @@ ReinitializationRun RunReinitializations(FeatureMover& mover,
       std::vector<std::uint8_t> keep(live.size(), 0);
       std::vector<const FollowedPoint*> kept;
       for (std::size_t f = 0; f < live.size(); ++f) {
-        if (live[f]->end() <= i) continue;  // its trajectory is over
+        if (live[f]->end() <= i) continue;  // its trajectory has ended
         const Eigen::Vector2d truth = live[f]->xy[i - live[f]->birth];
         if (!moves[f].loss && (moves[f].xy - truth).norm() <= limit_px) {
           ++run.frames;

@@ -24,20 +24,32 @@ struct PaperProtocolOptions {
 
   template <typename Self, typename Visitor>
   static void Visit(Self& o, Visitor& v) {
-    v.Number(
-        "features", o.features, 1, 100000, "corners detected; those with a fit truth are used");
-    v.Number("window_frames",
-             o.window_frames,
+    v.Number("features",
+             o.features,
              1,
              100000,
-             "a point is used if it stays visible for so many frames; length of the L1 error");
-    v.Number("limit_px", o.limit_px, 0.1, 1000.0, "a feature further off is initialised anew [px]");
+             "number of corners to detect; those with a suitable truth are used");
+    v.Number(
+        "window_frames",
+        o.window_frames,
+        1,
+        100000,
+        "number of frames for which a point must stay visible to be used; length of the L1 error");
+    v.Number("limit_px",
+             o.limit_px,
+             0.1,
+             1000.0,
+             "distance from the truth beyond which a feature is re-initialised [px]");
     v.Number("border_px",
              o.border_px,
              0.0,
              1000.0,
-             "a point nearer to the image border is no longer followed [px]");
-    v.Number("edge_px", o.edge_px, 0.0, 100.0, "points are so far from jumps of depth [px]");
+             "distance from the image border below which a point is no longer followed [px]");
+    v.Number("edge_px",
+             o.edge_px,
+             0.0,
+             100.0,
+             "minimum distance of the points from depth discontinuities [px]");
   }
 };
 

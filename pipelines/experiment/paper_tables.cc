@@ -32,7 +32,7 @@ struct Grid {
   }
 };
 
-// A cell of which a seed failed has failed: it is left out.
+// A cell with a failed seed has failed and is left out.
 Grid GridOf(const ExperimentResults& results, const std::string& level, const std::string& metric) {
   Grid grid;
   std::set<std::pair<std::string, std::string>> failed;
@@ -54,7 +54,7 @@ std::optional<double> MedianOf(const std::map<unsigned, double>* cell) {
   return InterpolatedMedian(std::move(values));
 }
 
-// Over all sequences; none if one is missing.
+// The average over all sequences; nullopt if one is missing.
 std::optional<double> Average(const Grid& grid, const std::string& tracker) {
   double sum = 0.0;
   for (const std::string& sequence : grid.sequences) {
@@ -98,7 +98,7 @@ std::string FigureTable(const Grid& grid, const Grid& reinitializations) {
   return AlignedTable(table);
 }
 
-// Adds the tracker "klt, best window": for each sequence the one of the best median.
+// Adds the tracker "klt, best window": for each sequence the one with the best median.
 void AddBestKlt(Grid& grid, bool high_is_good) {
   std::vector<std::string> windows;
   for (const std::string& tracker : grid.trackers) {

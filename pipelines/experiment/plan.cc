@@ -27,7 +27,7 @@ Shard ParseShard(const std::string& text) {
     const auto count = ParseUnsigned(std::string_view(text).substr(slash + 1));
     if (index && count && *index < *count) return {*index, *count};
   }
-  ThrowUsageError("--shard '{}' is none: give i/n with i from 0 to n - 1", text);
+  ThrowUsageError("--shard '{}' is invalid: give i/n with i from 0 to n - 1", text);
 }
 
 void CheckLevel(const std::string& level) {
@@ -43,9 +43,9 @@ void CheckLevel(const std::string& level) {
 
 unsigned ParseSeed(const std::string& text) {
   const auto seed = ParseUnsigned(text);
-  constexpr unsigned kMost = std::numeric_limits<int>::max();  // COLMAP's
+  constexpr unsigned kMost = std::numeric_limits<int>::max();  // COLMAP's limit
   if (!seed || *seed > kMost) {
-    ThrowUsageError("--seeds '{}' is no seed: give whole numbers from 0 to {}", text, kMost);
+    ThrowUsageError("--seeds '{}' is not a seed: give whole numbers from 0 to {}", text, kMost);
   }
   return *seed;
 }
@@ -57,11 +57,11 @@ GridBackend ParseBackend(const std::string& text) {
   ThrowUsageError("--backends '{}' is unknown: give ceres, colmap or triangulation", text);
 }
 
-// Cells of the same name would share a folder and count twice.
+// Cells with the same name would share a folder and count twice.
 void CheckDistinct(const char* option, const std::vector<std::string>& names) {
   std::set<std::string> seen;
   for (const std::string& name : names) {
-    if (!seen.insert(name).second) ThrowUsageError("--{} has {} twice", option, name);
+    if (!seen.insert(name).second) ThrowUsageError("--{} contains {} twice", option, name);
   }
 }
 
@@ -81,24 +81,24 @@ void CheckTracker(const ExperimentOptions& options,
                   const GridTracker& tracker) {
   if (options.protocol == Protocol::kPaper) {
     if (tracker.source != TrackSource::kTracker) {
-      ThrowUsageError("--trackers {}: not with --protocol paper", tracker.name);
+      ThrowUsageError("--trackers {}: not available with --protocol paper", tracker.name);
     }
     if (tracker.second_pass != options.second_pass.mode ||
         tracker.second_pass == SecondPassMode::kOn) {
       ThrowUsageError(
-          "--trackers {}: --protocol paper is of trackers without a second pass: give "
-          "no NAME-refined or NAME-online, and --second-pass.mode auto",
+          "--trackers {}: --protocol paper compares trackers without a second pass: give no "
+          "NAME-refined or NAME-online, and --second-pass.mode auto",
           tracker.name);
     }
   }
   if (tracker.source == TrackSource::kSift &&
       std::find(plan.backends.begin(), plan.backends.end(), GridBackend::kColmap) ==
           plan.backends.end()) {
-    ThrowUsageError("--trackers sift is COLMAP alone: add colmap to --backends");
+    ThrowUsageError("--trackers sift needs backend colmap: add colmap to --backends");
   }
 }
 
-// A degraded clip has lost it, and is to be as well known as the one that it is made of.
+// A degraded clip has lost its metadata, but must be known as well as its source.
 std::string CameraPriorOfFiles(const Sequence& sequence) {
   if (sequence.KnownCamera()) return "";
   const auto guess = sequence.FocalGuessOfFile();
@@ -106,7 +106,7 @@ std::string CameraPriorOfFiles(const Sequence& sequence) {
   return fmt::format("{}+-{}", guess->focal_px, guess->log_sigma * guess->focal_px);
 }
 
-// What the trackers read.
+// The input of the trackers.
 InputOptions FramesOf(const ExperimentOptions& options, const Condition& condition) {
   InputOptions frames = ClipInput(options, condition);
   if (!condition.IsDegraded()) return frames;
@@ -123,7 +123,7 @@ InputOptions FramesOf(const ExperimentOptions& options, const Condition& conditi
 
 ExperimentPlan PlanWithoutClips(const ExperimentOptions& options) {
   if (options.collect && !options.shard.empty()) {
-    ThrowUsageError("--collect gathers what all shards have finished: leave out --shard");
+    ThrowUsageError("--collect gathers the finished cells of all shards: leave out --shard");
   }
   ExperimentPlan plan;
   plan.cells_folder = fs::path(options.out) / "cells";
@@ -143,10 +143,10 @@ ExperimentPlan PlanWithoutClips(const ExperimentOptions& options) {
 }
 
 std::vector<GridClip> ProbeClips(const ExperimentOptions& options, const ExperimentPlan& plan) {
-  // Every shard asks for itself.
+  // Every shard probes the clips itself.
   std::string shard_suffix = options.shard.empty() ? "" : "_shard_" + options.shard;
   std::replace(shard_suffix.begin(), shard_suffix.end(), '/', '_');
-  // Before hours of cells that all fail for want of them.
+  // Checked now, because otherwise all cells would fail, hours later.
   ReadMask(options.mask);
   GivenCamera(ClipInput(options, {}), 0, 0);
   std::vector<Task> tasks;
@@ -165,7 +165,7 @@ std::vector<GridClip> ProbeClips(const ExperimentOptions& options, const Experim
                                    {"camera_prior", CameraPriorOfFiles(*sequence)}};
                      }});
   }
-  RunTasks("open", tasks, options.jobs, false);  // always: the files may have changed
+  RunTasks("open", tasks, options.jobs, false);  // always, since the files may have changed
   std::set<std::string> names;
   std::vector<GridClip> clips;
   for (std::size_t i = 0; i < tasks.size(); ++i) {
@@ -183,7 +183,7 @@ std::vector<GridClip> ProbeClips(const ExperimentOptions& options, const Experim
                      figures["has_track_truth"],
                      figures["camera_prior"]});
     if (options.protocol == Protocol::kPaper && !clips.back().has_track_truth) {
-      ThrowError("{} has no truth of tracks: --protocol paper needs clips of `cohort synth`",
+      ThrowError("{} has no true tracks: --protocol paper needs clips of `cohort synth`",
                  clips.back().input);
     }
   }

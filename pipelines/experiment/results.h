@@ -41,7 +41,7 @@ struct CellNote {
 
 // The results of an experiment. A failed cell has the rows `failed` = 1 and, if it got so far,
 // `registered` and `frames`, but no errors: a small error of few frames is meaningless. An
-// impossible cell (the ceiling without ground truth) has the row `not_available` = 1 and is no
+// impossible cell (the ceiling without ground truth) has the row `not_available` = 1 and is not a
 // failure.
 struct ExperimentResults {
   std::vector<ResultRow> rows;

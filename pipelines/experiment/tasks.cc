@@ -44,7 +44,7 @@ bool IsOf(const Json& result, const Task& task) {
          result.at("options") == Json::parse(task.options);
 }
 
-// Is what it makes there, or needs not be?
+// Whether its output exists or is not needed.
 bool HasMade(const Json& result, const Task& task) {
   return task.makes.empty() || result.at("figures").contains("not_available") ||
          fs::exists(task.makes);
@@ -52,10 +52,11 @@ bool HasMade(const Json& result, const Task& task) {
 
 [[noreturn]] void RunInChild(const Task& task, pid_t parent) {
   prctl(PR_SET_PDEATHSIG, SIGKILL);
-  if (getppid() != parent) _exit(EXIT_FAILURE);  // it died before the line above
+  if (getppid() != parent) _exit(EXIT_FAILURE);  // the parent died before the prctl above
   const std::string log = task.result.string() + ".log";
   int descriptor = open(log.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_NOFOLLOW | O_CLOEXEC, 0644);
-  if (descriptor < 0) descriptor = open("/dev/null", O_WRONLY | O_CLOEXEC);  // the parent says why
+  // The parent reports why it could not be opened.
+  if (descriptor < 0) descriptor = open("/dev/null", O_WRONLY | O_CLOEXEC);
   if (descriptor >= 0) {
     dup2(descriptor, STDOUT_FILENO);
     dup2(descriptor, STDERR_FILENO);
@@ -96,7 +97,7 @@ pid_t Start(const Task& task) {
   return child;
 }
 
-// A process that died without a word: its result says how.
+// Writes the result of a process that died without writing one.
 void RecordEnd(const Task& task, int status) {
   if (WIFEXITED(status) && WEXITSTATUS(status) == 0) return;
   const std::string how =
@@ -116,7 +117,7 @@ bool IsDone(const Task& task) {
       done = result.at("error").is_null() && IsOf(result, task) && HasMade(result, task);
     });
   } catch (const Error& error) {
-    spdlog::warn("{}; it is made anew", error.what());
+    spdlog::warn("{}; it is run again", error.what());
   }
   return done;
 }
@@ -154,7 +155,8 @@ void RunTasks(const std::string& stage, const std::vector<Task>& tasks, int jobs
     if (interrupt.Requested()) {
       for (const auto& [child, task] : running) kill(child, SIGKILL);
       for (const auto& [child, task] : running) waitpid(child, &status, 0);
-      ThrowError("interrupted; what is finished is kept: the same command with --resume goes on");
+      ThrowError(
+          "interrupted; finished cells are kept: run the same command with --resume to continue");
     }
     const auto it = running.find(ended);
     if (it == running.end()) {

@@ -20,7 +20,7 @@ struct Task {
   std::function<nlohmann::ordered_json()> run;
   // Other processes may have the same task: one of them runs it, the others wait for it.
   bool shared = false;
-  // The file or folder that it creates beside its result; empty if others need none.
+  // The file or folder that it creates besides its result; empty if no other task needs one.
   std::filesystem::path makes = {};
 };
 

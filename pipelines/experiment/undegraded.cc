@@ -12,13 +12,13 @@ namespace cohort {
 namespace {
 
 namespace fs = std::filesystem;
-using Centres = std::map<std::uint32_t, Eigen::Vector3d>;  // by place in the clip
+using Centres = std::map<std::uint32_t, Eigen::Vector3d>;  // by position in the clip
 
 struct Poses {
   FrameRange range;
   std::map<FrameIndex, Rigid3> cam_from_world;
 
-  // None of a frame that is not in the range.
+  // nullopt for a frame outside the range.
   std::optional<std::uint32_t> PlaceOf(FrameIndex frame) const {
     const std::uint32_t i = ToInt(frame);
     if (i < range.first || (i - range.first) % range.stride != 0) return std::nullopt;
@@ -26,7 +26,7 @@ struct Poses {
   }
 };
 
-// None where there is no model to compare.
+// Returns nullopt if there is no model to compare.
 std::optional<Poses> ReadPoses(const fs::path& folder) {
   const fs::path summary = folder / "summary.json";
   if (!fs::exists(summary) || !fs::exists(folder / "images.bin")) return std::nullopt;

@@ -21,7 +21,7 @@ void RunDegradeJob(const DegradeJobOptions& options) {
   DegradeOptions degrade = options.degrade;
   degrade.level = ParseLevel(options.level);
   const auto sequence = OpenInput(options.input);
-  // Its size is not needed: nobody reads a picture for it.
+  // Its size is not needed, so no picture is read for it.
   const std::optional<Camera> camera = KnownCamera(options.input, *sequence, 0, 0);
   ProgressBar progress("degrade", sequence->FrameCount());
   DegradeSequence(

@@ -18,8 +18,8 @@ struct DegradeJobOptions {
     v.Text("out", o.out, "The folder to write, in TUM RGB-D layout.", Tier::kCommon);
     v.Text("level",
            o.level,
-           "How dark it gets: clean, medium, hard or a number; 0 is clean, 1 medium, 2 "
-           "hard, and beyond 2 it gets darker still.",
+           "The level of darkness: clean, medium, hard or a number; 0 is clean, 1 medium, 2 hard, "
+           "and numbers beyond 2 are darker still.",
            Tier::kCommon);
     DegradeOptions::Visit(o.degrade, v);
   }

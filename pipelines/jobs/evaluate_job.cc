@@ -33,7 +33,7 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
-// null where a figure cannot be computed.
+// null if a figure cannot be computed.
 template <typename T>
 Json OrNull(const std::optional<T>& value) {
   return value ? Json(*value) : Json(nullptr);
@@ -83,12 +83,12 @@ Json CalibrationToJson(const CalibrationFigure& figure) {
           {"tenths", tenths}};
 }
 
-// Throws Error where the clip ends before the last frame of `what`; `kind`: "tracks are", "model
-// is".
+// Throws Error if the clip ends before the last frame of `what`; `kind`: "tracks were made" or
+// "model was made".
 void CheckHasFrame(Sequence& sequence, FrameIndex last, const std::string& what, const char* kind) {
   const auto frames = sequence.FrameCount();
   if (!frames || ToInt(last) < *frames) return;
-  ThrowError("{} has a frame {}, {} has {} frames: give the clip that the {} of",
+  ThrowError("{} has a frame {}, but {} has {} frames: give the clip that the {} from",
              what,
              ToInt(last),
              sequence.Name(),
@@ -96,7 +96,7 @@ void CheckHasFrame(Sequence& sequence, FrameIndex last, const std::string& what,
              kind);
 }
 
-// Frames without times of their own are a thirtieth of a second apart.
+// Whether the times are counted: frames without their own times are a thirtieth of a second apart.
 bool AreTimesCounted(std::span<const FrameInfo> frames) {
   return std::ranges::all_of(frames, [](const FrameInfo& frame) {
     constexpr std::uint64_t kSameNs = 1'000'000;
@@ -105,12 +105,12 @@ bool AreTimesCounted(std::span<const FrameInfo> frames) {
   });
 }
 
-// Frames are compared by their numbers. Where those are of other frames, as of a clip that was
-// thinned out or of some of its pictures, names or times may tell. `of_subject`: ascending.
+// Frames are compared by number. If the numbers belong to other frames, as with every n-th frame of
+// a clip or a selection of its pictures, names or times may reveal it. `of_subject`: ascending.
 void WarnIfOtherFrames(std::span<const FrameInfo> of_subject,
                        const std::string& subject,
                        Sequence& sequence) {
-  constexpr double kSameNs = 2e7;  // as of true poses
+  constexpr double kSameNs = 2e7;  // as for true poses
   if (of_subject.empty()) return;
   std::vector<FrameInfo> of_clip;
   while (const auto frame = sequence.Next()) {
@@ -123,8 +123,8 @@ void WarnIfOtherFrames(std::span<const FrameInfo> of_subject,
     const auto named = names.Find(frame.name);
     if (!named || *named == frame.index) continue;
     spdlog::warn(
-        "frame {} of {} is called {}, which is frame {} of {}: frames are compared by their "
-        "numbers, so give the truth of the same pictures",
+        "frame {} of {} is called {}, which is the name of frame {} of {}: frames are compared by "
+        "number, so give the truth of the same pictures",
         ToInt(frame.index),
         subject,
         frame.name,
@@ -143,8 +143,8 @@ void WarnIfOtherFrames(std::span<const FrameInfo> of_subject,
     const double in_clip = TimeFromTo(times[a.index], times[b.index]);
     if (in_subject <= 0.0 || in_clip <= 0.0 || std::abs(in_subject - in_clip) <= kSameNs) continue;
     spdlog::warn(
-        "between frames {} and {} are {:.0f} ms in {}, and {:.0f} ms in {}: are they the same "
-        "frames?",
+        "frames {} and {} are {:.0f} ms apart in {}, but {:.0f} ms in {}: check that they are the "
+        "same frames",
         ToInt(a.index),
         ToInt(b.index),
         1e-6 * in_subject,
@@ -155,13 +155,14 @@ void WarnIfOtherFrames(std::span<const FrameInfo> of_subject,
   }
 }
 
-// Throws Error where the tracks cannot be of the clip.
+// Throws Error if the tracks cannot belong to the clip.
 void CheckIsClipOf(const TrackFile& file, const std::string& tracks, Sequence& sequence) {
   const auto picture = sequence.Next();
   sequence.Rewind();
   if (picture && (picture->gray.cols != file.width_px || picture->gray.rows != file.height_px)) {
     ThrowError(
-        "{} is of pictures of {}x{}, those of {} have {}x{}: give the clip that the tracks are of",
+        "{} was made from pictures of {}x{}, but those of {} have {}x{}: give the clip that the "
+        "tracks were made from",
         tracks,
         file.width_px,
         file.height_px,
@@ -170,7 +171,7 @@ void CheckIsClipOf(const TrackFile& file, const std::string& tracks, Sequence& s
         picture->gray.rows);
   }
   if (!file.frames.empty()) {
-    CheckHasFrame(sequence, file.frames.back().index, tracks, "tracks are");
+    CheckHasFrame(sequence, file.frames.back().index, tracks, "tracks were made");
   }
   WarnIfOtherFrames(file.frames, tracks, sequence);
 }
@@ -181,8 +182,8 @@ Json EvaluateTrackFile(const std::string& path,
                        double edge_px) {
   if (truth == nullptr) {
     ThrowError(
-        "{} has no truth of tracks: it needs true poses and depth pictures, as `cohort "
-        "synth` writes them",
+        "{} has no true tracks: this needs true poses and depth pictures, such as those of `cohort "
+        "synth`",
         sequence.Name());
   }
   const TrackFile file = ReadTrackFile(path);
@@ -212,15 +213,15 @@ Json EvaluateTrackFile(const std::string& path,
            figures.trajectory_l1 ? Json(figures.trajectory_l1->mean_px) : Json(nullptr)}};
 }
 
-// Those that have a true pose.
+// The frames that have a true pose.
 std::vector<FrameIndex> FramesOf(const ModelTruth& truth) {
   std::vector<FrameIndex> frames;
   for (const auto& [frame, pose] : truth.cam_from_world) frames.push_back(frame);
   return frames;
 }
 
-// The frames that a model was to have: summary.json says so; of another program's model all that
-// have a true pose.
+// The frames that a model should contain: those in summary.json or, for another program's model,
+// all that have a true pose.
 std::vector<FrameIndex> FramesOfModel(const fs::path& folder, const ModelTruth& truth) {
   const fs::path summary = folder / "summary.json";
   if (!fs::exists(summary)) return FramesOf(truth);
@@ -238,7 +239,7 @@ std::vector<FrameIndex> FramesOfModel(const fs::path& folder, const ModelTruth& 
   }
   const std::size_t count = range.Count(range.end.value_or(range.first));
   if (count > kMostFrames) {
-    ThrowError("{}: frame_range '{}' has {} frames: up to {} are evaluated",
+    ThrowError("{}: frame_range '{}' has {} frames: up to {} are supported",
                summary.string(),
                *text,
                count,
@@ -250,15 +251,15 @@ std::vector<FrameIndex> FramesOfModel(const fs::path& folder, const ModelTruth& 
   return frames;
 }
 
-// Does a model number its images as we do, by frame? Another program's does not, nor what was made
-// of one.
+// Whether a model numbers its images by frame, as ours do. Models of other programs do not, nor do
+// refinements of these.
 bool IsNumberedByFrame(const fs::path& folder) {
   const fs::path summary = folder / "summary.json";
   return fs::exists(summary) && !ReadJsonFile(summary).contains("refined_from");
 }
 
-// The frames that a refined model was to have, under the clip's: those that it has, and as many
-// others as it says that there were besides, which count as missing.
+// The frames that a refined model should contain, by the clip's numbers: those that it has, and as
+// many others as its summary states in addition, which count as missing.
 std::vector<FrameIndex> FramesOfRefined(const Reconstruction& model, std::size_t count) {
   std::vector<FrameIndex> frames;
   for (const auto& [frame, pose] : model.cam_from_world) frames.push_back(frame);
@@ -268,8 +269,8 @@ std::vector<FrameIndex> FramesOfRefined(const Reconstruction& model, std::size_t
   return frames;
 }
 
-// The poses of another model, under the frames of the first: by their names where the two share
-// some, as other programs number images their own way, else by number.
+// The poses of another model under the frames of the first one: matched by name if the two share
+// names, because other programs number images differently, else by number.
 std::map<FrameIndex, Rigid3> PosesOfSameFrames(const Reconstruction& model,
                                                const Reconstruction& other) {
   std::vector<FrameInfo> frames;
@@ -282,8 +283,7 @@ std::map<FrameIndex, Rigid3> PosesOfSameFrames(const Reconstruction& model,
     if (const auto named = names.Find(name)) poses[*named] = pose->second;
   }
   if (!poses.empty()) return poses;
-  spdlog::warn(
-      "the two models share no name of an image: their images are matched by their numbers");
+  spdlog::warn("the two models share no image names: their images are matched by number");
   return other.cam_from_world;
 }
 
@@ -291,7 +291,7 @@ bool IsModelFolder(const fs::path& folder) {
   return fs::exists(folder / "images.bin") || fs::exists(folder / "images.txt");
 }
 
-// Of a clip, or of another model: then in its unit of length.
+// The truth of a clip, or of another model, then in that model's unit of length.
 ModelTruth TruthOfPoses(const Sequence& sequence, TrackTruth* truth) {
   ModelTruth model_truth;
   model_truth.cam_from_world = sequence.TrueCamFromWorld();
@@ -312,13 +312,14 @@ ModelTruth TruthOfPoses(const Sequence& sequence, TrackTruth* truth) {
   return model_truth;
 }
 
-// A model under the frames of a clip: by the names of its images where they are its frames', else
-// by number.
+// A model under the frames of a clip: matched by the names of its images if they are names of
+// frames, else by number.
 Reconstruction ReadModelOf(const fs::path& folder, Sequence& sequence) {
   if (IsNumberedByFrame(folder)) {
     Reconstruction model = ReadReconstruction(folder);
     if (!model.cam_from_world.empty()) {
-      CheckHasFrame(sequence, model.cam_from_world.rbegin()->first, folder.string(), "model is");
+      CheckHasFrame(
+          sequence, model.cam_from_world.rbegin()->first, folder.string(), "model was made");
     }
     std::vector<FrameInfo> frames;
     for (const auto& [frame, pose] : model.cam_from_world) {
@@ -331,13 +332,15 @@ Reconstruction ReadModelOf(const fs::path& folder, Sequence& sequence) {
     const auto picture = sequence.Next();
     if (picture && (picture->gray.cols != model.camera.width_px ||
                     picture->gray.rows != model.camera.height_px)) {
-      spdlog::warn("{} is of pictures of {}x{}, those of {} have {}x{}: is it of this clip?",
-                   folder.string(),
-                   model.camera.width_px,
-                   model.camera.height_px,
-                   sequence.Name(),
-                   picture->gray.cols,
-                   picture->gray.rows);
+      spdlog::warn(
+          "{} was made from pictures of {}x{}, but those of {} have {}x{}: check that it belongs "
+          "to this clip",
+          folder.string(),
+          model.camera.width_px,
+          model.camera.height_px,
+          sequence.Name(),
+          picture->gray.cols,
+          picture->gray.rows);
     }
     return model;
   }
@@ -354,8 +357,8 @@ Reconstruction ReadModelOf(const fs::path& folder, Sequence& sequence) {
     ModelOfClip clip = ReadModelOfClip(model, frames, folder);
     if (clip.unknown_images > 0) {
       spdlog::warn(
-          "{}: {} of its images are no frame of {} and are left out, {} for one: where that is the "
-          "first or the last, names are numbers that are off by one",
+          "{}: {} of its images are not frames of {} and are left out, such as {}: if that is the "
+          "first or the last image, the names are numbers that are off by one",
           folder.string(),
           clip.unknown_images,
           sequence.Name(),
@@ -364,8 +367,8 @@ Reconstruction ReadModelOf(const fs::path& folder, Sequence& sequence) {
     return std::move(clip.reconstruction);
   }
   spdlog::warn(
-      "no image of {} has the name of a frame of {}: they are matched by their numbers, image 1 "
-      "with frame 0",
+      "no image of {} has the name of a frame of {}: they are matched by number, image 1 with "
+      "frame 0",
       folder.string(),
       sequence.Name());
   return ReadReconstruction(folder);
@@ -406,14 +409,15 @@ Json RunEvaluateJob(const EvaluateJobOptions& options) {
   CheckOutputsGiven({options.json});
   const bool is_model = fs::is_directory(options.subject);
   if (!is_model && IsModelFolder(options.truth)) {
-    ThrowUsageError("{} is a model, of which tracks cannot be judged: give a clip with truth",
-                    options.truth);
+    ThrowUsageError(
+        "{} is a model, against which tracks cannot be evaluated: give a clip with truth",
+        options.truth);
   }
   if (is_model && options.edge_px != EvaluateJobOptions().edge_px) {
     ThrowUsageError("--edge-px is for tracks: leave it out with the model {}", options.subject);
   }
   if (IsModelFolder(options.truth) && options.layout != Layout::kAuto) {
-    ThrowUsageError("--layout is of a clip: leave it out with the model {}", options.truth);
+    ThrowUsageError("--layout is for a clip: leave it out with the model {}", options.truth);
   }
   Json figures;
   if (is_model && IsModelFolder(options.truth)) {
@@ -424,7 +428,7 @@ Json RunEvaluateJob(const EvaluateJobOptions& options) {
                                                ? FramesOfModel(options.subject, other)
                                                : FramesOf(other);
     figures = EvaluateModelFolder(model, frames, other);
-    // Lengths are in the other model's unit, which is no metre.
+    // Lengths are in the other model's unit, which is not the metre.
     for (const char* key : {"ate_m", "rpe_trans_m", "auc_5", "auc_10", "auc_20"}) {
       figures[key] = nullptr;
     }
@@ -444,10 +448,11 @@ Json RunEvaluateJob(const EvaluateJobOptions& options) {
           model.cam_from_world,
           [&poses](const auto& camera) { return !poses.cam_from_world.contains(camera.first); });
       if (without > 0) {
-        spdlog::warn("{} has no true pose of {} of the {} cameras: the errors are of the others",
-                     sequence->Name(),
-                     without,
-                     model.cam_from_world.size());
+        spdlog::warn(
+            "{} has no true pose for {} of the {} cameras: the errors are those of the others",
+            sequence->Name(),
+            without,
+            model.cam_from_world.size());
       }
     } else {
       figures = EvaluateTrackFile(options.subject, *sequence, truth.get(), options.edge_px);

@@ -21,22 +21,22 @@ struct EvaluateJobOptions {
     v.Text("truth",
            o.truth,
            "The clip with true poses and, for the errors of tracks and points, true depth. A model "
-           "can be measured against another model of the same frames too.",
+           "can also be measured against another model of the same frames.",
            Tier::kCommon);
     v.Choice("layout",
              o.layout,
              kLayoutNames,
-             "How to read the truth; only needed where its layout is not recognised.",
+             "How to read the truth; only needed if its layout is not recognised.",
              Tier::kCommon);
     v.Number("edge_px",
              o.edge_px,
              0.0,
              100.0,
-             "Count tracks that begin nearer to a jump of depth than this [px] as without "
-             "truth; 0: count all. Near a jump, a hair decides which surface is the true "
-             "one.",
+             "Treat tracks that begin closer than this to a depth discontinuity [px] as tracks "
+             "without truth; 0: evaluate all tracks. Near a discontinuity, a tiny offset decides "
+             "which surface is the true one.",
              Tier::kCommon);
-    v.Text("json", o.json, "Write the figures to this file, too.", Tier::kCommon);
+    v.Text("json", o.json, "Also write the figures to this file.", Tier::kCommon);
   }
 };
 

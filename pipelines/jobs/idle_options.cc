@@ -21,10 +21,10 @@ std::string GroupOf(const std::string& path) {
 
 void WarnOfUnread(const std::vector<std::string>& idle, const std::string& who) {
   if (idle.empty()) return;
-  spdlog::warn("{} does not read {}: {} nothing",
+  spdlog::warn("{} does not use {}: {} no effect",
                who,
                fmt::join(idle, ", "),
-               idle.size() == 1 ? "it changes" : "they change");
+               idle.size() == 1 ? "it has" : "they have");
 }
 
 }  // namespace

@@ -7,7 +7,7 @@
 namespace cohort {
 
 // Logs a warning that names the options with other values than the defaults that the tracker, or
-// the backend with this camera, does not read. It is no error, because one file of options may
+// the backend with this camera, does not use. It is not an error, because one file of options may
 // serve several.
 void WarnOfIdleOptions(const TrackerOptions& options);
 void WarnOfIdleOptions(const ReconstructOptions& options);

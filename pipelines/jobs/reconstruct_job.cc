@@ -28,7 +28,7 @@ ReconstructionSummary RunReconstructJob(const ReconstructJobOptions& options) {
   const ReconstructResult result = ReconstructIntoFolder(
       file, options.reconstruct, options.out, ProgressBars(), JsonLine(ToJson(options)));
   if (result.reconstruction.readout != 0.0) {
-    spdlog::info("rolling shutter: the rows of a frame take {:.2f} of the time between frames",
+    spdlog::info("rolling shutter: the readout takes {:.2f} of the time between frames",
                  result.reconstruction.readout);
   }
   for (const std::string& warning : result.warnings) spdlog::warn("{}", warning);

@@ -17,7 +17,7 @@ struct ReconstructJobOptions {
   static void Visit(Self& o, Visitor& v) {
     v.Text("tracks", o.tracks, "The .tracks file to reconstruct.", Tier::kCommon);
     v.Text("out", o.out, "The model folder to write.", Tier::kCommon);
-    v.Text("json", o.json, "Write the figures of the run to this file, too.", Tier::kCommon);
+    v.Text("json", o.json, "Also write the figures of the run to this file.", Tier::kCommon);
     ReconstructOptions::Visit(o.reconstruct, v);
   }
 };

@@ -37,8 +37,8 @@ TrackJobOptions TrackOptionsOf(const SfmJobOptions& options) {
   return track;
 }
 
-// All that the scene depends on, as summary.json keeps it: the program, the options, and of the
-// input what changes when its files do.
+// Everything on which the scene depends, in the form that summary.json keeps: the program, the
+// options, and a fingerprint of the input's files.
 Json SceneMadeOf(SfmJobOptions options, const Sequence& sequence) {
   options.resume = false;
   options.threads = 0;
@@ -50,11 +50,12 @@ Json SceneMadeOf(SfmJobOptions options, const Sequence& sequence) {
                {"options", ToJson(options)}};
   if (!options.mask.empty()) made_of["mask_fingerprint"] = FingerprintOfBytes(options.mask);
   if (const auto camera = sequence.KnownCamera()) made_of["calibration"] = WordsOfCamera(*camera);
-  return Json::parse(JsonLine(made_of));  // as it is read again, also with names that are no UTF-8
+  // In the form in which it is read again, also with names that are not UTF-8.
+  return Json::parse(JsonLine(made_of));
 }
 
-// The same of the model, which knows nothing of the scene's options. What the tracks are of stands
-// in clip.tracks, and HasTracksOfJob compares it.
+// The same for the model, which does not depend on the scene's options. clip.tracks records what
+// the tracks were made from, and HasTracksOfJob compares it.
 Json ModelMadeOf(Json made_of) {
   const Json of_scene = ToJson(SceneOptions{});
   for (const auto& [name, value] : of_scene.items()) made_of["options"].erase(name);
@@ -63,8 +64,8 @@ Json ModelMadeOf(Json made_of) {
 
 using Fingerprints = std::map<std::string, std::string>;
 
-// As a list of pairs: they may be as many as the clip has frames, of which an object of JSON would
-// have too many keys to be read again (frontend/core/json_text.h).
+// As a list of pairs, because there may be one per frame, and a JSON object with that many keys
+// would be rejected when it is read (frontend/core/json_text.h).
 Json PairsOf(const Fingerprints& files) {
   Json pairs = Json::array();
   for (const auto& [file, fingerprint] : files) pairs.push_back(Json::array({file, fingerprint}));
@@ -76,13 +77,14 @@ Fingerprints FilesIn(const Json& json) {
   return files;
 }
 
-// `stamp`, of the scene folder, says what its `files` were made of, and what they were.
+// `stamp`, a file in the scene folder, records what its `files` were made from, and their
+// fingerprints.
 bool IsStillThere(const fs::path& folder, const char* stamp, const Json& made_of) {
   if (!fs::exists(folder / stamp)) return false;
   try {
     const Json json = ReadJsonFile(folder / stamp);
     return json.at("made_of") == made_of && AreStillThere(folder, FilesIn(json.at("files")));
-  } catch (const Json::exception&) {  // of another version
+  } catch (const Json::exception&) {  // written by another version
     return false;
   } catch (const Error&) {  // damaged
     return false;
@@ -94,20 +96,21 @@ constexpr const char* kModelStamp = "model_of.json";
 bool HasModel(const fs::path& folder, const Json& made_of) {
   try {
     ReadJsonFile(folder / "model" / "summary.json");
-  } catch (const Error&) {  // gone or damaged
+  } catch (const Error&) {  // missing or damaged
     return false;
   }
   return IsStillThere(folder, kModelStamp, made_of);
 }
 
-// Of the tracks and of what was made of them. The model's summary has a time in it, and is no part.
+// The fingerprints of the tracks and of everything made from them, except the model's summary,
+// which contains a time.
 Fingerprints FilesOfModel(const fs::path& folder) {
   Fingerprints files = FingerprintsOfOutputs(folder, {"clip.tracks", "model"});
   files.erase("model/summary.json");
   return files;
 }
 
-// The model of the tracks, made anew unless it is of them already: its summary.json.
+// Makes the model of the tracks, unless it already belongs to them. Returns its summary.json.
 fs::path MakeModel(const SfmJobOptions& options, std::size_t frames, const Json& made_of) {
   ReconstructJobOptions job;
   job.tracks = (fs::path(options.out) / "clip.tracks").string();
@@ -115,11 +118,11 @@ fs::path MakeModel(const SfmJobOptions& options, std::size_t frames, const Json&
   job.reconstruct = options.reconstruct;
   if (frames > kMostFramesWithCovariances && job.reconstruct.ceres.covariances) {
     job.reconstruct.ceres.covariances = false;
-    spdlog::info("more than {} frames: without covariances of cameras and points",
+    spdlog::info("more than {} frames: the covariances of cameras and points are not estimated",
                  kMostFramesWithCovariances);
   }
   if (options.resume && HasModel(options.out, made_of)) {
-    spdlog::info("{} is complete already", job.out);
+    spdlog::info("{} is already complete", job.out);
   } else {
     const fs::path stamp = fs::path(options.out) / kModelStamp;
     std::error_code ignored;
@@ -137,7 +140,7 @@ std::optional<T> Find(const Json& json, const char* key) {
   return it->get<T>();
 }
 
-// Frames of the models of other parts of the clip.
+// The frames of the models of other parts of the clip.
 std::vector<Stretch> OtherPartsOf(const fs::path& summary) {
   std::vector<Stretch> parts;
   UseJsonFile(summary, [&parts](const Json& model) {
@@ -229,7 +232,7 @@ SfmFigures RunSfmJob(const SfmJobOptions& options) {
       !(options.resume && HasModel(folder, model_made_of))) {
     RequireColmap(options.reconstruct.colmap.program, options.reconstruct.colmap.max_minutes);
   }
-  // Checked before hours of work: that the folder can be made.
+  // Checks before hours of work that the folder can be created.
   std::error_code error;
   fs::create_directories(folder, error);
   if (error) ThrowError("cannot make folder {}: {}", options.out, error.message());
@@ -237,7 +240,7 @@ SfmFigures RunSfmJob(const SfmJobOptions& options) {
   if (options.resume && IsStillThere(folder, "summary.json", made_of) &&
       HasModel(folder, model_made_of)) {
     WarnAgain(ReadTrackFile(folder / "clip.tracks"));
-    spdlog::info("{} is complete already", options.out);
+    spdlog::info("{} is already complete", options.out);
     SfmFigures figures = FiguresOfSummary(folder);
     figures.lock = std::move(lock);
     return figures;
@@ -246,7 +249,7 @@ SfmFigures RunSfmJob(const SfmJobOptions& options) {
 
   const TrackJobOptions track = TrackOptionsOf(options);
   if (options.resume && HasTracksOfJob(track)) {
-    spdlog::info("{} is complete already", track.out);
+    spdlog::info("{} is already complete", track.out);
   } else {
     RunTrackJob(track);
   }
@@ -265,7 +268,7 @@ SfmFigures RunSfmJob(const SfmJobOptions& options) {
     brightness = scene.brightness;
     files = FingerprintsOfOutputs(folder, {kSceneOutputs.begin(), kSceneOutputs.end()});
   } else {
-    RemoveScene(folder);  // that of an earlier run would not be of these tracks
+    RemoveScene(folder);  // a scene of an earlier run would not belong to these tracks
     brightness = BrightnessOfFrames(file, *sequence, ProgressBars());
   }
   const FilmedClip clip{

@@ -34,24 +34,23 @@ struct SfmJobOptions {
     SceneOptions::Visit(o.scene, v);
     v.Text("mask",
            o.mask,
-           "A picture of the frames' size, black where no feature may be, such as the "
-           "bonnet of a car.",
+           "A mask of the frames' size, black where no features are allowed, such as on the bonnet "
+           "of a car.",
            Tier::kCommon);
     v.Flag("resume",
            o.resume,
-           "Go on where an interrupted run with the same options ended, instead of "
-           "beginning anew.",
+           "Continue an interrupted run with the same options instead of starting again.",
            Tier::kCommon);
     v.Number("threads",
              o.threads,
              0,
              1024,
-             "How many threads may work; 0: one a core. More are faster, and the scene stays"
-             " the same.",
+             "The number of threads; 0: one per core. More threads are faster, and the scene stays "
+             "the same.",
              Tier::kCommon);
-    v.Group("track", o.tracker, "tracking, as `cohort track` has them", Tier::kExpert);
+    v.Group("track", o.tracker, "tracking, as in `cohort track`", Tier::kExpert);
     v.Group("second_pass", o.second_pass, "the second pass", Tier::kExpert);
-    v.Group("model", o.reconstruct, "as `cohort reconstruct` has them", Tier::kExpert);
+    v.Group("model", o.reconstruct, "reconstruction, as in `cohort reconstruct`", Tier::kExpert);
   }
 };
 

@@ -25,8 +25,8 @@ void WarnIfModelOfOthers(const Reconstruction& model,
 void WarnIfSceneDiffers(const SecondPassFigures& figures);
 void WarnIfCameraDoubtful(const std::optional<Camera>& camera);
 
-// Reports that the reconstruction starts from a focal length in the clip's files. This is no doubt,
-// but useful to know.
+// Reports that the reconstruction starts from a focal length in the clip's files. This is
+// information, not a doubt.
 void TellFocalGuess(const TrackFile& file);
 
 }  // namespace cohort

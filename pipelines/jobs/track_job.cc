@@ -49,7 +49,8 @@ bool SameCamera(const std::optional<Camera>& a, const std::optional<Camera>& b) 
          WordsOfCamera(*a) == WordsOfCamera(*b);
 }
 
-// Was the file made of the same, with the same options? What a run found does not count.
+// Whether the file was made from the same input with the same options. What a run found does not
+// count.
 bool IsOfJob(const TrackFile& file, const TrackFile& header) {
   const auto asked = [](TrackMeta meta) {
     meta.second_pass = false;
@@ -68,7 +69,7 @@ void TellCuts(const TrackFile& file) {
   const std::uint32_t first = ToInt(file.frames.front().index);
   const std::uint32_t stride = ToInt(file.frames.at(1).index) - first;
   spdlog::warn(
-      "the clip is cut at {}: all tracks end there. Give its scenes one by one: --frames {}:{}{} "
+      "the clip is cut at {}: all tracks end there. Track its scenes one by one: --frames {}:{}{} "
       "is the first",
       CutsText(cuts),
       first,
@@ -164,8 +165,8 @@ bool HasTracksOfJob(const TrackJobOptions& options) {
   const SequenceTracker tracker = TrackerOf(options, *sequence, ReadMask(options.mask));
   if (!IsOfJob(file, DescribeJob(options, *sequence, tracker))) {
     ThrowError(
-        "cannot resume {}: it was made of another input or with other options; without "
-        "--resume it is made anew",
+        "cannot resume {}: it was made from another input or with other options; without --resume "
+        "it is made anew",
         options.out);
   }
   WarnAgain(file);

@@ -25,17 +25,17 @@ struct TrackJobOptions {
     v.Text("out", o.out, "The .tracks file to write.", Tier::kCommon);
     v.Text("mask",
            o.mask,
-           "A picture of the frames' size, black where no feature may be, such as the "
-           "bonnet of a car.",
+           "A mask of the frames' size, black where no features are allowed, such as on the bonnet "
+           "of a car.",
            Tier::kCommon);
     v.Number("threads",
              o.threads,
              0,
              1024,
-             "How many threads may work; 0: one a core. More are faster, and the tracks stay"
-             " the same.",
+             "The number of threads; 0: one per core. More threads are faster, and the tracks stay "
+             "the same.",
              Tier::kCommon);
-    v.Text("json", o.json, "Write the figures of the run to this file, too.", Tier::kCommon);
+    v.Text("json", o.json, "Also write the figures of the run to this file.", Tier::kCommon);
     TrackerOptions::Visit(o.tracker, v);
     v.Group("second_pass", o.second_pass, "the second pass", Tier::kExpert);
   }
@@ -64,8 +64,8 @@ TrackFigures RunTrackJob(const TrackJobOptions& options);
 // Repeats the warning of tracks that are kept.
 void WarnAgain(const TrackFile& tracks);
 
-// For a job that goes on after an interruption: whether the file at options.out is there; it is
-// warned of again. Throws Error if it was made of another input or with other options.
+// For a job that continues after an interruption: whether the file at options.out exists; its
+// warning is repeated. Throws Error if it was made from another input or with other options.
 bool HasTracksOfJob(const TrackJobOptions& options);
 
 // WithSecondPass, with a progress bar and its outcome in the log.

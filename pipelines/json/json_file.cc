@@ -21,17 +21,17 @@ void WriteJsonFile(const std::filesystem::path& path, const Json& json) {
 }
 
 Json ReadJsonFile(const std::filesystem::path& path) {
-  constexpr std::uint64_t kMaxBytes = std::uint64_t{1} << 26;  // in memory some 30 times as many
-  const OwnFile own(path);  // nearly all are ours, and written again
+  constexpr std::uint64_t kMaxBytes = std::uint64_t{1} << 26;  // about 30 times as many in memory
+  const OwnFile own(path);  // nearly all are ours and may be rewritten
   const std::string text = ReadBytes(path, kMaxBytes);
   try {
     return ParseWithoutTwins<Json>(text);
   } catch (const Error& e) {
     ThrowError("{}: {}", path.string(), e.what());
   } catch (const nlohmann::json::parse_error& e) {
-    ThrowError("{}: is no JSON (byte {})", path.string(), e.byte);
-  } catch (const nlohmann::json::exception& e) {  // a number that fits none
-    ThrowError("{}: is no JSON that is read: {}", path.string(), e.what());
+    ThrowError("{}: is not valid JSON (byte {})", path.string(), e.byte);
+  } catch (const nlohmann::json::exception& e) {  // a number out of range
+    ThrowError("{}: is not supported JSON: {}", path.string(), e.what());
   }
 }
 
@@ -44,7 +44,7 @@ void UseJsonFile(const std::filesystem::path& path, const std::function<void(con
   try {
     use(json);
   } catch (const Json::exception& e) {
-    ThrowError("{}: is not as cohort writes it: {}", path.string(), e.what());
+    ThrowError("{}: does not have the form that cohort writes: {}", path.string(), e.what());
   }
 }
 

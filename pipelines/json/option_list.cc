@@ -26,7 +26,7 @@ T ParseNumber(const std::string& text, std::string_view given_as, const std::str
   const char* const end = text.data() + text.size();
   const auto [stop, error] = std::from_chars(text.data(), end, value);
   if (error != std::errc() || stop != end) {
-    ThrowUsageError("{} '{}' is no {}: give {}",
+    ThrowUsageError("{} '{}' is not a {}: give {}",
                     given_as,
                     text,
                     std::is_integral_v<T> ? "whole number" : "number",
@@ -35,7 +35,7 @@ T ParseNumber(const std::string& text, std::string_view given_as, const std::str
   return value;
 }
 
-// `--check` gives true, `--check=off` what stands behind it.
+// `--check` gives true, `--check=off` the value after the equals sign.
 bool ParseFlag(const std::string& text, std::string_view given_as) {
   for (const char* word : {"true", "on", "yes", "1"}) {
     if (text == word) return true;

@@ -104,12 +104,12 @@ cv::Mat GrayOfArray(const py::object& object, bool rgb, const std::string& what)
       given.shape(1) > kMaxPictureSidePx) {
     ThrowError("{} has the shape {}: give (height, width) or (height, width, 3)", what, shape());
   }
-  constexpr py::ssize_t kMostPixels = py::ssize_t{1} << 30;  // as of files
+  constexpr py::ssize_t kMostPixels = py::ssize_t{1} << 30;  // as for files
   if (given.shape(0) > kMostPixels / given.shape(1)) {
-    ThrowError("{} has the shape {}: up to 2^30 pixels are read", what, shape());
+    ThrowError("{} has the shape {}: up to 2^30 pixels are supported", what, shape());
   }
   const py::array array = py::array::ensure(given, py::array::c_style);
-  if (!array) ThrowError("there is no memory for a copy of {}, of shape {}", what, shape());
+  if (!array) ThrowError("out of memory: cannot copy {}, of shape {}", what, shape());
   const int depth = is_8_bit ? CV_8U : CV_16U;
   const cv::Mat picture(static_cast<int>(array.shape(0)),
                         static_cast<int>(array.shape(1)),

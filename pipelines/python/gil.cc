@@ -16,7 +16,7 @@ std::thread::id exits;  // before `exiting`
 }  // namespace
 
 CallWithoutGil::Counted::Counted() {
-  if (MustEnd()) ThrowError("the interpreter exits: nothing new is begun");
+  if (MustEnd()) ThrowError("the interpreter is exiting: no new work is started");
   ++calls;
 }
 
@@ -30,7 +30,7 @@ void CallWithoutGil::AwaitCalls() {
   exits = std::this_thread::get_id();
   exiting = true;
   const pybind11::gil_scoped_release no_gil;
-  // Not for ever: frames may come from a generator that waits for what will not come.
+  // Bounded, because frames may come from a generator that waits for something that never comes.
   const auto latest = std::chrono::steady_clock::now() + std::chrono::seconds(10);
   while (calls > 0 && std::chrono::steady_clock::now() < latest) {
     std::this_thread::sleep_for(std::chrono::milliseconds(1));

@@ -1,5 +1,5 @@
-// The module _cohort: what the Python package cohort (cohort/__init__.py) is made of. Options come
-// as JSON with the names that `--dump-config` prints, results as arrays.
+// The module _cohort, which implements the Python package cohort (cohort/__init__.py). Options are
+// passed as JSON with the names that `--dump-config` prints, results as arrays.
 
 #include <pybind11/functional.h>
 #include <pybind11/numpy.h>
@@ -52,7 +52,7 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-// What `cohort track` takes, but for the files that it reads and writes.
+// The options of `cohort track`, except for the files that it reads and writes.
 struct TrackArguments {
   InputOptions input;
   std::string mask;
@@ -63,14 +63,14 @@ struct TrackArguments {
   template <typename Self, typename Visitor>
   static void Visit(Self& o, Visitor& v) {
     InputOptions::Visit(o.input, v);
-    v.Text("mask", o.mask, "as of `cohort track`");
-    v.Number("threads", o.threads, 0, 1024, "as of `cohort track`");
+    v.Text("mask", o.mask, "as in `cohort track`");
+    v.Number("threads", o.threads, 0, 1024, "as in `cohort track`");
     TrackerOptions::Visit(o.tracker, v);
     v.Group("second_pass", o.second_pass, "the second pass");
   }
 };
 
-// What `cohort refine` takes, but for the files.
+// The options of `cohort refine`, except for the files.
 struct RefineArguments {
   SecondPassOptions second_pass;
 
@@ -85,8 +85,8 @@ Options FromJsonText(const std::string& json, const std::string& function) {
   Options options;
   try {
     SetFromJson(ListOptions(options), Json::parse(json), function);
-  } catch (const Json::exception& e) {  // names that are no text, numbers that fit none
-    ThrowUsageError("{}: the options are none that JSON can hold ({})", function, e.what());
+  } catch (const Json::exception& e) {  // names that are not text, numbers out of range
+    ThrowUsageError("{}: the options cannot be represented as JSON ({})", function, e.what());
   }
   return options;
 }
@@ -105,7 +105,7 @@ std::string DefaultOptions(const std::string& function) {
                   function);
 }
 
-// As os.fsdecode has it: names of files may be of any bytes, so what is no UTF-8 becomes
+// Like os.fsdecode: names of files may contain any bytes, so bytes that are not UTF-8 become
 // surrogates.
 py::str ToStr(const std::string& text) {
   PyObject* const decoded =
@@ -114,8 +114,9 @@ py::str ToStr(const std::string& text) {
   return py::reinterpret_steal<py::str>(decoded);
 }
 
-// While one lives, OpenCV has as many threads as asked for; 0: as before. Of several calls at once
-// the last that was asked counts, and the last that ends puts back what was before all of them.
+// While an instance lives, OpenCV has the requested number of threads; 0: unchanged. If several
+// calls run at once, the latest request counts, and the last one to end restores the number from
+// before all of them.
 class ThreadsOfOpenCv {
  public:
   explicit ThreadsOfOpenCv(int threads) {
@@ -136,9 +137,9 @@ class ThreadsOfOpenCv {
   static inline int before = 0;
 };
 
-// Throws KeyboardInterrupt after Ctrl-C, or what else a signal's handler raises. May be called as
-// often as one likes: it asks Python, which other threads may keep busy, a hundred times a second
-// at most.
+// Throws KeyboardInterrupt after Ctrl-C, or whatever else a signal's handler raises. It may be
+// called at any rate: it asks Python, which other threads may keep busy, at most a hundred times a
+// second.
 void RaiseOfSignals() {
   static thread_local std::chrono::steady_clock::time_point asked;
   const auto now = std::chrono::steady_clock::now();
@@ -149,7 +150,8 @@ void RaiseOfSignals() {
   if (PyErr_CheckSignals() != 0) throw py::error_already_set();
 }
 
-// To be called without the GIL. `callback`: progress(stage, done, total or None), or None.
+// The result is to be called without the GIL. `callback`: progress(stage, done, total or None), or
+// None.
 StageProgress ProgressTo(const py::object& callback) {
   return [&callback](std::string_view stage, std::size_t done, std::optional<std::size_t> total) {
     RaiseOfSignals();
@@ -183,7 +185,7 @@ TrackFile Track(const ClipArgument& clip,
   TrackArguments arguments = FromJsonText<TrackArguments>(options, "track()");
   // Before all the work.
   if (GivenCamera(arguments.input, 0, 0) && camera) {
-    ThrowUsageError("a Camera is given, and another one by text or a prior: give one of them");
+    ThrowUsageError("a Camera and another camera, as text or a prior, are given: give one of them");
   }
   const bool second_pass = WantsSecondPass(arguments.second_pass.mode, arguments.tracker);
   const cv::Mat mask = MaskOf(mask_array, arguments.mask);
@@ -193,7 +195,7 @@ TrackFile Track(const ClipArgument& clip,
   const CallWithoutGil no_gil;
   const InterruptionCheck interruption(RaiseOfSignals);
   const ThreadsOfOpenCv threads(arguments.threads);
-  // Destroyed without the GIL, which the thread that reads ahead may wait for.
+  // Destroyed without the GIL, for which the thread that reads ahead may be waiting.
   const std::unique_ptr<Sequence> opened = [&] {
     if (sequence) return std::move(sequence);
     arguments.input.input = std::get<fs::path>(clip).string();
@@ -209,7 +211,7 @@ TrackFile Track(const ClipArgument& clip,
   DescribeInput(arguments.input, *opened, file);
   file.meta.program = fmt::format("cohort {}", kVersion);
   NoteMask(arguments.mask, file);
-  if (camera) NoteCamera(camera, file);  // and not what the clip says
+  if (camera) NoteCamera(camera, file);  // instead of the clip's own
   if (second_pass) {
     file = WithSecondPass(std::move(file), *opened, mask, arguments.second_pass, progress).file;
   }
@@ -217,7 +219,7 @@ TrackFile Track(const ClipArgument& clip,
   return file;
 }
 
-// The tracks, and what there is to doubt of them. Without a clip, that which `file` names.
+// The tracks and the doubts about them. Without a clip, uses the one that `file` names.
 std::pair<TrackFile, std::vector<std::string>> Refine(const TrackFile& file,
                                                       const Reconstruction& model,
                                                       const std::optional<ClipArgument>& clip,
@@ -249,7 +251,7 @@ std::pair<TrackFile, std::vector<std::string>> Refine(const TrackFile& file,
   return {std::move(second.file), std::move(doubts)};
 }
 
-// A model with what Reconstruct says of it; of one that was read, summary.json or nothing.
+// A model with its summary by Reconstruct; for a model that was read, that of summary.json or none.
 struct Model {
   Reconstruction reconstruction;
   std::string summary = "{}";
@@ -292,14 +294,14 @@ py::array_t<T> AsArray(const std::vector<T>& values) {
 
 constexpr std::uint32_t kMostFrames = 10'000'000;
 
-// Ascending, all that observations are of.
+// The frames with these numbers, ascending. Throws Error if an observation is in another frame.
 std::vector<FrameInfo> FramesNumbered(const py::array_t<std::uint32_t>& numbers,
                                       const TrackSet& tracks) {
   std::vector<FrameInfo> frames;
   for (py::ssize_t i = 0; i < numbers.size(); ++i) {
     const std::uint32_t number = numbers.at(i);
     if (number >= kMostFrames) {
-      ThrowUsageError("frame {}: up to {} are taken, counted from 0", number, kMostFrames);
+      ThrowUsageError("frame {}: up to {} are supported, counted from 0", number, kMostFrames);
     }
     if (!frames.empty() && number <= ToInt(frames.back().index)) {
       ThrowUsageError("frame {} comes after frame {}: give the frames in order, each once",
@@ -310,7 +312,7 @@ std::vector<FrameInfo> FramesNumbered(const py::array_t<std::uint32_t>& numbers,
   }
   for (const FrameIndex frame : tracks.frames()) {
     if (!std::ranges::binary_search(frames, frame, {}, &FrameInfo::index)) {
-      ThrowError("there is an observation in frame {}, which is none of the {} frames",
+      ThrowError("there is an observation in frame {}, which is not one of the {} frames",
                  ToInt(frame),
                  frames.size());
     }
@@ -318,7 +320,7 @@ std::vector<FrameInfo> FramesNumbered(const py::array_t<std::uint32_t>& numbers,
   return frames;
 }
 
-// Named as a video's are. And what there is to doubt of them.
+// The tracks, with frames named like those of a video, and the doubts about them.
 std::pair<TrackFile, std::string> MakeTracks(const py::array_t<ObservationRow>& rows,
                                              const py::array_t<std::uint32_t>& frames,
                                              int width_px,
@@ -326,8 +328,9 @@ std::pair<TrackFile, std::string> MakeTracks(const py::array_t<ObservationRow>& 
                                              const std::optional<Camera>& camera) {
   if (width_px < 1 || height_px < 1 || width_px > kMaxPictureSidePx ||
       height_px > kMaxPictureSidePx) {
-    ThrowUsageError(
-        "no picture has {} x {} px: give width_px and height_px of the clip", width_px, height_px);
+    ThrowUsageError("{} x {} px is not a picture size: give width_px and height_px of the clip",
+                    width_px,
+                    height_px);
   }
   TrackFile file;
   file.width_px = width_px;
@@ -341,19 +344,19 @@ std::pair<TrackFile, std::string> MakeTracks(const py::array_t<ObservationRow>& 
   return {std::move(file), std::move(doubt)};
 }
 
-// Where the images of a database are not numbered in the order of their names, as COLMAP leaves
-// them that looked for features on several threads; else empty.
+// The doubt about a database whose images are not numbered in the order of their names, which
+// happens if COLMAP extracted features on several threads; else empty.
 std::string DoubtOfOrder(const ColmapDatabase& database, const fs::path& path) {
   std::vector<std::string> names;
   for (const auto& [id, image] : database.images) names.push_back(image.name);
   if (std::ranges::is_sorted(names, NaturalLess)) return "";
   return fmt::format(
-      "{}: its images are not numbered in the order of their names, but the numbers are taken for "
+      "{}: its images are not numbered in the order of their names, but the numbers are taken as "
       "frames: 'cohort import' with the clip puts them in order",
       path.string());
 }
 
-// All of a database: its images are the frames. And what there is to doubt of them.
+// The tracks of a database, whose images are the frames, and the doubts about them.
 std::pair<TrackFile, std::string> ReadDatabaseTracks(const fs::path& path) {
   const ColmapDatabase database = ReadColmapDatabase(path);
   TrackFile file;
@@ -381,7 +384,7 @@ std::vector<std::tuple<std::uint32_t, std::uint32_t, std::string>> EndsOf(const 
   return ends;
 }
 
-// Names of files need not be UTF-8: their other bytes are surrogates, as in Python's own paths.
+// Names of files need not be UTF-8; other bytes become surrogates, as in Python's own paths.
 void SetError(const py::handle& type, const std::string& what) {
   const std::string line = OneLine(what);
   const auto text = py::reinterpret_steal<py::object>(
@@ -394,7 +397,7 @@ void BindErrors(py::module_& module) {
   const py::tuple bases = py::make_tuple(error, py::handle(PyExc_ValueError));
   static const py::exception<UsageError> usage_error(module, "UsageError", bases);
   py::register_exception_translator(
-      [](std::exception_ptr pointer) {  // NOLINT: by value, as pybind11 asks
+      [](std::exception_ptr pointer) {  // NOLINT: by value, as pybind11 requires
         try {
           if (pointer) std::rethrow_exception(pointer);
         } catch (const UsageError& e) {
@@ -456,7 +459,7 @@ void BindCamera(py::module_& module) {
       .def_readonly("known", &Camera::known)
       .def_readonly("guess_log_sigma",
                     &Camera::guess_log_sigma,
-                    "Of a guess: standard deviation of the logarithm of its focal length.")
+                    "For a guess: the standard deviation of the logarithm of its focal length.")
       .def_property_readonly(
           "model",
           [](const Camera& camera) { return std::string(NameOf(kCameraModelNames, camera.model)); })
@@ -467,13 +470,13 @@ void BindCamera(py::module_& module) {
                        ? std::vector<double>{c.k1, c.k2, c.k3, c.k4}
                        : std::vector<double>{c.k1, c.k2, c.p1, c.p2, c.k3, c.k4, c.k5, c.k6};
           },
-          "As OpenCV has it: k1,k2,p1,p2,k3,k4,k5,k6; of a fisheye k1,k2,k3,k4.")
+          "In OpenCV's order: k1,k2,p1,p2,k3,k4,k5,k6; for a fisheye lens k1,k2,k3,k4.")
       .def_property_readonly(
           "text",
           [](const Camera& camera) {
             return fmt::format("{}", fmt::join(WordsOfCamera(camera), ","));
           },
-          "As the program's --camera takes it.")
+          "In the form that the program's --camera takes.")
       .def("project",
            &ProjectAll,
            py::arg("points_in_cam"),
@@ -684,7 +687,7 @@ void BindWork(py::module_& module) {
 }
 
 PYBIND11_MODULE(_cohort, module) {
-  module.doc() = "What the package cohort is made of; its names are no interface.";
+  module.doc() = "The implementation of the package cohort; its names are not a public interface.";
   module.attr("__version__") = kVersion;
   RegisterRows();
   BindErrors(module);

@@ -11,7 +11,7 @@ namespace cohort {
 
 IntensityRange IntensityRangeOf(const cv::Mat& gray) {
   constexpr double kTail = 0.005;
-  // A sample of large pictures is enough.
+  // A sample of a large picture suffices.
   constexpr double kMostPixels = 100'000.0;
   const double scale =
       1.0 / std::max(1.0, std::floor(std::sqrt(static_cast<double>(gray.total()) / kMostPixels)));
@@ -25,8 +25,9 @@ IntensityRange IntensityRangeOf(const cv::Mat& gray) {
 
 namespace {
 
-// Of every value, that at its own place on the line which fits its neighbours best, weighted by a
-// Gaussian of their distance: a mean would lag where the values rise or fall to the end.
+// Local linear regression: every value is replaced by that of the line that fits its neighbours
+// best, with Gaussian weights by distance. A mean would lag where the values rise or fall towards
+// the end.
 std::vector<double> Smoothed(const std::vector<double>& values, double sigma) {
   const auto count = static_cast<int>(values.size());
   const int reach = static_cast<int>(std::ceil(3.0 * sigma));
@@ -41,7 +42,7 @@ std::vector<double> Smoothed(const std::vector<double>& values, double sigma) {
       normal += weight * basis * basis.transpose();
       right += weight * basis * values[static_cast<std::size_t>(j)];
     }
-    normal(1, 1) += 1e-9;  // of a single frame there is no slope
+    normal(1, 1) += 1e-9;  // a single frame has no slope
     smoothed.push_back(normal.ldlt().solve(right).x());
   }
   return smoothed;
@@ -51,8 +52,8 @@ std::vector<double> Smoothed(const std::vector<double>& values, double sigma) {
 
 std::vector<IntensityRange> Steadied(const std::vector<IntensityRange>& of_frames,
                                      double sigma_frames) {
-  // The darkest and the brightest of the neighbours: no frame is whiter than by itself for the sake
-  // of a dull one beside it.
+  // The darkest and the brightest of the neighbours, so that no frame is brightened further than on
+  // its own because of a dull neighbour.
   const auto count = static_cast<int>(of_frames.size());
   const int reach = static_cast<int>(std::ceil(1.5 * sigma_frames));
   std::vector<double> dark;
@@ -77,9 +78,9 @@ std::vector<IntensityRange> Steadied(const std::vector<IntensityRange>& of_frame
 }
 
 cv::Mat Brightened(const cv::Mat& gray, const IntensityRange& range) {
-  constexpr double kBrightest = 190.0;  // not to white: marks must show
+  constexpr double kBrightest = 190.0;  // below white, so that marks remain visible
   constexpr double kMostBeyond = 1.15;  // of the brightest 0.5 %
-  constexpr double kGamma = 0.75;       // lamps leave little of the range to what they do not light
+  constexpr double kGamma = 0.75;       // lamps leave little of the range to the unlit parts
   const double factor = 1.0 / (range.bright - range.dark);
   cv::Mat share;
   gray.convertTo(share, CV_32F, factor, -range.dark * factor);

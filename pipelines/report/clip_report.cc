@@ -30,15 +30,15 @@ namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
 constexpr std::size_t kMostFrames = 150;
-constexpr std::size_t kMostTracks = 300;    // and beside them, of every frame shown
-constexpr std::size_t kFewestInFrame = 60;  // so many of the longest
+constexpr std::size_t kMostTracks = 300;    // and in addition, in every shown frame
+constexpr std::size_t kFewestInFrame = 60;  // at least this many of the longest
 constexpr std::size_t kMostPoints = 20000;
 constexpr int kPictureWidthPx = 320;
-constexpr int kMostPictureHeightPx = 1280;  // of what is more than four times as high as wide
+constexpr int kMostPictureHeightPx = 1280;  // for pictures more than four times as high as wide
 constexpr int kPictureQuality = 60;
-constexpr double kUnitsPerPx = 4.0;  // of positions in the page, in its pictures' pixels
+constexpr double kUnitsPerPx = 4.0;  // units of positions in the page per pixel of its pictures
 
-// The three by three block from (first, first) on of upper triangles of `size` rows, by id.
+// The 3 x 3 blocks from (first, first) on of upper triangles of `size` rows, by id.
 std::map<std::uint32_t, Eigen::Matrix3d> ReadBlocks(const fs::path& path, int size, int first) {
   std::map<std::uint32_t, Eigen::Matrix3d> blocks;
   if (!fs::exists(path)) return blocks;
@@ -64,16 +64,17 @@ std::map<Id, Eigen::Matrix3d> ById(const std::map<std::uint32_t, Eigen::Matrix3d
   return by_id;
 }
 
-// To five digits, as a page needs them.
+// To five digits, which suffice for a page.
 double Rounded(double value) {
-  return std::strtod(fmt::format("{:.5g}", value).c_str(), nullptr);  // not stod: denormals
+  // Not stod, which rejects denormals.
+  return std::strtod(fmt::format("{:.5g}", value).c_str(), nullptr);
 }
 
 void Append(const Eigen::Vector3d& xyz, Json& flat) {
   for (const double value : xyz) flat.push_back(Rounded(value));
 }
 
-// Upper triangle; null where there is none.
+// The upper triangle; null without a covariance.
 template <typename Id>
 Json TriangleOf(const std::map<Id, Eigen::Matrix3d>& covariances, Id id) {
   const auto found = covariances.find(id);
@@ -87,7 +88,7 @@ Json TriangleOf(const std::map<Id, Eigen::Matrix3d>& covariances, Id id) {
           Rounded(c(2, 2))};
 }
 
-// Every n-th frame is shown, so that few enough are left.
+// The n for which showing every n-th frame gives few enough frames.
 std::size_t FramesAStep(const TrackFile& file) {
   return std::max<std::size_t>(1, (file.frames.size() + kMostFrames - 1) / kMostFrames);
 }
@@ -99,7 +100,7 @@ std::vector<FrameInfo> ShownFrames(const TrackFile& file) {
   return shown;
 }
 
-// The longest tracks, as there is most to see of them, and of every frame some.
+// The longest tracks, which show the most, and some tracks of every frame.
 std::set<FeatureId> ShownTracks(const TrackSet& tracks, const std::vector<FrameInfo>& frames) {
   const auto length = [&](FeatureId feature) { return tracks.Track(feature).size(); };
   const auto longest = [&](std::vector<FeatureId> features, std::size_t most) {
@@ -120,7 +121,7 @@ std::set<FeatureId> ShownTracks(const TrackSet& tracks, const std::vector<FrameI
   return shown;
 }
 
-// x, y, observed of every shown track in a frame: flat, with the track's id in front.
+// The id, x, y and observed of every shown track in a frame, as a flat list.
 Json PositionsIn(const TrackSet& tracks,
                  FrameIndex frame,
                  const std::set<FeatureId>& shown,
@@ -136,7 +137,7 @@ Json PositionsIn(const TrackSet& tracks,
   return flat;
 }
 
-// Mean colours of points, from the frames shown.
+// Mean colours of points, from the shown frames.
 class PointColours {
  public:
   explicit PointColours(const Reconstruction& model) {
@@ -161,7 +162,7 @@ class PointColours {
     }
   }
 
-  // None of a point that no frame shown has.
+  // nullopt for a point that no shown frame has.
   std::optional<Eigen::Vector3d> Of(FeatureId feature) const {
     const auto sum = sums_.find(feature);
     if (sum == sums_.end()) return std::nullopt;
@@ -189,7 +190,7 @@ Json CamerasOf(const ClipReport& report, const Eigen::Vector3d& middle) {
                                {c.width_px - 1.0, c.height_px - 1.0},
                                {0.0, c.height_px - 1.0}}) {
       Eigen::Vector3d ray = c.Unproject({x, y}).homogeneous();  // from the centre, at depth 1
-      constexpr double kLongest = 2.0;  // those of a fisheye would fill the view
+      constexpr double kLongest = 2.0;  // longer ones, as of a fisheye, would fill the view
       if (ray.norm() > kLongest) ray *= kLongest / ray.norm();
       Append(world_from_cam.rotation * ray, camera["corners"]);
     }
@@ -230,7 +231,7 @@ Json MotionBetween(const TrackSet& tracks, FrameIndex from, FrameIndex to) {
   return motions.empty() ? Json() : Json(Rounded(InterpolatedMedian(std::move(motions))));
 }
 
-// How far the camera went, in per cent of the distance to the scene; null without both poses.
+// The camera's displacement, in per cent of the distance to the scene; null without both poses.
 Json WayBetween(const Reconstruction& model, double distance, FrameIndex from, FrameIndex to) {
   const auto a = model.cam_from_world.find(from);
   const auto b = model.cam_from_world.find(to);
@@ -241,7 +242,7 @@ Json WayBetween(const Reconstruction& model, double distance, FrameIndex from, F
   return Rounded(100.0 * way / distance);
 }
 
-// What the page plots, of all frames.
+// The values of all frames that the page plots.
 Json PerFrame(const TrackFile& file, const Reconstruction& model) {
   Json columns;
   for (const char* name :
@@ -281,7 +282,7 @@ ClipReport ReadClipReport(const fs::path& model_folder) {
   UseJsonFile(model_folder / "summary.json", [&](const Json& summary) {
     if (summary.at("registered") != 0 && !fs::exists(model_folder / "images.bin")) {
       ThrowError(
-          "{}: it has no images.bin: give a model folder, of a scene of `cohort sfm` that is {}",
+          "{}: it has no images.bin: give a model folder; in a scene of `cohort sfm` that is {}",
           model_folder.string(),
           (model_folder / "model").string());
     }

@@ -14,7 +14,7 @@
 
 namespace cohort {
 
-// The contents of a clip's page beside its pictures.
+// The contents of a clip's page besides its pictures.
 struct ClipReport {
   std::string title;
   std::vector<std::pair<std::string, std::string>> facts;  // a word or two, and the value
@@ -25,7 +25,7 @@ struct ClipReport {
   std::map<FeatureId, Eigen::Matrix3d> point_covariances;
 };
 
-// Reads a model folder: facts, doubts, model and covariances. Throws Error if it is none.
+// Reads a model folder: facts, doubts, model and covariances. Throws Error if it is not one.
 ClipReport ReadClipReport(const std::filesystem::path& model_folder);
 
 // One HTML page that opens offline: the text, the model in 3-D, the clip with its tracks and a

@@ -20,7 +20,7 @@ std::optional<std::string> FindCohort(const std::vector<std::string>& trackers) 
   return first;
 }
 
-// Those of the standing rivals that are among the trackers, then the other trackers.
+// The standing rivals that are among the trackers, then the other trackers.
 std::vector<Rival> FindRivals(const std::vector<std::string>& trackers, const std::string& cohort) {
   std::vector<Rival> rivals;
   for (const Rival& rival : StandingRivals()) {
@@ -77,14 +77,14 @@ std::optional<HeadlineRatio> Compare(const ResultIndex& results,
   result.value = result.least = result.largest = GeometricMean(ratios);
   result.clips = ratios.size();
   for (const auto& [seed, of_seed] : ratios_of_seed) {
-    if (of_seed.size() != ratios.size()) continue;  // other clips, another mean
+    if (of_seed.size() != ratios.size()) continue;  // a mean over other clips is not comparable
     result.least = std::min(result.least, GeometricMean(of_seed));
     result.largest = std::max(result.largest, GeometricMean(of_seed));
   }
   return result;
 }
 
-// Of the clips that the cohort ran, those that `rival` ran too: by the best of its settings.
+// The runs of `rival`, with the best of its settings, on the clips that the cohort ran too.
 HeadlineRuns CountRuns(const ResultIndex& results,
                        const std::string& cohort,
                        const std::string& level,
@@ -132,7 +132,7 @@ void AddRows(const ResultIndex& results,
   }
 }
 
-// The contender's tracker that did best in a cell, and its figure.
+// The best tracker among the contenders in a cell, and its figure.
 std::optional<std::pair<std::string, double>> BestContender(const ResultIndex& results,
                                                             const ResultCell& cell,
                                                             const std::string& metric,

@@ -11,7 +11,7 @@ namespace cohort {
 // The role of a rival in the comparison with the cohort.
 enum class RivalRole {
   kContender,  // if it does better, the headline says so
-  kBound,      // no tracker, but a bound; its ratios are the cohort's error over its own
+  kBound,      // a bound, not a tracker; its ratios are the cohort's error over its own
   kOther,      // any other tracker of the grid
 };
 

@@ -39,7 +39,7 @@ std::string RatioText(const HeadlineRatio* ratio, std::size_t clips) {
   return text;
 }
 
-// Of how many clips each, where a rival did not run in all.
+// The number of clips of each, if a rival did not run on all of them.
 std::string ClipsText(const HeadlineRuns& cohort, const HeadlineRuns& rival) {
   if (cohort.clips == rival.clips) return fmt::format("{}", cohort.clips);
   return fmt::format("{}/{}", cohort.clips, rival.clips);

@@ -21,7 +21,7 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
-// Of the machine, not of the trackers.
+// Times depend on the machine rather than on the trackers.
 const std::set<std::string> kTimes{"seconds", "detect_time", "track_time"};
 
 Json RowsOf(const ExperimentResults& results) {
@@ -42,8 +42,8 @@ Json NotesOf(const std::vector<CellNote>& notes) {
   return list;
 }
 
-// What a level does to the frames, and its place on the axis of darkness (none: as-is, other
-// recipes).
+// The effect of a level on the frames, and its position on the axis of darkness (none for as-is and
+// other recipes).
 Json LevelOf(const std::string& level) {
   if (level == kAsIs) return {{"name", level}, {"about", "the clips as they are"}};
   if (const RecipeLevel* const other = FindRecipeLevel(level)) {
@@ -68,7 +68,7 @@ Json LevelOf(const std::string& level) {
   return {{"name", level}, {"darkness", ParseLevel(level)}, {"about", about}};
 }
 
-// What only illustrates: without it the page still stands.
+// Makes an illustration, without which the page is still complete.
 template <typename Make>
 Json Illustration(const char* what, const Make& make) {
   try {

@@ -20,11 +20,11 @@ using ValuesOfMetric = std::map<std::string, std::vector<double>>;            //
 using TextRows = std::vector<std::vector<std::string>>;
 
 struct Column {
-  const char* heading;  // the unit below
+  const char* heading;  // with the unit below
   const char* metric;
   double factor;
   int decimals;
-  bool is_error = false;  // of a seed that failed it is infinite
+  bool is_error = false;  // infinite for a failed seed
 };
 constexpr Column kModelColumns[] = {{"ATE\n[mm]", "ate", 1e3, 2, true},
                                     {"to undegraded\n[mm]", "ate_to_undegraded", 1e3, 2, true},
@@ -65,7 +65,7 @@ std::string Registered(const ValuesOfMetric& model) {
   return fmt::format("FAILED {} of {}, {}", failures, failed.size(), text);
 }
 
-// In their order of appearance: those with a backend, or the tracks alone.
+// The lines in their order of appearance: those with a backend, or those of the tracks alone.
 std::vector<Line> LinesOf(const ExperimentResults& results, bool with_backend) {
   std::vector<Line> lines;
   for (const ResultRow& row : results.rows) {
@@ -85,7 +85,7 @@ std::map<Line, ValuesOfMetric> ValuesByLine(const ExperimentResults& results) {
       of_line[kHalvesMetric].push_back(std::numeric_limits<double>::infinity());
     }
   }
-  // The error of a seed that failed is infinite, as ResultIndex::Median has it.
+  // A failed seed has an infinite error, as in ResultIndex::Median.
   for (auto& [line, of_line] : values) {
     const auto failed = of_line.find("failed");
     if (failed == of_line.end()) continue;
@@ -112,7 +112,7 @@ TextRows ModelRows(const std::vector<Line>& lines, std::map<Line, ValuesOfMetric
   return table;
 }
 
-// Without the trackers of which there is no figure, such as COLMAP's own features.
+// Without trackers that have no figure, such as COLMAP's own features.
 TextRows TrackRows(const std::vector<Line>& lines, std::map<Line, ValuesOfMetric>& values) {
   TextRows table{{"sequence", "level", "tracker"}};
   for (const Column& column : kTrackColumns) table.front().push_back(column.heading);

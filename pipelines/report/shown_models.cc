@@ -24,11 +24,11 @@ void AppendShown(const Eigen::Vector3d& x, Json& list) {
   for (const double value : {x.x(), x.y(), x.z()}) list.push_back(RoundedShown(value));
 }
 
-// Where what is shown lies.
+// The world of the shown models.
 struct ShownWorld {
   std::map<FrameIndex, Rigid3> cam_from_world;  // empty: there is none
   Eigen::Vector3d middle;
-  Eigen::Vector3d up = -Eigen::Vector3d::UnitY();  // of the cameras, their mean
+  Eigen::Vector3d up = -Eigen::Vector3d::UnitY();  // mean over the cameras
 
   explicit ShownWorld(std::map<FrameIndex, Rigid3> poses)
       : cam_from_world(std::move(poses)), middle(MiddleOfCameras(cam_from_world)) {
@@ -50,8 +50,8 @@ Json PathOf(const std::map<FrameIndex, Rigid3>& cam_from_world,
   return path;
 }
 
-// How far a point is off, as a share of its distance from the camera that saw it first: 0 up to 1
-// %, 1 up to 5 %, 2 beyond, 3 where the truth does not know.
+// The class of a point's error, as a share of its distance from the camera that saw it first: 0 up
+// to 1 %, 1 up to 5 %, 2 beyond, 3 if the truth is unknown.
 int ErrorClassOf(const Point3D& point,
                  const Sim3& truth_from_world,
                  const std::map<FrameIndex, Rigid3>& true_poses,
@@ -71,8 +71,8 @@ struct ShownPoints {
   Json error_classes = Json::array();
 };
 
-// Every n-th point, without the 2 % that lie farthest from the cameras, which would shrink the
-// rest.
+// Every n-th point, without the 2 % that are farthest from the cameras, which would shrink the rest
+// of the view.
 ShownPoints PointsOf(const Reconstruction& model,
                      const Sim3& shown_from_world,
                      const ShownWorld& world,
@@ -133,7 +133,7 @@ Json ModelOf(const TrackCell& cell,
   return json;
 }
 
-// That of the truth or, without, of the first model.
+// The world of the truth or, without it, of the first model.
 ShownWorld WorldOf(const std::map<FrameIndex, Rigid3>& truth,
                    const std::vector<const TrackCell*>& pair,
                    GridBackend backend) {
@@ -152,7 +152,7 @@ const TrackCell* FindCell(const std::vector<const TrackCell*>& cells, const std:
   return it == cells.end() ? nullptr : *it;
 }
 
-// The cells of these trackers at the same clip and level; of the first seed in which all have a
+// The cells of these trackers for the same clip and level, with the first seed for which all have a
 // model, if there is one.
 std::vector<const TrackCell*> WithModels(const ExperimentResults& results,
                                          const std::vector<const TrackCell*>& cells,
@@ -180,7 +180,7 @@ bool Ran(const ExperimentResults& results, GridBackend backend) {
   });
 }
 
-// The best KLT's cell and the cohort's; without a headline the first two trackers'.
+// The cells of the best KLT and of the cohort; without a headline, those of the first two trackers.
 std::vector<const TrackCell*> PairToShow(const ExperimentResults& results,
                                          const std::vector<const TrackCell*>& cells,
                                          const std::optional<Headline>& headline,
@@ -206,7 +206,7 @@ std::vector<const TrackCell*> PairToShow(const ExperimentResults& results,
   return pair;
 }
 
-// Of the frames that the sequence has.
+// The true poses of the frames in the sequence.
 std::map<FrameIndex, Rigid3> TruePoses(Sequence& sequence) {
   std::map<FrameIndex, Rigid3> poses;
   const std::map<FrameIndex, Rigid3>& all = sequence.TrueCamFromWorld();

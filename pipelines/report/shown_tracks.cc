@@ -18,7 +18,7 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
-// The darkest frame, but for the first ones, in which tracks have no past yet.
+// The darkest frame, except for the first ones, in which tracks have no past yet.
 std::optional<Frame> DarkestFrame(Sequence& sequence) {
   constexpr int kSkipped = 10;
   std::optional<Frame> darkest;
@@ -40,7 +40,8 @@ std::vector<const TrackCell*> ShowcaseCells(const ExperimentResults& results) {
   const auto darkness = [](const Condition& condition) {
     if (!condition.IsDegraded()) return -1.0;
     if (condition.Recipe() == DegradeRecipe::kPaper) return ParseLevel(condition.level);
-    // Brighter than the paper's; with each stop less as much darker as from medium to hard.
+    // Brighter than the paper's levels. Each stop less light adds as much darkness as the step from
+    // medium to hard.
     return 0.75 * (ParseLevel(condition.DegradeLevel()) - std::log2(condition.Light()));
   };
   const Condition* shown = nullptr;

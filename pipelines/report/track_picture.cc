@@ -16,14 +16,14 @@ namespace {
 constexpr std::ptrdiff_t kTailFrames = 8;
 constexpr double kNearPx = 1.0;
 constexpr double kFarPx = 3.0;
-// Blue, green, red; told apart by the colour-blind too.
+// Blue, green, red; also distinguishable for colour-blind readers.
 const cv::Scalar kUnknownColor(230, 200, 80);
 const cv::Scalar kPredictedColor(60, 160, 255);
 const cv::Scalar kNearColor(150, 200, 20);
 const cv::Scalar kMiddleColor(40, 190, 240);
 const cv::Scalar kFarColor(60, 60, 235);
 const cv::Scalar kTruthColor(255, 255, 255);
-constexpr int kShift = 4;  // bits of a fraction in drawing coordinates
+constexpr int kShift = 4;  // fractional bits of drawing coordinates
 
 cv::Point FixedPoint(const Eigen::Vector2d& xy) {
   constexpr double kOne = 1 << kShift;
@@ -35,7 +35,8 @@ std::optional<Eigen::Vector2d> TruePositionOf(std::span<const Observation> track
                                               FrameIndex frame,
                                               TrackTruth* truth) {
   if (truth == nullptr) return std::nullopt;
-  // As EvaluateTracks does: predicted positions are no claim.
+  // As in EvaluateTracks, the anchor is the first observed position, because a predicted one makes
+  // no claim.
   const auto first = std::ranges::find(track, ObservationState::kObserved, &Observation::state);
   if (first == track.end()) return std::nullopt;
   const auto anchor = truth->Pick(first->frame, first->xy);
@@ -53,7 +54,7 @@ TrackPicture DrawTracks(const cv::Mat& picture,
                         TrackTruth* truth) {
   TrackPicture result;
   result.picture = picture.clone();
-  // Of the tracks' own frames, which may be every n-th of the clip.
+  // Counts the tracks' own frames, which may be every n-th of the clip.
   const auto& frames = tracks.frames();
   const auto here = std::ranges::lower_bound(frames, frame);
   const auto tail = std::min<std::ptrdiff_t>(kTailFrames, here - frames.begin());

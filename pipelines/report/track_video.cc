@@ -34,7 +34,7 @@ std::string TrackerOf(const TrackFile& file) {
   return file.meta.tracker + (file.meta.second_pass ? ", both passes" : "");
 }
 
-// Noise hides from people what they look for, and takes most of a video's bytes.
+// Noise distracts viewers and takes most of a video's bytes.
 cv::Mat Smooth(const cv::Mat& gray) {
   constexpr double kSigmaPx = 1.0;
   cv::Mat smooth;
@@ -49,7 +49,7 @@ cv::Mat Panel(const TrackFile& file, const cv::Mat& picture, FrameIndex frame, i
     const cv::Size size(std::max(2, width_px), std::max(2, cvRound(scale * drawn.picture.rows)));
     cv::resize(drawn.picture, drawn.picture, size, 0.0, 0.0, cv::INTER_AREA);
   }
-  // H.264 takes even sizes only: what is one pixel wide or high gets a second one.
+  // H.264 supports only even sizes, so a width or height of one pixel becomes two.
   const int more_rows = drawn.picture.rows < 2 ? 1 : 0;
   const int more_cols = drawn.picture.cols < 2 ? 1 : 0;
   if (more_rows + more_cols > 0) {
@@ -93,14 +93,14 @@ std::vector<FrameInfo> FramesOfAll(const std::vector<TrackFile>& files) {
   return common;
 }
 
-// cv::VideoWriter says nothing of a disk that is full. `name`, here and below: what is said to the user.
+// cv::VideoWriter does not report a full disk. `name`, here and below: the path in messages.
 void CheckVideo(const fs::path& path, const std::string& name, std::size_t frames) {
   const OwnFile own(path);
   std::size_t written = 0;
   try {
     const auto video = OpenSequence(path.string(), Layout::kVideo);
     while (video->Next()) ++written;
-  } catch (const Error&) {  // nothing of it can be read
+  } catch (const Error&) {  // not even its header can be read
   }
   if (written != frames) {
     ThrowError(
@@ -133,7 +133,7 @@ void WriteMp4(const fs::path& path,
     cv::hconcat(panels, picture);
     if (std::max(picture.cols, picture.rows) > kMostSidePx) {
       ThrowError(
-          "cannot write {}: its pictures would be {}x{}, and H.264 has {} at most: give a "
+          "cannot write {}: its pictures would be {}x{}, but H.264 supports {} at most: give a "
           "smaller --width-px",
           name,
           picture.cols,
@@ -146,8 +146,8 @@ void WriteMp4(const fs::path& path,
                                            frames_per_second,
                                            picture.size())) {
       ThrowError(
-          "cannot write {}: OpenCV's FFmpeg begins no video in H.264: it has none, the system "
-          "gives no threads or memory, or the disk is full",
+          "cannot write {}: OpenCV's FFmpeg cannot start an H.264 video: it has no encoder, the "
+          "system has no threads or memory left, or the disk is full",
           name);
     }
     writer.write(picture);
@@ -201,18 +201,19 @@ void WriteTrackVideo(const fs::path& path,
                      int width_px,
                      const StageProgress& progress) {
   if (path.extension() != ".mp4" && path.extension() != ".gif") {
-    ThrowUsageError("{}: give a name that ends in .mp4 or .gif, or for a page in .html",
+    ThrowUsageError("{}: give a name that ends in .mp4 or .gif or, for a page, in .html",
                     path.string());
   }
-  constexpr double kFastestGif = 50.0;  // viewers take its next unit, of 100/s, for 10/s
+  constexpr double kFastestGif = 50.0;  // viewers play the next possible rate, 100/s, at 10/s
   if (path.extension() == ".gif" && frames_per_second > kFastestGif) {
     ThrowUsageError(
         "a GIF shows at most {:g} frames a second: give fewer, or a name that ends in .mp4",
         kFastestGif);
   }
-  // Absolute: in other names FFmpeg sees protocols, and its program options.
+  // Absolute, because FFmpeg takes parts of other names as protocols, and its program takes them as
+  // options.
   OutputFile out(fs::absolute(path));
-  // FFmpeg goes by the ending.
+  // FFmpeg chooses the format by the file name's ending.
   const fs::path video = out.partial().string() + ".mp4";
   WriteLock::OfNewFile(video);
   struct Remove {

@@ -10,7 +10,7 @@ namespace cohort {
 void WritePage(const std::filesystem::path& path,
                std::string_view page,
                const nlohmann::ordered_json& data) {
-  // Nothing in the data may end the script element that it stands in.
+  // Nothing in the data may end the script element that contains it.
   std::string text;
   for (const char c : JsonLine(data)) {
     if (c == '<') {

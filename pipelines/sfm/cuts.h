@@ -8,7 +8,7 @@
 
 namespace cohort {
 
-// Of the cuts of a clip (TrackMeta::cuts).
+// Forms of the cuts of a clip (TrackMeta::cuts).
 std::vector<std::uint32_t> NumbersOf(const std::vector<FrameIndex>& frames);  // for JSON
 
 // "frame 12", "frames 12 and 57"; of many the first few and the number of the rest.

@@ -14,12 +14,12 @@
 namespace cohort {
 namespace {
 
-// Tracks that a model was made of, or that were measured again where it says that they are, lie
-// within a pixel or two of its views; others of the same ids anywhere.
+// The tracks from which a model was made, or that were measured again where it predicts them, lie
+// within a pixel or two of its views; other tracks with the same ids lie anywhere.
 constexpr double kOtherTracksShareOfWidth = 0.02;
 
-// Median over the model's views of the distance to the track of that id in that frame; a picture's
-// width where it has none there. 0 without views.
+// Median over the model's views of the distance to the track with that id in that frame, or a
+// picture's width if there is none. 0 without views.
 double DistanceToViews(const TrackFile& file, const Reconstruction& model) {
   std::vector<double> distances;
   for (const auto& [feature, point] : model.points) {
@@ -36,11 +36,11 @@ void CheckIsModelOf(const Reconstruction& model,
                     const TrackFile& file,
                     const std::string& tracks_name) {
   const auto fail = [&](const std::string& what) {
-    ThrowError("{}: {}: give the model that was made of {}", model_name, what, tracks_name);
+    ThrowError("{}: {}: give the model that was made from {}", model_name, what, tracks_name);
   };
   if (model.cam_from_world.empty()) return;
   if (model.camera.width_px != file.width_px || model.camera.height_px != file.height_px) {
-    fail(fmt::format("its pictures are {}x{}, those of the tracks {}x{}",
+    fail(fmt::format("its pictures are {}x{}, but those of the tracks are {}x{}",
                      model.camera.width_px,
                      model.camera.height_px,
                      file.width_px,
@@ -53,7 +53,7 @@ void CheckIsModelOf(const Reconstruction& model,
   }
   for (const auto& [feature, point] : model.points) {
     if (file.tracks.Track(feature).empty()) {
-      fail(fmt::format("its point {} is no track", ToInt(feature)));
+      fail(fmt::format("its point {} is not a track", ToInt(feature)));
     }
   }
 }
@@ -64,7 +64,7 @@ std::string DoubtOfClip(const TrackFile& file,
                         const std::string& tracks_name,
                         const Sequence& clip) {
   if (IsStillTheClip(file, clip)) return "";
-  return fmt::format("{} is not what it was when {} was made of it: tracks and pictures may differ",
+  return fmt::format("{} has changed since {} was made from it: tracks and pictures may not match",
                      file.source,
                      tracks_name);
 }
@@ -73,7 +73,7 @@ std::string DoubtOfMask(const TrackFile& file, const std::string& tracks_name) {
   const std::string& mask = file.meta.mask;
   if (mask.empty() || file.meta.mask_fingerprint.empty()) return "";
   if (FingerprintOfBytes(mask) == file.meta.mask_fingerprint) return "";
-  return fmt::format("the mask {} is not what it was when {} was made with it", mask, tracks_name);
+  return fmt::format("the mask {} has changed since {} was made with it", mask, tracks_name);
 }
 
 std::string DoubtOfModel(const Reconstruction& model,
@@ -84,8 +84,8 @@ std::string DoubtOfModel(const Reconstruction& model,
   const double distance_px = DistanceToViews(file, model);
   if (distance_px < kOtherTracksShareOfWidth * file.width_px) return "";
   return fmt::format(
-      "{} was made of other tracks than {}: its points were seen {:.0f} px (median) from where the "
-      "tracks of their numbers are: reconstruct these",
+      "{} was made from other tracks than {}: its points were observed {:.0f} px (median) from the "
+      "tracks of the same ids: reconstruct these tracks",
       model_name,
       tracks_name,
       distance_px);
@@ -93,21 +93,20 @@ std::string DoubtOfModel(const Reconstruction& model,
 
 std::string DoubtOfMeasuring(const SecondPassFigures& figures) {
   if (figures.left <= figures.replaced) return "";
-  return figures.Brief() + ": the scene is not as the model has it";
+  return figures.Brief() + ": the scene does not match the model";
 }
 
 std::string DoubtOfIds(const TracksCsv& csv, const std::string& tracks_name) {
   if (csv.track_ids.empty()) return "";
-  return fmt::format("{}: track ids need more than 32 bits and are counted anew, from 0",
-                     tracks_name);
+  return fmt::format("{}: track ids need more than 32 bits and are renumbered from 0", tracks_name);
 }
 
 std::string DoubtOfCamera(const Camera& camera) {
-  // No lens does that, decimals with a comma do: 525,5 525,5 ...
+  // No lens has such focal lengths; decimals with a comma cause them: 525,5 525,5 ...
   if (camera.fx > 2.0 * camera.fy || camera.fy > 2.0 * camera.fx) {
     return fmt::format(
-        "the camera's focal lengths {:g} and {:g} px are of no lens: is the calibration right, and "
-        "are its decimals with points?",
+        "the camera's focal lengths {:g} and {:g} px do not belong to a real lens: check the "
+        "calibration, and that it writes decimals with points",
         camera.fx,
         camera.fy);
   }
@@ -115,8 +114,8 @@ std::string DoubtOfCamera(const Camera& camera) {
                          camera.cy < camera.height_px;
   if (is_inside) return "";
   return fmt::format(
-      "the camera's principal point ({:g}, {:g}) lies outside its pictures of {} x {}: is the "
-      "calibration of pictures of another size?",
+      "the camera's principal point ({:g}, {:g}) lies outside its pictures of {} x {}: check that "
+      "the calibration is for pictures of this size",
       camera.cx,
       camera.cy,
       camera.width_px,

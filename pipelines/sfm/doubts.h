@@ -19,13 +19,13 @@ std::string DoubtOfClip(const TrackFile& file,
                         const Sequence& clip);
 // The mask of that name has changed since the tracks were made.
 std::string DoubtOfMask(const TrackFile& file, const std::string& tracks_name);
-// The model was made of other tracks: the same ids have other positions. Throws Error if it cannot
-// belong to them: its camera has another size, or it has a frame or a point that they lack.
+// The model was made from other tracks: the same ids have other positions. Throws Error if it
+// cannot belong to them: its camera has another size, or it has a frame or a point that they lack.
 std::string DoubtOfModel(const Reconstruction& model,
                          const std::string& model_name,
                          const TrackFile& file,
                          const std::string& tracks_name);
-// Measuring lost more tracks than it replaced: the scene is not as the model has it.
+// Measuring lost more tracks than it replaced: the scene does not match the model.
 std::string DoubtOfMeasuring(const SecondPassFigures& figures);
 // The track ids are not those of the file.
 std::string DoubtOfIds(const TracksCsv& csv, const std::string& tracks_name);

@@ -22,7 +22,7 @@ std::string FramesText(FrameIndex first, FrameIndex last) {
                        : fmt::format("frames {} to {}", ToInt(first), ToInt(last));
 }
 
-// Of the longest three stretches of frames for which `holds`, and how many more there are.
+// Describes the three longest stretches of frames, and how many more there are.
 std::string StretchesText(std::vector<Stretch> stretches) {
   constexpr std::size_t kMost = 3;
   const auto length = [](const Stretch& s) { return ToInt(s.last) - ToInt(s.first); };
@@ -42,7 +42,7 @@ std::string StretchesText(std::vector<Stretch> stretches) {
   return text;
 }
 
-// Runs of consecutive frames of the file of which `holds` is true.
+// Runs of consecutive frames of the file for which `holds` is true.
 std::vector<Stretch> Runs(const TrackFile& file, const std::function<bool(std::size_t)>& holds) {
   std::vector<Stretch> runs;
   bool inside = false;
@@ -55,8 +55,8 @@ std::vector<Stretch> Runs(const TrackFile& file, const std::function<bool(std::s
   return runs;
 }
 
-// Pairs of consecutive frames of which less than `share` of the features observed in the first are
-// observed in the second, joined where they meet.
+// Pairs of consecutive frames for which less than `share` of the features observed in the first are
+// observed in the second; adjacent pairs are joined.
 std::vector<Stretch> Losses(const TrackFile& file, double share) {
   std::vector<Stretch> losses;
   for (std::size_t i = 1; i < file.frames.size(); ++i) {
@@ -106,12 +106,12 @@ std::optional<double> ParallaxDeg(const Reconstruction& model) {
   return Median(std::move(angles));
 }
 
-// How far the observations are from the point of a still world that explains them best, median
+// Median distance of the observations from the point of a static world that explains them best
 // [px].
 double MisfitOfTrackPx(const std::vector<Ray>& rays,
                        const std::vector<double>& focals_px,
                        double distance) {
-  // Of parallel rays a point far away.
+  // For parallel rays, a point far away.
   constexpr double kFar = 1e4;
   const Rigid3 world_from_cam = rays.front().cam_from_world.Inverse();
   const Eigen::Vector3d point = Triangulate(rays).value_or(
@@ -152,48 +152,49 @@ std::optional<double> MovingShare(const TrackFile& file, const Reconstruction& m
   return static_cast<double>(moving) / static_cast<double>(all);
 }
 
-// Why there is no model and what to do about it, by how the reconstruction ended.
+// Explains why there is no model and what to do about it, from the termination of the
+// reconstruction.
 std::string_view WhyNoModel(std::string_view termination) {
   const auto ended = [&](MapperTermination end) {
     return termination.starts_with(NameOf(kMapperTerminationNames, end));
   };
-  // The others are of COLMAP's (backend/start/initial_pair.cc).
+  // The other terminations are those with COLMAP (backend/start/initial_pair.cc).
   const auto says = [&](std::string_view phrase) {
     return termination.find(phrase) != std::string_view::npos;
   };
   if (ended(MapperTermination::kStaticCamera) || says("no initial pair: the camera stands still")) {
-    return "The camera stood still: only a camera that moves sees how far away things are. Walk "
+    return "The camera stood still: only a moving camera can measure how far away things are. Walk "
            "past what you film, or around it.";
   }
   if (ended(MapperTermination::kPureRotation) ||
       says("no initial pair: the camera turns on the spot")) {
-    return "The camera only turned on its spot, or one thing that moves filled the picture. A "
-           "camera that turns does not see how far away things are: walk sideways while you film, "
-           "a tenth of the distance to what you film or more.";
+    return "The camera only turned on the spot, or a moving object filled the picture. A camera "
+           "that only turns cannot measure how far away things are: walk sideways while you film, "
+           "at least a tenth of the distance to what you film.";
   }
   if (ended(MapperTermination::kNotRigid)) {
-    return "What can be followed does not move as one rigid scene: much of it moves on its own, or "
-           "bends. Keep people, cars, leaves and water out of the picture, or cover them by "
-           "--mask.";
+    return "The points that can be tracked do not move like one rigid scene: many of them move on "
+           "their own, or lie on something that bends. Keep people, cars, leaves and water out of "
+           "the picture, or cover them by --mask.";
   }
   if (ended(MapperTermination::kWeakDepth) || says("no initial pair: too little parallax")) {
-    return "The camera went too little way for so uncertain points. Walk further, sideways to what "
-           "you film, in more light.";
+    return "The camera moved too little for points that are so uncertain. Walk further, sideways "
+           "to what you film, in more light.";
   }
   if (ended(MapperTermination::kTooFewTracks)) {
-    return "Hardly a point can be followed from frame to frame. Film things with texture, in more "
+    return "Hardly any points can be tracked from frame to frame. Film textured surfaces, in more "
            "light, and move slowly.";
   }
-  return "No two places of the camera could be found that show one rigid scene. Film what stands "
-         "still and has texture, and walk slowly past it or around it.";
+  return "No two positions of the camera could be found that show one rigid scene. Film something "
+         "static and textured, and walk slowly past it or around it.";
 }
 
 void AdviseOnLight(const FilmedClip& clip,
                    const ClipMeasures& measures,
                    std::vector<std::string>& advice) {
   if (clip.brightness.empty()) return;
-  // 11 of 255 were a street at night, 15 to 23 rendered clips in the dark whose cameras were 45 times
-  // as wrong as by day; 34 and more dim rooms, and things before a dark ground.
+  // A street at night had 11 of 255; dark rendered clips, whose cameras had 45 times the error of
+  // daylight, had 15 to 23; dim rooms and objects in front of a dark background had 34 and more.
   constexpr double kDark = 0.11;
   if (measures.brightness < kDark) {
     advice.push_back(
@@ -202,7 +203,8 @@ void AdviseOnLight(const FilmedClip& clip,
                     255.0 * measures.brightness));
   }
   constexpr double kBlack = 0.01;
-  // Between two frames. Up to 1.22: a phone's steps of exposure, a lamp that comes into the picture.
+  // Ratio between two frames. A phone's exposure steps, or a lamp that enters the picture, give up
+  // to 1.22.
   constexpr double kJump = 1.5;
   const std::vector<Stretch> jumps = Runs(clip.file, [&](std::size_t i) {
     if (i == 0 || i >= clip.brightness.size()) return false;
@@ -210,16 +212,17 @@ void AdviseOnLight(const FilmedClip& clip,
     const double now = clip.brightness[i] + kBlack;
     return now > kJump * before || before > kJump * now;
   });
-  // Over the clip. 1.4 and less: cameras that look around in one light; 35: from black to glare.
+  // Ratio over the clip. Cameras that look around in constant light give up to 1.4; a change from
+  // black to glare gives 35.
   constexpr double kChange = 4.0;
   if (!jumps.empty()) {
-    advice.push_back(
-        fmt::format("The light jumps at {}. Lock the exposure of the camera, and keep lamps on.",
-                    StretchesText(jumps)));
+    advice.push_back(fmt::format(
+        "The light changes abruptly at {}. Lock the exposure of the camera, and keep lamps on.",
+        StretchesText(jumps)));
   } else if (measures.bright + kBlack > kChange * (measures.dark + kBlack)) {
     advice.push_back(
         fmt::format("The light changes from {:.0f} to {:.0f} of 255. Lock the exposure of the "
-                    "camera, and film in one light.",
+                    "camera, and film in constant light.",
                     255.0 * measures.dark,
                     255.0 * measures.bright));
   }
@@ -238,8 +241,9 @@ ClipMeasures MeasureClip(const FilmedClip& clip) {
   return measures;
 }
 
-// The thresholds stand between clips of known kinds, on which `cohort sfm --features 400` wrote these
-// figures (`clip` in summary.json): 17 pieces of real video and 27 rendered ones, of 30 to 120 frames.
+// The thresholds separate clips of known kinds, for which `cohort sfm --features 400` wrote the
+// figures in the comments (`clip` in summary.json): 17 pieces of real video and 27 rendered ones,
+// of 30 to 120 frames.
 std::vector<std::string> FilmAdvice(const FilmedClip& clip, const ClipMeasures& measures) {
   std::vector<std::string> advice;
   const TrackFile& file = clip.file;
@@ -252,48 +256,47 @@ std::vector<std::string> FilmAdvice(const FilmedClip& clip, const ClipMeasures& 
            });
   });
   if (file.frames.size() < 3 && clip.model.cam_from_world.empty()) {
-    advice.push_back(
-        fmt::format("The clip has {}: a model needs three, better many, from different places.",
-                    file.frames.size() < 2 ? "one frame" : "two frames"));
+    advice.push_back(fmt::format(
+        "The clip has {}: a model needs at least three, preferably many, from different positions.",
+        file.frames.size() < 2 ? "one frame" : "two frames"));
   } else if (clip.model.cam_from_world.empty()) {
     advice.emplace_back(WhyNoModel(clip.termination));
   } else if (!without_pose.empty()) {
     advice.push_back(
-        fmt::format("Nothing is known of {}: the picture there has too little in common with the "
-                    "rest. Film that place again, slowly, and come back to what was seen before.",
+        fmt::format("The model does not cover {}: the picture there has too little in common with "
+                    "the rest. Film that place again, slowly, and return to what was seen before.",
                     StretchesText(without_pose)));
   }
   if (!clip.other_parts.empty()) {
-    advice.push_back(
-        fmt::format("There are models of their own of {}, in other_parts: nothing ties them to the "
-                    "rest.{}",
-                    StretchesText(clip.other_parts),
-                    cuts.empty() ? " Film what lies between them slowly." : ""));
+    advice.push_back(fmt::format(
+        "Separate models of {} are in other_parts: nothing connects them to the rest.{}",
+        StretchesText(clip.other_parts),
+        cuts.empty() ? " Film the places between them slowly." : ""));
   }
-  // Whole clips had 2.4 degrees and more (the least: a street, driven along; a hand that turns the
-  // camera), pieces of 4 to 10 frames of them 0.2 to 1.4: models, but off by 2 to 60 % of their path.
+  // Whole clips had 2.4 degrees and more (the least: a drive along a street, and a hand that turns
+  // the camera). Pieces of them with 4 to 10 frames had 0.2 to 1.4 degrees; their models were off
+  // by 2 to 60 % of their path.
   constexpr double kLittleParallaxDeg = 1.5;
   if (measures.parallax_deg && *measures.parallax_deg < kLittleParallaxDeg) {
-    advice.push_back(
-        fmt::format("The camera hardly left its place: it saw half of the points from directions "
-                    "at most {:.1f} degrees apart. Walk further, sideways to what you film; from "
-                    "ten degrees on depths are sure.",
-                    *measures.parallax_deg));
+    advice.push_back(fmt::format(
+        "The camera hardly moved: it saw half of the points from directions at most {:.1f} degrees "
+        "apart. Walk further, sideways to what you film; from ten degrees on, depths are reliable.",
+        *measures.parallax_deg));
   }
-  // Still scenes had up to 0.034 (the most: a kitchen, a box of tags), also in the dark and with one
-  // small walker; a box in a hand 0.08 and 0.21, a cloth 0.14, boxes that move and a castle that is
-  // turned before a room 0.26 and 0.28. What moves as if it stood elsewhere is not told: a patch that
-  // goes evenly beside the camera had 0.
+  // Static scenes had up to 0.034 (the most: a kitchen, a box of tags), also in the dark and with
+  // one small walking person; a box in a hand had 0.08 and 0.21, a cloth 0.14, moving boxes 0.26,
+  // and a castle that is turned in front of a room 0.28. Motion that looks like a static object
+  // elsewhere is not detected: a patch that moves uniformly beside the camera had 0.
   constexpr double kMuchMoves = 0.06;
   if (measures.moving_share && *measures.moving_share > kMuchMoves) {
     advice.push_back(
-        fmt::format("Something moves in the picture: {:.0f} % of what can be followed. The model "
-                    "is of the rest, or of that alone. Keep people, cars, leaves and water out, or "
-                    "cover by --mask what the model is not to be of.",
+        fmt::format("Something moves in the picture: {:.0f} % of the observations. The model shows "
+                    "either the rest or only the moving part. Keep people, cars, leaves and water "
+                    "out, or cover by --mask what the model should not show.",
                     100.0 * *measures.moving_share));
   }
-  // The fewest were 0.62 (a drive, a headset at a low rate) in real clips that can be followed, and
-  // 0.09 where the light goes on.
+  // The minimum was 0.62 (a drive, a headset at a low frame rate) in real clips that can be
+  // tracked, and 0.09 where a light is switched on.
   constexpr double kFewTies = 0.5;
   std::vector<Stretch> lost = Losses(file, kFewTies);
   std::erase_if(lost, [&](const Stretch& s) {
@@ -302,8 +305,8 @@ std::vector<std::string> FilmAdvice(const FilmedClip& clip, const ClipMeasures& 
   });
   if (!cuts.empty()) {
     advice.push_back(
-        fmt::format("The clip is cut at {}: what is seen behind a cut has nothing in common with "
-                    "what is before it. Give its scenes one by one, by --frames.",
+        fmt::format("The clip is cut at {}: the pictures after a cut have nothing in common with "
+                    "those before it. Give its scenes one by one, by --frames.",
                     CutsText(cuts)));
   }
   if (!lost.empty()) {
@@ -312,13 +315,13 @@ std::vector<std::string> FilmAdvice(const FilmedClip& clip, const ClipMeasures& 
                     "the view. Move more slowly there.",
                     StretchesText(lost)));
   }
-  // 62 and 70 (rendered things with plain sides), 98 (from black to glare); 127 by night, whose model
-  // was good, 168 and more elsewhere.
+  // Rendered objects with plain sides had 62 and 70, a change from black to glare 98; a night clip
+  // with a good model had 127, the others 168 and more.
   constexpr double kFew = 100.0;
   if (measures.observed < std::min(kFew, 0.5 * static_cast<double>(clip.features_wanted))) {
     advice.push_back(
-        fmt::format("Only {:.0f} points can be followed in a frame. Have more in the picture that "
-                    "has texture, and keep it sharp.",
+        fmt::format("Only {:.0f} points per frame can be tracked. Get more texture into the "
+                    "picture, and keep it sharp.",
                     measures.observed));
   }
   AdviseOnLight(clip, measures, advice);

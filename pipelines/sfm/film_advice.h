@@ -16,7 +16,7 @@ struct Stretch {
   FrameIndex last{};
 };
 
-// What is known of a clip once its model has been made, or has failed.
+// The data of a clip once its model has been made or has failed.
 struct FilmedClip {
   const TrackFile& file;
   const Reconstruction& model;            // empty if there is none
@@ -43,8 +43,8 @@ struct ClipMeasures {
 };
 ClipMeasures MeasureClip(const FilmedClip& clip);
 
-// What made a clip hard, and how to film it better: a sentence or two each, for readers without
-// knowledge of reconstruction. Empty if all went well; never empty without a model.
+// The difficulties of a clip and how to film it better: one or two sentences each, for readers
+// without knowledge of reconstruction. Empty if all went well; never empty without a model.
 std::vector<std::string> FilmAdvice(const FilmedClip& clip, const ClipMeasures& measures);
 
 }  // namespace cohort

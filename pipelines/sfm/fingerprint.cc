@@ -34,8 +34,8 @@ class Fnv1a {
   std::uint64_t hash_ = 14695981039346656037ULL;
 };
 
-// A file's size and, spread over it, some of its bytes: of a list all. Nothing of one that cannot
-// be read.
+// Adds a file's size and some of its bytes, spread over it; for a list of files, all bytes. Adds
+// nothing for an unreadable file.
 void AddFile(const fs::path& path, Fnv1a& hash) {
   constexpr std::uint64_t kBlocks = 8;
   constexpr std::uint64_t kBlockBytes = 1024;
@@ -60,7 +60,7 @@ void AddFile(const fs::path& path, Fnv1a& hash) {
   }
 }
 
-// Of all its bytes; empty where it cannot be read.
+// The fingerprint of all bytes; empty if the file cannot be read.
 std::string FingerprintOfFile(const fs::path& path) {
   Fnv1a hash;
   std::ifstream file(path, std::ios::binary);
@@ -86,7 +86,7 @@ std::string FingerprintOfFrames(const Sequence& sequence) {
 std::string FingerprintOfClip(const Sequence& sequence,
                               const std::string& input,
                               const fs::path& outputs) {
-  if (!fs::is_directory(input)) return FingerprintOfFrames(sequence);  // a glob has no truth
+  if (!fs::is_directory(input)) return FingerprintOfFrames(sequence);  // a glob has no ground truth
   Fnv1a hash;
   const fs::path folder = fs::absolute(input);
   std::set<fs::path> files;
@@ -105,7 +105,7 @@ std::string FingerprintOfClip(const Sequence& sequence,
     hash << file.lexically_relative(folder).string();
     AddFile(file, hash);
   }
-  // Those of a folder that is a link, too, which was not gone into: it may lead anywhere.
+  // Includes the frames of a linked folder, which was not searched because it may lead anywhere.
   hash << FingerprintOfFrames(sequence);
   return hash.Digits();
 }

@@ -27,7 +27,7 @@ void ForEachFrame(const TrackFile& file,
   for (const FrameInfo& wanted : frames) {
     while (frame && frame->index < wanted.index) frame = ahead.Next();
     if (!frame || frame->index != wanted.index) {
-      ThrowError("{}: has no frame {} ({}), which the tracks are of: give the same clip",
+      ThrowError("{}: has no frame {} ({}), which the tracks were made from: give the same clip",
                  sequence.Name(),
                  ToInt(wanted.index),
                  wanted.name);

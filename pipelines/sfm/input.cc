@@ -35,7 +35,7 @@ Camera ParseCamera(const std::string& text, int width_px, int height_px) {
   }
 }
 
-// FOCAL_PX or FOCAL_PX+-SIGMA; the character that stands for +- will do, too.
+// FOCAL_PX or FOCAL_PX+-SIGMA; the plus-minus sign is accepted, too.
 Camera ParseCameraPrior(const std::string& text, int width_px, int height_px) {
   constexpr double kShareWithoutSigma = 0.1;
   const auto fail = [&text] {
@@ -64,7 +64,7 @@ Camera ParseCameraPrior(const std::string& text, int width_px, int height_px) {
   const double sigma_px =
       focal.size() == all.size() ? kShareWithoutSigma * focal_px : number(sigma);
   const Camera camera = Camera::Guess(width_px, height_px, focal_px, sigma_px / focal_px);
-  // By the ratio alone two negative numbers would pass.
+  // The ratio alone would accept two negative numbers.
   if (!FaultOf(camera).empty() || sigma_px <= 0.0) fail();
   return camera;
 }
@@ -79,7 +79,8 @@ std::unique_ptr<Sequence> OpenInput(const InputOptions& options) {
 
 std::unique_ptr<Sequence> OpenSource(const TrackFile& file, const std::string& tracks) {
   if (file.source.empty()) {
-    ThrowError("{}: the tracks' pictures came from no file: give them by --images", tracks);
+    ThrowError("{}: the pictures of the tracks did not come from files: give them by --images",
+               tracks);
   }
   InputOptions input;
   input.input = file.source;
@@ -90,10 +91,9 @@ std::unique_ptr<Sequence> OpenSource(const TrackFile& file, const std::string& t
 
 std::optional<Camera> GivenCamera(const InputOptions& options, int width_px, int height_px) {
   if (!options.camera.empty() && !options.camera_prior.empty()) {
-    ThrowUsageError(
-        "--camera '{}' and --camera-prior '{}': a camera is known or it is not: give one of them",
-        options.camera,
-        options.camera_prior);
+    ThrowUsageError("--camera '{}' and --camera-prior '{}' exclude each other: give one of them",
+                    options.camera,
+                    options.camera_prior);
   }
   if (!options.camera.empty()) return ParseCamera(options.camera, width_px, height_px);
   if (options.camera_prior.empty()) return std::nullopt;
@@ -128,7 +128,8 @@ void NoteCamera(const std::optional<Camera>& camera, TrackFile& file) {
 std::string DescribeFocalGuess(const TrackFile& file) {
   if (file.meta.focal_source.empty() || !file.camera) return "";
   return fmt::format(
-      "the camera is not known; {} gives a focal length of about {:.0f} px: taken as a start",
+      "the camera is not known; the reconstruction starts from {}, which gives a focal length of "
+      "about {:.0f} px",
       file.meta.focal_source,
       file.camera->fx);
 }
@@ -163,21 +164,23 @@ bool IsStillTheClip(const TrackFile& file, const Sequence& sequence) {
 
 void CheckCameraSize(const Camera& camera, int width_px, int height_px) {
   if (camera.width_px == width_px && camera.height_px == height_px) return;
-  ThrowError("the camera is of pictures of {}x{}, these are {}x{}: give that of these",
-             camera.width_px,
-             camera.height_px,
-             width_px,
-             height_px);
+  ThrowError(
+      "the camera is for pictures of {}x{}, but these are {}x{}: give the camera of these pictures",
+      camera.width_px,
+      camera.height_px,
+      width_px,
+      height_px);
 }
 
 void CheckPictureSize(const TrackFile& file, const Frame& frame, const std::string& clip_name) {
   if (frame.gray.cols == file.width_px && frame.gray.rows == file.height_px) return;
-  ThrowError("the pictures of {} are {}x{}, the tracks are of {}x{}: give the same clip",
-             clip_name,
-             frame.gray.cols,
-             frame.gray.rows,
-             file.width_px,
-             file.height_px);
+  ThrowError(
+      "the pictures of {} are {}x{}, but the tracks were made from {}x{}: give the same clip",
+      clip_name,
+      frame.gray.cols,
+      frame.gray.rows,
+      file.width_px,
+      file.height_px);
 }
 
 std::string PredictOutside(const TrackFile& file,
@@ -193,8 +196,8 @@ std::string PredictOutside(const TrackFile& file,
   const auto observed = std::count_if(all.begin(), all.end(), IsObserved);
   if (2 * outside > observed) {
     ThrowError(
-        "{}: {} of {} observed positions lie outside the pictures of {}, which are {} x {}: "
-        "give the clip that the tracks are of",
+        "{}: {} of {} observed positions lie outside the pictures of {}, which are {} x {}: give "
+        "the clip that the tracks were made from",
         name,
         outside,
         observed,
@@ -208,7 +211,7 @@ std::string PredictOutside(const TrackFile& file,
   }
   tracks = TrackSet::Build(std::move(observations));
   return fmt::format(
-      "{}: {} observed positions lie outside the picture, and count as predicted", name, outside);
+      "{}: {} observed positions lie outside the picture and count as predicted", name, outside);
 }
 
 std::string WarningOfClip(const Sequence& sequence,
@@ -218,7 +221,7 @@ std::string WarningOfClip(const Sequence& sequence,
   if (!sequence.Warning().empty()) warnings.push_back(sequence.Warning());
   if (!IsStillTheClip(file, sequence)) {
     warnings.push_back(
-        fmt::format("{} was changed while it was read: the tracks may be of two clips", input));
+        fmt::format("{} changed while it was read: the tracks may belong to two clips", input));
   }
   return fmt::format("{}", fmt::join(warnings, "; "));
 }
@@ -248,7 +251,8 @@ cv::Mat ReadMask(const std::string& path) {
 void CheckMaskIsOpen(const cv::Mat& mask, const std::string& name) {
   if (cv::countNonZero(mask) > 0) return;
   ThrowError(
-      "{} is black all over, which leaves no place for features: make it white where they may be",
+      "{} is entirely black, which leaves no area for features: make it white where they are "
+      "allowed",
       name);
 }
 

@@ -30,26 +30,26 @@ struct InputOptions {
     v.Choice("layout",
              o.layout,
              kLayoutNames,
-             "How to read the input; only needed where its layout is not recognised.");
+             "How to read the input; only needed if its layout is not recognised.");
     v.Text("frames",
            o.frames,
-           "Take only frames A to B - 1 of the input, given as A:B, or every STEP-th of "
-           "them, A:B:STEP.",
+           "Read only frames A to B - 1 of the input, given as A:B, or every STEP-th of them, "
+           "A:B:STEP.",
            Tier::kCommon);
     v.Text("camera",
            o.camera,
-           "The camera, fx,fy,cx,cy in pixels, with 1, 2, 4, 5 or 8 distortion coefficients "
-           "behind them if it has any: OpenCV's k1,k2,p1,p2,k3,k4,k5,k6. A fisheye lens is "
-           "fx,fy,cx,cy,fisheye,k1,k2,k3,k4. (0, 0) is the centre of the top-left pixel. Without "
-           "it, what the input says; a camera that is not known is guessed and refined, and the "
-           "reconstruction is less sure.",
+           "The camera, fx,fy,cx,cy in pixels, followed by 1, 2, 4, 5 or 8 distortion coefficients "
+           "if it has any: OpenCV's k1,k2,p1,p2,k3,k4,k5,k6. A fisheye lens is "
+           "fx,fy,cx,cy,fisheye,k1,k2,k3,k4. (0, 0) is the centre of the top-left pixel. The "
+           "default is the calibration of the input; an unknown camera is guessed and refined, and "
+           "the reconstruction is less certain.",
            Tier::kCommon);
     v.Text("camera_prior",
            o.camera_prior,
-           "What is thought of the focal length of a camera that is not known, FOCAL_PX or "
-           "FOCAL_PX+-SIGMA in pixels, such as 1200+-60; without SIGMA it is 10 %. The "
-           "reconstruction starts there and refines it. It takes the place of what the input "
-           "says, of a calibration too. Without it, what EXIF or the video's metadata say.",
+           "A prior of the focal length of an unknown camera, FOCAL_PX or FOCAL_PX+-SIGMA in "
+           "pixels, such as 1200+-60; the default of SIGMA is 10 %. The reconstruction starts from "
+           "it and refines it. It replaces what the input gives, including a calibration. The "
+           "default is the focal length in EXIF or in the video's metadata.",
            Tier::kCommon);
   }
 };
@@ -113,8 +113,8 @@ std::string AbsolutePath(const std::filesystem::path& path);
 // The same for every spelling of a path, also through links: for comparisons.
 std::string CanonicalPath(const std::filesystem::path& path);
 
-// CV_8UC1, 0 where no feature may be. Empty without a path; throws Error naming a file that is no
-// picture or is entirely black.
+// CV_8UC1, 0 where no feature may be. Empty without a path; throws Error naming a file that is not
+// a picture or is entirely black.
 cv::Mat ReadMask(const std::string& path);
 // Throws Error if the mask of that name is entirely black.
 void CheckMaskIsOpen(const cv::Mat& mask, const std::string& name);

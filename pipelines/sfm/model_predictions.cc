@@ -11,9 +11,10 @@
 namespace cohort {
 namespace {
 
-// Both chosen by eye on the tuning clips.
+// Tuned on the tuning clips.
 constexpr double kBorderPx = 5.0;  // nothing is measured nearer to the image border
-constexpr double kMaxScale = 2.0;  // nor where it looks so much larger or smaller than its template
+// Nothing is measured if it appears this much larger or smaller than its template.
+constexpr double kMaxScale = 2.0;
 
 }  // namespace
 

@@ -28,7 +28,7 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
-// Gone at the end, with all that is in it.
+// Removed with all its contents at the end of the scope.
 class TemporaryFolder {
  public:
   TemporaryFolder() {
@@ -50,8 +50,8 @@ class TemporaryFolder {
   fs::path path_;
 };
 
-// Mean of min(|error|^2, bound^2) over the observations that have a pose and a point in both models
-// [px^2], of this one.
+// Mean of min(|error|^2, bound^2) [px^2] of `model`, over the observations that have a pose and a
+// point in both models.
 double Misfit(const TrackSet& tracks, const Reconstruction& model, const Reconstruction& other) {
   double sum = 0.0;
   std::size_t count = 0;
@@ -72,8 +72,9 @@ double Misfit(const TrackSet& tracks, const Reconstruction& model, const Reconst
   return count > 0 ? sum / static_cast<double>(count) : 0.0;
 }
 
-// Whether COLMAP's mapper registered too little, or ended far from what the tracks allow: models
-// that it found had up to 1.3 times the misfit of Ceres' on real clips, one that was bent 7 times.
+// Whether COLMAP's mapper registered too few frames, or ended far from the optimum of the tracks.
+// On real clips, its good models had up to 1.3 times the misfit of those by Ceres, and a bent one 7
+// times.
 bool MayBeStuck(const TrackSet& tracks,
                 const ReconstructResult& mapped,
                 const MapperResult& ceres) {
@@ -90,7 +91,7 @@ ReconstructResult MapByColmap(const TrackFile& file,
   return {std::move(model.reconstruction), std::move(model.summary), {}, std::nullopt};
 }
 
-// Whether what Ceres doubts is of the tracks, and so of any model of them; or of its model alone.
+// Whether a doubt by Ceres concerns the tracks, and thus any model of them, or only its own model.
 bool IsOfTracks(DoubtCode code) {
   switch (code) {
     case DoubtCode::kOnlyTurns:
@@ -117,17 +118,18 @@ bool IsOfTracks(DoubtCode code) {
   return false;
 }
 
-// COLMAP judges no model of its own: it registers cameras that only turn, too, as its points may lie
-// anywhere then. So what Ceres finds to doubt of the same tracks counts.
+// COLMAP does not judge its models: it also registers cameras that only turn, because its points
+// may then lie anywhere. The doubts of Ceres about the same tracks are therefore used.
 std::vector<Doubt> DoubtsByCeres(const MapperResult& by_ceres) {
   if (by_ceres.summary.registered == 0) {
-    return {{DoubtCode::kNoModelByCeres,
-             fmt::format("by Ceres these tracks give no model: {}", by_ceres.summary.termination)}};
+    return {
+        {DoubtCode::kNoModelByCeres,
+         fmt::format("Ceres finds no model of these tracks: {}", by_ceres.summary.termination)}};
   }
   std::vector<Doubt> doubts;
   for (Doubt doubt : by_ceres.summary.reasons) {
     if (!IsOfTracks(doubt.code)) continue;
-    doubt.sentence = "by Ceres' model of the same tracks: " + doubt.sentence;
+    doubt.sentence = "according to the model of Ceres from the same tracks: " + doubt.sentence;
     doubts.push_back(std::move(doubt));
   }
   return doubts;
@@ -138,8 +140,8 @@ void AddDoubts(std::vector<Doubt> doubts, ReconstructResult& result) {
   std::ranges::move(doubts, std::back_inserter(result.summary.reasons));
 }
 
-// What COLMAP's mapper makes of the tracks or, where that got stuck, its bundle adjuster of Ceres'
-// model, if this is the better optimum.
+// The model of COLMAP's mapper or, if it got stuck, that of its bundle adjuster from the model of
+// Ceres, if this is the better optimum.
 ReconstructResult MapOrAdjust(const TrackFile& file,
                               const MapperResult& by_ceres,
                               const ReconstructOptions& options,
@@ -156,7 +158,7 @@ ReconstructResult MapOrAdjust(const TrackFile& file,
   }
   adjusted.summary.seconds += mapped.summary.seconds;
   adjusted.summary.termination +=
-      fmt::format(", Ceres'; its mapper: {}", mapped.summary.termination);
+      fmt::format(", that of Ceres; COLMAP's mapper: {}", mapped.summary.termination);
   return {std::move(adjusted.reconstruction), std::move(adjusted.summary), {}, std::nullopt};
 }
 
@@ -165,7 +167,7 @@ ReconstructResult ReconstructByColmap(TrackFile file,
                                       const fs::path& work_folder,
                                       const StageProgress& progress) {
   RequireColmap(options.colmap.program, options.colmap.max_minutes);
-  // Tracks of pictures that came from no file have none to write.
+  // Tracks of pictures that did not come from files have none to write.
   if (file.image_root.empty() && !file.source.empty() && options.write_frames) {
     fs::create_directories(work_folder);
     WriteVideoFrames(file, work_folder / "images", progress);
@@ -173,11 +175,10 @@ ReconstructResult ReconstructByColmap(TrackFile file,
   }
   if (!options.global_shutter && !options.ceres_start) {
     ReconstructResult mapped = MapByColmap(file, options.colmap, work_folder);
-    AddDoubts(
-        {{DoubtCode::kNotJudged,
-          "nobody has judged this model, as Ceres was not asked: leave out --no-ceres-start or "
-          "--no-global-shutter"}},
-        mapped);
+    AddDoubts({{DoubtCode::kNotJudged,
+                "this model has not been judged, since Ceres did not run: leave out "
+                "--no-ceres-start or --no-global-shutter"}},
+              mapped);
     return mapped;
   }
   const MapperResult by_ceres = ReconstructWithCeres(file, options.ceres);
@@ -193,7 +194,7 @@ ReconstructResult ReconstructByColmap(TrackFile file,
   };
   if (!options.global_shutter || by_ceres.reconstruction.readout == 0.0) return map(file);
   ReconstructResult result = map(AsGlobalShutter(file, by_ceres.reconstruction));
-  // A bent model of Ceres' may correct what was right.
+  // A bent model of Ceres may correct positions that were right.
   if (result.summary.Failed()) return map(file);
   result.reconstruction.camera.row_order = by_ceres.reconstruction.camera.row_order;
   MoveViewsToTracks(file.tracks, by_ceres.reconstruction.readout, result.reconstruction);
@@ -231,10 +232,10 @@ void WriteCovariances(const CeresFindings& findings, const fs::path& folder) {
   WriteBytes(folder / "point_covariances.csv", points);
 }
 
-// A model that was read as if its images were numbered by frame, with the frames that `of_image`
-// has for them: [image id, frame] each.
+// Renumbers a model that was read as if its images were numbered by frame, with the frames in
+// `of_image`: a list of [image id, frame].
 Reconstruction WithFrames(Reconstruction model, const Json& of_image, const fs::path& summary) {
-  std::map<FrameIndex, FrameIndex> frames;  // by that of the number
+  std::map<FrameIndex, FrameIndex> frames;  // by the frame of the image's number
   try {
     for (const auto& [image, frame] :
          of_image.get<std::vector<std::pair<ColmapImageId, std::uint32_t>>>()) {
@@ -248,15 +249,16 @@ Reconstruction WithFrames(Reconstruction model, const Json& of_image, const fs::
   const bool has_all = std::ranges::all_of(
       model.cam_from_world, [&](const auto& camera) { return frames.contains(camera.first); });
   if (!has_all || apart.size() < frames.size()) {
-    ThrowError("{}: frame_of_image has not one frame for every image of the model: make it again",
-               summary.string());
+    ThrowError(
+        "{}: frame_of_image does not have one frame for every image of the model: make it again",
+        summary.string());
   }
   const auto renumber = [&frames](auto& map) {
     std::remove_reference_t<decltype(map)> by_frame;
     for (auto& [number, value] : map) by_frame.emplace(frames.at(number), std::move(value));
     map = std::move(by_frame);
   };
-  // trajectory.tum has its times in the order of the frames.
+  // trajectory.tum lists the times in the order of the frames.
   std::vector<std::int64_t> times;
   for (const auto& [number, time] : model.timestamps_ns) times.push_back(time);
   renumber(model.focal_scale);
@@ -339,7 +341,7 @@ void WriteModelFolder(const Reconstruction& model,
   OutputFolder out(folder, ModelFolderNames(), IsOurModelFolder);
   if (!model.cam_from_world.empty()) WriteReconstructionFiles(out.partial(), model);
   Json json = Json::parse(summary);
-  json.erase("frame_of_image");  // what is written has images numbered by frame
+  json.erase("frame_of_image");  // the written images are numbered by frame
   if (!json.empty()) WriteJsonFile(out.partial() / "summary.json", json);
   out.Commit();
 }

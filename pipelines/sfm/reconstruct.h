@@ -29,24 +29,24 @@ struct ReconstructOptions {
     v.Choice("backend",
              o.backend,
              kBackendNames,
-             "What reconstructs: ceres is built in and weighs every position by how sure the"
-             " tracker is of it; colmap runs the program COLMAP.",
+             "The backend: ceres is built in and weights every position by its uncertainty; colmap "
+             "runs the program COLMAP.",
              Tier::kCommon);
     v.Flag("write_frames",
            o.write_frames,
-           "Of a video, write the frames as pictures beside COLMAP's database, for "
-           "COLMAP's own tools.",
+           "For a video, write the frames as pictures beside COLMAP's database, for COLMAP's own "
+           "tools.",
            Tier::kCommon);
     v.Flag("global_shutter",
            o.global_shutter,
-           "Give COLMAP, which knows no rolling shutter, the positions as a global one would have "
-           "seen them, if Ceres finds that the shutter rolls.",
+           "If Ceres finds a rolling shutter, give COLMAP, which has no model of it, the positions "
+           "as a global shutter would have seen them.",
            Tier::kCommon);
     v.Flag("ceres_start",
            o.ceres_start,
-           "Where COLMAP's mapper fails, or ends in a model that fits the tracks much worse than "
-           "Ceres' does, have COLMAP's bundle adjuster go on from Ceres' instead; of a guessed "
-           "camera, take the one that Ceres found, and keep it.",
+           "If COLMAP's mapper fails, or its model fits the tracks much worse than that of Ceres, "
+           "run COLMAP's bundle adjuster from the model of Ceres instead. If the camera is a "
+           "guess, use the camera that Ceres found and keep it fixed.",
            Tier::kCommon);
     v.Group("ceres", o.ceres, "backend ceres");
     v.Group("colmap", o.colmap, "backend colmap");

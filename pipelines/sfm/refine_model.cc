@@ -38,18 +38,18 @@ std::vector<FrameInfo> ReadFrames(Sequence& sequence, const StageProgress& progr
   return frames;
 }
 
-// The images' one camera, or where the focal length changes the first of them.
+// The shared camera of the images or, if the focal length changes, that of the first image.
 const ColmapCamera& FirstCameraOf(const ColmapModel& model) {
   return model.cameras.at(model.images.begin()->second.camera_id);
 }
 
-// Do so few of the model's points look the same in the frames that see them that these are not the
-// pictures it was made of, or it is far off?
+// Throws Error if so few of the model's points look the same in the frames that see them that these
+// are not its pictures, or that the model is far off.
 void CheckFound(const SecondPassFigures& figures, const fs::path& path, const Sequence& sequence) {
   constexpr double kLeastFound = 0.1;
   const std::size_t points = figures.replaced + figures.left;
   if (points == 0 && figures.masked > 0) {
-    ThrowError("{}: the mask leaves none of its {} points: give one that is white where they are",
+    ThrowError("{}: the mask covers all of its {} points: give one that is white where they are",
                path.string(),
                figures.masked);
   }
@@ -59,35 +59,35 @@ void CheckFound(const SecondPassFigures& figures, const fs::path& path, const Se
   }
   ThrowError(
       "{}: only {} of its {} points look alike in the frames of {} that see them: give the "
-      "pictures "
-      "that the model was made of",
+      "pictures that the model was made from",
       path.string(),
       figures.replaced,
       points,
       sequence.Name());
 }
 
-// Was the point never found again, or is it in few of the places where it was measured?
+// Whether the point was never found again, or agrees with too few of its measurements.
 bool IsContradicted(std::span<const Observation> track,
                     const Point3D& point,
                     const Reconstruction& model) {
-  // Of rendered clips by day, points with less are within a centimetre of the surface in a fifth of
-  // the cases, those with .5 to .7 in two fifths, the others in four fifths.
+  // On rendered clips in daylight, points below this share are within a centimetre of the surface
+  // in a fifth of the cases, those with .5 to .7 in two fifths, the others in four fifths.
   constexpr double kLeastShare = 0.5;
   std::size_t sightings = 0;
   for (const Observation& o : track) {
     if (!IsObserved(o) || !model.cam_from_world.contains(o.frame)) continue;
-    if (!o.covariance) return true;  // as it came: MeasureAgain gives every position its own
+    // Without a covariance it was not measured again: MeasureAgain gives one to every position.
+    if (!o.covariance) return true;
     ++sightings;
   }
   return static_cast<double>(point.views.size()) < kLeastShare * static_cast<double>(sightings);
 }
 
-// Points that the pictures contradict; but none that is seen in a frame which has few others.
+// Points that the pictures contradict, except those in frames with few other points.
 std::set<FeatureId> FindContradicted(const TrackSet& tracks, const Reconstruction& model) {
   constexpr std::size_t kFewPoints = 30;
   std::set<FeatureId> contradicted;
-  std::map<FrameIndex, std::size_t> sound;  // points a frame
+  std::map<FrameIndex, std::size_t> sound;  // points per frame
   for (const auto& [feature, point] : model.points) {
     if (IsContradicted(tracks.Track(feature), point, model)) {
       contradicted.insert(feature);
@@ -104,14 +104,14 @@ std::set<FeatureId> FindContradicted(const TrackSet& tracks, const Reconstructio
   return contradicted;
 }
 
-// COLMAP keeps its first model however small it is, and may write a whole one beside it.
+// COLMAP keeps its first model even if it is tiny, and may write a complete one beside it.
 void CheckPointsAreLeft(const Reconstruction& adjusted,
                         const ReconstructionSummary& before,
                         const fs::path& path) {
   if (!adjusted.points.empty()) return;
   ThrowError(
-      "{}: none of its {} points is left by an adjustment of its {} images: give COLMAP's largest "
-      "model",
+      "{}: none of its {} points is left after an adjustment of its {} images: give COLMAP's "
+      "largest model",
       path.string(),
       before.points,
       before.registered);
@@ -123,7 +123,7 @@ void NoteWhatIsLeftOut(const ModelOfClip& clip,
                        std::vector<std::string>& notes) {
   if (clip.unknown_images > 0) {
     notes.push_back(
-        fmt::format("{}: {} of its images are no frame of {} and are left out, {} for one",
+        fmt::format("{}: {} of its images are not frames of {} and are left out, such as {}",
                     path.string(),
                     clip.unknown_images,
                     sequence.Name(),
@@ -147,7 +147,7 @@ nlohmann::ordered_json SummaryToJson(const RefinedModel& refined,
   json["mean_reprojection_before_px"] = refined.before.mean_reprojection_px;
   json["frame_range"] = RangeOf(refined.frames);
   json["refined_from"] = AbsolutePath(path);
-  // Its images keep the numbers that others gave them (ReadModelFolder).
+  // Its images keep the numbers of the program that made it (ReadModelFolder).
   for (const auto& [frame, pose] : refined.adjusted.reconstruction.cam_from_world) {
     json["frame_of_image"].push_back({refined.image_ids.at(frame), ToInt(frame)});
   }
@@ -159,8 +159,9 @@ nlohmann::ordered_json SummaryToJson(const RefinedModel& refined,
   return json;
 }
 
-// That puts the cameras of `from`, each as its centre and a point on each of its axes, so that also
-// cameras on a line have a turn, where `to` has them. None where all are in one place.
+// The similarity that aligns the cameras of `from` with those of `to`. Each camera is represented
+// by its centre and a point on each of its axes, so that the rotation of cameras on a line is
+// determined too. Returns nullopt if all cameras are at one position.
 std::optional<Sim3> FindSimilarity(const Reconstruction& from, const Reconstruction& to) {
   const auto count = static_cast<Eigen::Index>(from.cam_from_world.size());
   if (count < 2) return std::nullopt;
@@ -208,7 +209,7 @@ MapperResult InWorldOf(const Reconstruction& world, MapperResult model) {
   for (auto& [feature, covariance] : model.point_covariances) {
     covariance = turn * covariance * turn.transpose();
   }
-  // A camera's rotation is in its own axes, its centre in the world's.
+  // A camera's rotation is expressed in its own axes, its centre in those of the world.
   Eigen::Matrix<double, 6, 6> of_camera = Eigen::Matrix<double, 6, 6>::Identity();
   of_camera.bottomRightCorner<3, 3>() = turn;
   for (auto& [frame, covariance] : model.camera_covariances) {
@@ -223,8 +224,8 @@ RefinedModel RefineModel(const ColmapModel& model,
                          const cv::Mat& mask,
                          const RefineModelOptions& options,
                          const StageProgress& progress) {
-  // Points of a model that did not move gain too: the second time their templates are of all
-  // sightings.
+  // Even the points of a model that did not move improve, because in the second round their
+  // templates use all sightings.
   constexpr int kLeastRounds = 2;
   constexpr int kMostRounds = 3;
   SecondPassOptions measurement = options.second_pass;
@@ -235,7 +236,7 @@ RefinedModel RefineModel(const ColmapModel& model,
   refined.image_ids = clip.image_ids;
   NoteWhatIsLeftOut(clip, path, sequence, refined.notes);
   if (clip.reconstruction.points.empty()) {
-    ThrowError("{}: none of its points is seen in {}", path.string(), sequence.Name());
+    ThrowError("{}: none of its points is observed in {}", path.string(), sequence.Name());
   }
   refined.before = Summarize(clip.reconstruction, clip.file.frames.size());
   Reconstruction now = clip.reconstruction;
@@ -258,9 +259,10 @@ RefinedModel RefineModel(const ColmapModel& model,
     refined.file = std::move(second.file);
     MapperResult adjusted = AdjustAndJudgeWithCeres(refined.file, now, ceres);
     if (adjusted.better_camera && options.intrinsics == IntrinsicsMode::kAuto) {
-      refined.notes.push_back(fmt::format(
-          "{}: the tracks contradict its camera, which is refined: --intrinsics keep keeps it",
-          path.string()));
+      refined.notes.push_back(
+          fmt::format("{}: the tracks contradict its camera, which is therefore refined: "
+                      "--intrinsics keep prevents this",
+                      path.string()));
       adjusted.reconstruction.camera.known = false;
       adjusted = AdjustAndJudgeWithCeres(refined.file, adjusted.reconstruction, ceres);
     }
@@ -284,7 +286,8 @@ RefinedModel RefineModel(const ColmapModel& model,
   refined.model =
       ReplaceInModel(model, clip, refined.adjusted.reconstruction, refined.camera_refined);
   refined.file.camera = refined.adjusted.reconstruction.camera;
-  // Its poses fit no other. Of one whose focal length changes, tracks have the first guess alone.
+  // Its poses fit no other camera. If the focal length changes, the tracks only have the first
+  // guess.
   refined.file.camera->known = refined.adjusted.reconstruction.focal_scale.empty();
   return refined;
 }

@@ -32,28 +32,27 @@ struct RefineModelOptions {
   // All but the second pass.
   template <typename Self, typename Visitor>
   static void Visit(Self& o, Visitor& v) {
-    v.Choice("intrinsics",
-             o.intrinsics,
-             kIntrinsicsModeNames,
-             "What becomes of the camera of a COLMAP model. auto refines one with a single focal "
-             "length (SIMPLE_PINHOLE, SIMPLE_RADIAL, RADIAL), as COLMAP finds by itself, and keeps "
-             "any other, as calibrations give, unless the tracks contradict it.",
-             Tier::kCommon);
-    v.Flag(
-        "drop_contradicted",
-        o.drop_contradicted,
-        "Drop the points of a COLMAP model that its pictures contradict: that look alike nowhere, "
-        "or are not where half of their sightings are. They are on edges of depth, on "
-        "reflections, or matched wrongly.",
+    v.Choice(
+        "intrinsics",
+        o.intrinsics,
+        kIntrinsicsModeNames,
+        "How the camera of a COLMAP model is treated. auto refines a camera with a single focal "
+        "length (SIMPLE_PINHOLE, SIMPLE_RADIAL, RADIAL), the kind that COLMAP estimates itself, "
+        "and keeps any other, the kind that calibrations give, unless the tracks contradict it.",
         Tier::kCommon);
-    v.Number(
-        "model_max_distance_px",
-        o.model_max_distance_px,
-        0.1,
-        50.0,
-        "as --max-distance-px, of a COLMAP model, which is further off than one of the tracks' own "
-        "[px]");
-    v.Group("ceres", o.ceres, "the adjustment of a COLMAP model");
+    v.Flag("drop_contradicted",
+           o.drop_contradicted,
+           "Drop the points of a COLMAP model that its pictures contradict: those that are found "
+           "again in none of them, or that are not where half of their observations are. They lie "
+           "on depth discontinuities or reflections, or are false matches.",
+           Tier::kCommon);
+    v.Number("model_max_distance_px",
+             o.model_max_distance_px,
+             0.1,
+             50.0,
+             "--max-distance-px for a COLMAP model, which is less accurate than a model made from "
+             "the tracks [px]");
+    v.Group("ceres", o.ceres, "adjustment of a COLMAP model");
   }
 };
 
@@ -74,7 +73,7 @@ struct RefinedModel {
 // them (MeasureAgain) and adjusts it to the result until it no longer moves. Drops points that the
 // pictures contradict, unless a frame would keep too few. Images are matched to frames by name;
 // others are left out. Throws Error naming `path` (the model) or the clip if they do not belong
-// together: too few points look as the model has them.
+// together: too few points are found again where the model predicts them.
 RefinedModel RefineModel(const ColmapModel& model,
                          const std::filesystem::path& path,
                          Sequence& sequence,

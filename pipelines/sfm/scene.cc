@@ -44,7 +44,7 @@ cv::Mat BgrOf(const Frame& frame) {
   }
 }
 
-// Mean square gradient of the picture at half its size, where noise says less.
+// Mean square gradient of the picture at half its size, where noise has less influence.
 double SharpnessOf(const cv::Mat& bgr) {
   cv::Mat gray;
   cv::cvtColor(bgr, gray, cv::COLOR_BGR2GRAY);
@@ -58,7 +58,8 @@ double SharpnessOf(const cv::Mat& bgr) {
 
 using Views = std::vector<std::pair<FeatureId, Eigen::Vector2d>>;  // ascending features
 
-// How far points seen in both frames moved, the upper quartile [px]; none of too few.
+// Upper quartile of the motion of the points seen in both frames [px]; nullopt if there are too
+// few.
 std::optional<double> MotionBetween(const Views& from, const Views& to) {
   constexpr std::size_t kEnough = 5;
   constexpr double kQuantile = 0.75;
@@ -73,7 +74,7 @@ std::optional<double> MotionBetween(const Views& from, const Views& to) {
   return Quantile(std::move(distances), kQuantile);
 }
 
-// Counts of 8-bit intensities, of all frames.
+// Counts of 8-bit intensities over all frames.
 using Histogram = std::array<double, 256>;
 
 void Count(const cv::Mat& bgr, Histogram& histogram) {
@@ -101,7 +102,8 @@ double MeanOf(const Histogram& histogram, const ToneCurve& tone) {
   return sum / std::accumulate(histogram.begin(), histogram.end(), 0.0);
 }
 
-// The whole range, and its middle as bright as people like it; as it is where it is brighter.
+// Stretches to the whole range and brings its middle to a pleasant brightness, unless it is already
+// brighter.
 ToneCurve Brighter(const Histogram& histogram) {
   constexpr double kTail = 0.005;
   constexpr double kMiddle = 0.4;
@@ -126,7 +128,7 @@ double BrightnessOf(const cv::Mat& bgr) {
   return (0.114 * mean[0] + 0.587 * mean[1] + 0.299 * mean[2]) / 255.0;
 }
 
-// What is learnt of the clip before any picture is written.
+// What is determined about the clip before any picture is written.
 struct Survey {
   std::vector<SceneCandidate> candidates;
   std::vector<double> brightness;
@@ -166,7 +168,7 @@ Survey SurveyClip(const TrackFile& file,
   ForEachFrame(file, sequence, "look", progress, [&](const Frame& frame) {
     const cv::Mat bgr = BgrOf(frame);
     if (bgr.cols != model.camera.width_px || bgr.rows != model.camera.height_px) {
-      ThrowError("{} is {}x{}, the model's camera {}x{}: they do not belong together",
+      ThrowError("{} is {}x{}, but the model's camera is {}x{}: they do not belong together",
                  frame.name,
                  bgr.cols,
                  bgr.rows,
@@ -181,7 +183,7 @@ Survey SurveyClip(const TrackFile& file,
     AddColours(bgr, now, survey);
     SceneCandidate candidate{frame.index, 0.0, SharpnessOf(bgr)};
     if (before != nullptr) {
-      // Without common points: as far as may be.
+      // Without common points, the motion counts as the largest possible.
       const auto motion_px = MotionBetween(*before, now);
       candidate.motion = motion_px ? *motion_px / diagonal_px : 1.0;
     }
@@ -191,7 +193,7 @@ Survey SurveyClip(const TrackFile& file,
   return survey;
 }
 
-// Where every pixel of `to` is in pictures of `from`.
+// The position of every pixel of `to` in pictures of `from`.
 cv::Mat UndistortionMap(const Camera& from, const Camera& to) {
   cv::Mat map(to.height_px, to.width_px, CV_32FC2);
   for (int y = 0; y < to.height_px; ++y) {
@@ -210,7 +212,7 @@ bool IsSamePinhole(const Camera& from, const Camera& to) {
          from.cy == to.cy;
 }
 
-// Undistorts the pictures of one camera; while its focal length stays, by the same map.
+// Undistorts the pictures of one camera; reuses the map while the focal length stays the same.
 class Undistorter {
  public:
   cv::Mat Undistort(const cv::Mat& picture, const Camera& from, const Camera& to) {
@@ -225,11 +227,11 @@ class Undistorter {
   }
 
  private:
-  std::optional<double> fx_;  // that the map is of
+  std::optional<double> fx_;  // of the current map
   cv::Mat map_;
 };
 
-// By how much the focal length of a picture's undistorted camera is that of `undistorted`.
+// The focal length of each picture's undistorted camera divided by that of `undistorted`.
 FocalScales UndistortedScales(const Reconstruction& model,
                               const Camera& undistorted,
                               const std::vector<FrameIndex>& images) {
@@ -241,15 +243,15 @@ FocalScales UndistortedScales(const Reconstruction& model,
   return scales;
 }
 
-// Viewers cut off what is nearer than a fixed distance: the median of the distances from which
-// points are seen becomes ten.
+// Viewers clip everything nearer than a fixed distance, so the scale makes the median distance from
+// which points are seen equal to ten.
 double ScaleOf(const Reconstruction& model) {
   constexpr double kDistance = 10.0;
   const double median = MedianDistance(model);
   return median > 0.0 ? kDistance / median : 1.0;
 }
 
-// No frame of a clip is called so: 000001.png may be its frame 0.
+// No frame of a clip has such a name; 000001.png could be its frame 0.
 constexpr std::string_view kImagePrefix = "scene_";
 
 std::string ImageName(FrameIndex frame) {
@@ -263,8 +265,8 @@ bool IsImageName(const std::string& name) {
          std::all_of(number.begin(), number.end() - 4, [](char c) { return c >= '0' && c <= '9'; });
 }
 
-// The model in the scene's world, seen by the undistorted camera in the chosen frames: points that
-// one of them sees.
+// The model in the scene's world, with the undistorted camera and the chosen frames, and the points
+// that at least one of them sees.
 Reconstruction SceneModel(const Reconstruction& model, const SceneFigures& figures) {
   const RowPoses rows(model.cam_from_world, model.readout, model.camera);
   const Rigid3 model_from_scene = figures.scene_from_model.Inverse();
@@ -285,7 +287,7 @@ Reconstruction SceneModel(const Reconstruction& model, const SceneFigures& figur
       if (pose == scene.cam_from_world.end()) continue;
       const Camera camera = CameraOf(model, view.frame);
       Eigen::Vector2d xy = view.xy;
-      if (model.readout != 0.0) {  // as a global shutter would have seen it
+      if (model.readout != 0.0) {  // moves views to where a global shutter would have seen them
         const auto of_row = rows.Project(camera, view.frame, point.in_world);
         const auto of_middle = camera.Project(model.cam_from_world.at(view.frame) * point.in_world);
         if (!of_row || !of_middle) continue;
@@ -333,7 +335,7 @@ Eigen::Matrix4d MatrixOf(const Rigid3& motion) {
   return matrix;
 }
 
-// Pixels have their centre at .5, as COLMAP's.
+// Pixel centres are at .5, as in COLMAP.
 Json IntrinsicsJson(const Camera& c) {
   return {{"w", c.width_px},
           {"h", c.height_px},
@@ -343,9 +345,9 @@ Json IntrinsicsJson(const Camera& c) {
           {"cy", c.cy + kColmapPixelShift}};
 }
 
-// Nerfstudio's: world_from_camera in OpenGL's axes (x right, y up, z back). Where the focal length
-// changes, every frame has its own intrinsics, and no others stand beside them: Nerfstudio would take
-// those.
+// Nerfstudio's format: world_from_camera in OpenGL's axes (x right, y up, z back). If the focal
+// length changes, every frame has its own intrinsics, and there are no shared ones, because
+// Nerfstudio would prefer those.
 Json TransformsJson(const Reconstruction& scene, const SceneFigures& figures) {
   const bool zooms = !scene.focal_scale.empty();
   Json frames = Json::array();
@@ -408,19 +410,21 @@ std::vector<FrameIndex> ChooseImages(const std::vector<SceneCandidate>& candidat
   for (std::size_t i = 1; i < candidates.size(); ++i) path += candidates[i].motion;
   const auto most = static_cast<double>(
       std::min(candidates.size(), static_cast<std::size_t>(options.max_images)));
-  // Of a slow or short clip rather alike pictures than few.
+  // For a slow or short clip, similar pictures are better than few.
   constexpr double kFew = 50.0;
   const double pieces =
       options.min_motion > 0.0
           ? std::clamp(std::floor(path / options.min_motion), std::min(kFew, most), most)
           : most;
-  // As many as there are frames: all. Of a camera that stands still: pieces of time.
+  // With as many pieces as frames, all frames are taken. If the camera stands still, the pieces are
+  // equal in time.
   const bool by_time = path == 0.0 || pieces >= static_cast<double>(candidates.size());
   std::map<int, const SceneCandidate*> sharpest;
   double along = 0.0;
   for (std::size_t i = 0; i < candidates.size(); ++i) {
     if (i > 0 && !by_time) along += candidates[i].motion / path;
-    // In whole numbers: a sum of small steps would miss the edge of a piece after some thousand.
+    // In integers, because the rounding errors of a sum of thousands of small steps would miss the
+    // edge of a piece.
     const int piece =
         by_time ? static_cast<int>(i * static_cast<std::size_t>(pieces) / candidates.size())
                 : static_cast<int>(std::min(std::floor(along * pieces + 1e-9), pieces - 1.0));
@@ -444,7 +448,7 @@ Camera UndistortedCamera(const Camera& camera) {
       camera.cy == pinhole.cy) {
     return pinhole;
   }
-  // Its border, some pixels apart.
+  // Points on the picture's border, some pixels apart.
   constexpr int kSteps = 64;
   std::vector<Eigen::Vector2d> border;
   for (int i = 0; i <= kSteps; ++i) {
@@ -453,7 +457,7 @@ Camera UndistortedCamera(const Camera& camera) {
     border.insert(border.end(),
                   {{x, 0.0}, {x, camera.height_px - 1.0}, {0.0, y}, {camera.width_px - 1.0, y}});
   }
-  // Wider and wider, as long as the border is inside and goes outwards: behind that the lens model
+  // Increases the view while the border is inside and moves outwards; beyond that the lens model
   // would fold.
   constexpr double kNarrowest = 4.0;
   constexpr double kWidest = 0.4;
@@ -487,7 +491,8 @@ Rigid3 SceneFromModel(const Reconstruction& model) {
   }
   const auto count = static_cast<double>(std::max<std::size_t>(model.cam_from_world.size(), 1));
   center /= count;
-  constexpr double kAgreed = 0.1;  // else the camera rolls all around, and none is up
+  // Below this the camera rolls through all directions, and there is no upward one.
+  constexpr double kAgreed = 0.1;
   Rigid3 scene_from_model;
   if (up.norm() > kAgreed * count) {
     scene_from_model.rotation =
@@ -501,13 +506,14 @@ void CheckSceneFolder(const fs::path& folder) {
   if (!fs::is_directory(folder)) return;
   const OutputFolder images(folder / "images", IsImageName);
   const OutputFolder sparse(folder / "sparse", {"0"});
-  // COLMAP's and Nerfstudio's projects have the same names: a folder without our files is none of ours.
+  // Projects of COLMAP and Nerfstudio use the same names, so a folder without our own files is not
+  // ours.
   const bool is_ours = fs::exists(folder / "clip.tracks") || fs::exists(folder / "model_of.json");
   std::vector<std::string> names(kSceneOutputs.begin(), kSceneOutputs.end());
   names.insert(names.end(), {"summary.json", "report.html"});
   for (const std::string& name : names) {
     if (fs::exists(folder / name) && !is_ours) {
-      ThrowError("{} holds {}, which is not of a scene of ours: give another folder",
+      ThrowError("{} holds {}, which does not belong to a scene of cohort: give another folder",
                  folder.string(),
                  name);
     }
@@ -542,7 +548,7 @@ SceneFigures WriteScene(const TrackFile& file,
                         const SceneOptions& options,
                         const fs::path& folder,
                         const StageProgress& progress) {
-  if (model.cam_from_world.empty()) ThrowError("there is no model to make a scene of");
+  if (model.cam_from_world.empty()) ThrowError("there is no model to make a scene from");
   const Survey survey = SurveyClip(file, model, sequence, progress);
   SceneFigures figures;
   figures.images = ChooseImages(survey.candidates, options);

@@ -27,23 +27,23 @@ struct SceneOptions {
              o.max_images,
              2,
              1000000,
-             "The most pictures of the scene; all frames keep their poses in model/. More make a "
-             "scene that is finer, and slower to train.",
+             "The maximum number of pictures in the scene; all frames keep their poses in model/. "
+             "More pictures give a finer scene that takes longer to train.",
              Tier::kCommon);
     v.Number("min_motion",
              o.min_motion,
              0.0,
              1.0,
-             "How far the picture must have moved from one picture of the scene to the next, as a "
-             "share of its diagonal; of the frames between, the sharpest is taken. 0: all frames.",
+             "The minimum motion from one picture of the scene to the next, as a share of the "
+             "picture's diagonal; of the frames in between, the sharpest is taken. 0: all frames.",
              Tier::kCommon);
     v.Flag(
         "brighten",
         o.brighten,
-        "Brighten the pictures of the scene and its colours, all alike: a dark clip can be seen, "
-        "and trains better. Tracks and model come from the pictures as they are.",
+        "Brighten all pictures and colours of the scene by the same curve, so that a dark clip "
+        "becomes visible and trains better. Tracks and model are made from the original pictures.",
         Tier::kCommon);
-    v.Number("jpeg_quality", o.jpeg_quality, 1, 100, "of the scene's pictures");
+    v.Number("jpeg_quality", o.jpeg_quality, 1, 100, "JPEG quality of the scene's pictures");
   }
 };
 
@@ -71,8 +71,9 @@ Rigid3 SceneFromModel(const Reconstruction& model);
 inline constexpr std::array<const char*, 4> kSceneOutputs{
     "images", "sparse", "sparse_pc.ply", "transforms.json"};
 
-// Throws Error if WriteScene would replace contents of a folder that are no scene of ours: files of
-// those names with neither clip.tracks nor model_of.json, other pictures, or the clip itself.
+// Throws Error if WriteScene would replace contents of a folder that do not belong to a scene of
+// cohort: files of those names with neither clip.tracks nor model_of.json, other pictures, or the
+// clip itself.
 void CheckSceneFolder(const std::filesystem::path& folder);
 // Removes only what WriteScene wrote there.
 void RemoveScene(const std::filesystem::path& folder);
@@ -86,8 +87,8 @@ struct ToneCurve {
   double operator()(double value) const;
 };
 
-// Mean intensity 0..1 of each of the file's frames, if no scene is written that gives it.
-// `sequence`: the clip, rewound here.
+// Mean intensity 0..1 of each of the file's frames, for a run that writes no scene. `sequence`: the
+// clip, rewound here.
 std::vector<double> BrightnessOfFrames(const TrackFile& file,
                                        Sequence& sequence,
                                        const StageProgress& progress = {});

@@ -24,7 +24,7 @@
 namespace cohort {
 namespace {
 
-// Of a feature whose every sighting has one.
+// The mean covariance of a feature whose sightings all have one.
 PixelCovariance MeanCovariance(const std::vector<Observation>& sightings) {
   PixelCovariance mean{.xx = 0.0F, .xy = 0.0F, .yy = 0.0F};
   const auto count = static_cast<float>(sightings.size());
@@ -36,8 +36,8 @@ PixelCovariance MeanCovariance(const std::vector<Observation>& sightings) {
   return PixelCovariance::From(mean.Matrix());
 }
 
-// The features of which at least `min_confirmed` of the first pass's observations were measured
-// again, where the model knows them.
+// The features for which at least the share `min_confirmed` of those observations of the first pass
+// that the model knows were measured again.
 std::set<FeatureId> FoundAgain(const TrackFile& file,
                                const ModelPredictions& predictions,
                                const std::vector<Observation>& measured,
@@ -78,8 +78,8 @@ std::set<FeatureId> FoundAgain(const TrackFile& file,
   return found;
 }
 
-// What no image confirms, where the model has it: the frames between a feature's sightings, and
-// those of the first pass. As uncertain as the mean of its sightings.
+// Adds the model's predictions where no image confirms a feature: in the frames between its
+// sightings, and in those of the first pass. They are as uncertain as the mean of its sightings.
 void AddPredictions(const TrackFile& file,
                     const ModelPredictions& predictions,
                     std::vector<Observation>& observations) {
@@ -110,7 +110,8 @@ void AddPredictions(const TrackFile& file,
   }
 }
 
-// The first pass's, at the frame where the track ends now; not of tracks that reach the last frame.
+// The ends of the first pass, at the frames where the tracks end now; without tracks that reach the
+// last frame.
 std::vector<TrackEnd> EndsAfter(const TrackFile& file,
                                 const std::vector<Observation>& observations) {
   std::map<FeatureId, FrameIndex> last;
@@ -132,7 +133,7 @@ RowPoses RowsOf(const Reconstruction& model) {
   return {model.cam_from_world, model.readout, model.camera};
 }
 
-// How far apart two models have the points that they share, in the frames that they share [px].
+// Distances between the positions of common points in common frames according to two models [px].
 std::vector<double> DistancesBetween(const Reconstruction& before, const Reconstruction& now) {
   const RowPoses before_rows = RowsOf(before);
   const RowPoses now_rows = RowsOf(now);
@@ -152,16 +153,16 @@ std::vector<double> DistancesBetween(const Reconstruction& before, const Reconst
   return distances_px;
 }
 
-// May an adjustment tell where the model of new tracks would be, in place of a reconstruction,
-// which takes several times as long? Where the model is whole and nothing but poses and points
-// moves. (Not where the tracker lost its features somewhere: across such a seam a model may have
-// two scales, which no adjustment mends.)
+// Whether an adjustment can show where the model of new tracks would be, instead of a
+// reconstruction, which takes several times as long. This requires a complete model in which only
+// poses and points move. (It does not hold if the tracker lost its features somewhere: across such
+// a seam a model may have two scales, which no adjustment corrects.)
 bool CanBeAdjusted(std::span<const Reconstruction> models, const TrackFile& file) {
   return models.size() == 1 && models.front().cam_from_world.size() == file.frames.size() &&
          models.front().readout == 0.0 && file.KnowsCamera();
 }
 
-// Where the next search for the camera begins, unless this one was undecided.
+// Notes the camera from which the next search starts, unless this search was undecided.
 void NoteFoundCamera(const MapperResult& result, TrackFile& file) {
   const bool undecided = std::ranges::any_of(result.summary.reasons, [](const Doubt& doubt) {
     return doubt.code == DoubtCode::kTwoCameras;
@@ -169,12 +170,13 @@ void NoteFoundCamera(const MapperResult& result, TrackFile& file) {
   if (!file.KnowsCamera() && !undecided) file.found_camera = result.reconstruction.camera;
 }
 
-// The light of every frame against the first one's, followed once for all rounds and parts.
+// The light of every frame relative to the first one, estimated once for all rounds and parts.
 struct LightsOfClip {
   Exposure exposure;
   std::map<FrameIndex, LightChange> of_frame;
 
-  // The frame as it would look in the light of the first; the first time frames are in order.
+  // Converts the frame to the light of the first one. In the first round, frames must come in
+  // order.
   void TakeFrom(Frame& frame) {
     const auto [light, first_time] = of_frame.try_emplace(frame.index);
     if (first_time) light->second = exposure.Follow(frame.gray);
@@ -182,14 +184,15 @@ struct LightsOfClip {
   }
 };
 
-// The pictures that are measured in.
+// The pictures in which features are measured.
 struct Pictures {
   Sequence& sequence;
   const cv::Mat& mask;
   LightsOfClip& lights;
 };
 
-// The tracks of the file, those that are found again where the model says replaced.
+// The tracks of the file, of which those that are found again where the model predicts them are
+// replaced.
 TrackSet MeasureWith(const TrackFile& file,
                      const Reconstruction& model,
                      const Pictures& pictures,
@@ -222,7 +225,7 @@ TrackSet MeasureWith(const TrackFile& file,
   return TrackSet::Build(std::move(observations), std::move(ends));
 }
 
-// The function of this name in the header, with the rows of `model`.
+// The function of the same name in the header, with the row poses of `model`.
 bool MovesOtherwise(std::span<const Observation> track,
                     const Reconstruction& model,
                     const RowPoses& rows,
@@ -234,7 +237,8 @@ bool MovesOtherwise(std::span<const Observation> track,
     rays.push_back({rows.CamFromWorld(o.frame, o.xy), CameraOf(model, o.frame).Unproject(o.xy)});
   }
   if (rays.size() < kLeastRays) return false;
-  // At the shortest focal length the most: a zoom makes no point move.
+  // The bound is largest at the shortest focal length, so that a zoom does not make a point appear
+  // to move.
   const double max_error = max_error_px / FocalLengthsOf(model).min_px;
   const std::size_t half = rays.size() / 2;
   if (TriangulateRobustly(rays, max_error, half)) return false;
@@ -249,8 +253,8 @@ bool MovesOtherwise(std::span<const Observation> track,
   return static_cast<std::size_t>(explained) < half;
 }
 
-// Without the tracks that have a point in none of the models and move otherwise than one of them
-// says.
+// Without the tracks that have no point in any model and contradict the rigid motion of one of
+// them.
 TrackSet WithoutMovers(const TrackSet& tracks,
                        std::span<const Reconstruction> models,
                        double max_error_px,
@@ -316,7 +320,7 @@ void SecondPassFigures::Add(const SecondPassFigures& other) {
 std::string SecondPassFigures::Brief() const {
   return fmt::format(
       "{} tracks measured again, with {} of {} observations and {} more; {} tracks not found again "
-      "stay as they were, {} that move otherwise are dropped",
+      "are kept unchanged, {} that contradict the rigid scene are dropped",
       replaced,
       kept,
       before,
@@ -348,7 +352,7 @@ bool HaveMoved(std::span<const Reconstruction> models,
                const Reconstruction& now,
                const SecondPassOptions& options) {
   constexpr double kQuantile = 0.9;
-  constexpr double kFar = 0.5;  // of how far a feature is looked for
+  constexpr double kFar = 0.5;  // of the search distance of a feature
   constexpr double kManyNew = 0.05;
   const auto is_new = [&](const auto& pose) {
     return std::none_of(models.begin(), models.end(), [&](const Reconstruction& model) {
@@ -369,9 +373,10 @@ SecondPass WithSecondPass(TrackFile file,
                           const cv::Mat& mask,
                           const SecondPassOptions& options,
                           const StageProgress& progress) {
-  // A bound on time: where the model is far off at first, each round brings it nearer.
+  // Bounds the time. If the model is far off at first, each round improves it.
   constexpr int kMostRounds = 3;
-  constexpr std::size_t kLeastFrames = 10;  // of a part beside the largest: each costs as much time
+  // Of a part besides the largest, since each part takes as much time.
+  constexpr std::size_t kLeastFrames = 10;
   LightsOfClip lights;
   SecondPass second{std::move(file), {}, {}};
   std::vector<Reconstruction> models;

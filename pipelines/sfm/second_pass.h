@@ -25,14 +25,14 @@ struct SecondPassOptions {
 
   template <typename Self, typename Visitor>
   static void Visit(Self& o, Visitor& v) {
-    v.Choice("mode",
-             o.mode,
-             kSecondPassModeNames,
-             "After the last frame, reconstruct, and measure every feature again where the "
-             "model says that it is. The tracks get more accurate, at the price of going "
-             "through the video again; auto does it for the tracker subspace, strong and "
-             "measured.",
-             Tier::kCommon);
+    v.Choice(
+        "mode",
+        o.mode,
+        kSecondPassModeNames,
+        "After the last frame, reconstruct, and measure every feature again where the model "
+        "predicts it. The tracks become more accurate, at the price of reading the video again; "
+        "auto does it for the tracker subspace with the strong constraint and measurement.",
+        Tier::kCommon);
     VisitMeasurement(o, v);
   }
 
@@ -44,12 +44,12 @@ struct SecondPassOptions {
              0.0,
              1.0,
              "The share of a feature's observations that must be found again where the model "
-             "says; of a feature with less, the track stays as the first pass had it.",
+             "predicts them; otherwise the feature keeps its track of the first pass.",
              Tier::kCommon);
     v.Flag("drop_movers",
            o.drop_movers,
-           "Drop tracks that no point of the rigid scene explains, such as those on "
-           "somebody who walks by.",
+           "Drop tracks that no point of the rigid scene explains, such as those on a person who "
+           "walks by.",
            Tier::kCommon);
     SecondPassMeasurementOptions::Visit(o.measurement, v);
   }
@@ -76,7 +76,8 @@ struct SecondPass {
   std::string none_because;  // of WithSecondPass: why `file` is the first pass's; else empty
 };
 
-// TrackMeta::second_pass_options: all but mode, so that what `auto` made is what `on` asks for.
+// TrackMeta::second_pass_options: all but mode, so that tracks made with `auto` match a run with
+// `on`.
 std::string SecondPassOptionsText(const SecondPassOptions& options);
 
 // Whether no point of the scene, near or infinitely far, explains half of the track's observed
@@ -88,9 +89,9 @@ bool MovesOtherwise(std::span<const Observation> track,
 // Measures tracks again where the model's points are seen (SecondPassMeasurer). If a feature is not
 // found in a frame between its sightings, or in one where the first pass had it, the model predicts
 // it. Tracks without a point or with too few measurements, and frames without a pose, stay
-// unchanged, but tracks that MovesOtherwise are dropped: they lie on something that crosses before
-// the scene. `sequence`: the clip, rewound here; nothing is measured where `mask` (may be empty) is
-// black. Throws Error if clip, model and tracks do not belong together.
+// unchanged, but tracks that MovesOtherwise are dropped: they lie on an object that crosses in
+// front of the scene. `sequence`: the clip, rewound here; nothing is measured where `mask` (may be
+// empty) is black. Throws Error if clip, model and tracks do not belong together.
 SecondPass MeasureAgain(const TrackFile& file,
                         const Reconstruction& model,
                         Sequence& sequence,
@@ -106,8 +107,7 @@ bool HaveMoved(std::span<const Reconstruction> models,
                const SecondPassOptions& options);
 
 // Runs the second pass with its own model by Ceres, or one for each part of a broken clip. If there
-// is no model, returns `file` itself, with the reason in
-// meta.no_second_pass.
+// is no model, returns `file` itself, with the reason in meta.no_second_pass.
 SecondPass WithSecondPass(TrackFile file,
                           Sequence& sequence,
                           const cv::Mat& mask,

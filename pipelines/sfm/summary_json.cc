@@ -83,7 +83,7 @@ Json ShutterToJson(const Reconstruction& reconstruction) {
           {"row_order", NameOf(kRowOrderNames, reconstruction.camera.row_order)}};
 }
 
-// The shortest and the longest, where the focal length changes.
+// Adds the shortest and the longest focal length if it changes.
 void AddFocalLengths(const Reconstruction& reconstruction, Json& json) {
   if (reconstruction.focal_scale.empty()) return;
   const FocalLengths lengths = FocalLengthsOf(reconstruction);
@@ -95,7 +95,7 @@ void AddFocalLengths(const Reconstruction& reconstruction, Json& json) {
 std::string RangeOf(const std::vector<FrameInfo>& frames) {
   if (frames.empty()) return "0:0";
   const std::uint32_t first = ToInt(frames.front().index);
-  std::uint32_t stride = 0;  // the largest that meets all frames
+  std::uint32_t stride = 0;  // the largest that includes all frames
   for (const FrameInfo& frame : frames) stride = std::gcd(stride, ToInt(frame.index) - first);
   stride = std::max(stride, 1U);
   return fmt::format("{}:{}:{}", first, ToInt(frames.back().index) + 1, stride);
@@ -140,7 +140,7 @@ Json SummaryOfPart(const Reconstruction& part, const std::vector<FrameInfo>& fra
   ReconstructionSummary summary = Summarize(part, within.size());
   summary.termination = "another part of the clip";
   Json json = SummaryToJson(summary, within);
-  json.erase("seconds");  // of all parts together
+  json.erase("seconds");  // they are those of all parts together
   json.update(ShutterToJson(part));
   json["camera"] = CameraToJson(part.camera);
   AddFocalLengths(part, json);

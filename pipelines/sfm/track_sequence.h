@@ -26,7 +26,8 @@ struct TrackSequenceOptions {
 };
 
 // Tracks a clip: the whole job of `cohort track` in memory. With a second pass (WantsSecondPass),
-// its tracks replace the first's if a reconstruction by Ceres succeeds; meta states the outcome. Throws Error on a clip without frames or with a camera for other pictures.
+// its tracks replace those of the first if a reconstruction by Ceres succeeds; meta states the
+// outcome. Throws Error on a clip without frames or with a camera for other pictures.
 //
 //   const auto clip = OpenSequence("night.mp4");
 //   const TrackFile file = TrackSequence(*clip, {.source = "night.mp4"});
@@ -85,7 +86,8 @@ class SequenceTracker {
   double track_ms_ = 0.0;
 };
 
-// Whether there will be a second pass. Mode auto: for the tracker subspace, strong and measured.
+// Whether there will be a second pass. Mode auto: for the tracker subspace with the strong
+// constraint and measurement.
 bool WantsSecondPass(SecondPassMode mode, const TrackerOptions& tracker);
 
 }  // namespace cohort

@@ -13,7 +13,8 @@
 namespace cohort {
 namespace {
 
-// As we write them; those that others take from a video have its colours.
+// Whether the pictures are grey, as we write them; pictures that other programs extract from a
+// video have colours.
 bool AreGray(const std::filesystem::path& folder) {
   for (const auto& picture : std::filesystem::directory_iterator(folder)) {
     const cv::Mat read = cv::imread(picture.path().string(), cv::IMREAD_UNCHANGED);
@@ -28,14 +29,14 @@ void WriteVideoFrames(const TrackFile& file,
                       const std::filesystem::path& folder,
                       const StageProgress& progress) {
   constexpr const char* kWithout =
-      "--no-write-frames (of sfm --no-model.write-frames) needs no pictures";
+      "--no-write-frames (for sfm --no-model.write-frames) needs no pictures";
   if (!std::filesystem::exists(file.source)) {
     ThrowError(
-        "{}: the video that the tracks are of is not there any more: {}", file.source, kWithout);
+        "{}: the video that the tracks were made from no longer exists: {}", file.source, kWithout);
   }
   std::set<std::string> names;
   for (const FrameInfo& frame : file.frames) names.insert(frame.name);
-  // Also what other tracks of the video have left.
+  // Also accepts the pictures that other tracks of the video have left.
   OutputFolder out(
       folder,
       [&names](const std::string& name) {
@@ -48,7 +49,7 @@ void WriteVideoFrames(const TrackFile& file,
     std::optional<Frame> frame = video->Next();
     while (frame && frame->index < wanted.index) frame = video->Next();
     if (!frame || frame->name != wanted.name) {
-      ThrowError("{}: has no frame {} any more: track the video again ({})",
+      ThrowError("{}: no longer has frame {}: track the video again ({})",
                  file.source,
                  wanted.name,
                  kWithout);

@@ -180,7 +180,7 @@ TEST(MainJob, WithAMaskNoTrackerOfTheGridHasAFeatureWhereItIsBlack) {
   const test::ProgramEnd black = test::RunCohort(
       "compare " + clip + " --protocol paper --paper.window-frames 4 --trackers klt" + more +
       (dir / "paper").string());
-  EXPECT_THAT(black.out + black.err, testing::HasSubstr("no corner of its first frame"));
+  EXPECT_THAT(black.out + black.err, testing::HasSubstr("no corner of the first frame"));
 }
 
 TEST(MainJobOnRealFrames, RegistersAtLeast95PercentAsTheyAreAndDarkened) {

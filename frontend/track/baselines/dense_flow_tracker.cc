@@ -10,13 +10,13 @@
 namespace cohort {
 namespace {
 
-// Gaussian blur before [px], as before measuring (PatchOptions).
+// Gaussian blur before the flow [px], as before measuring (PatchOptions).
 constexpr double kSmoothingSigmaPx = 0.8;
-// Of both flows' squared lengths, allowed in addition: equation (5) of Sundaram, Brox, Keutzer
-// 2010 (frame_to_frame.h).
+// Share of both flows' squared lengths that is allowed in addition: equation (5) of Sundaram, Brox,
+// Keutzer 2010 (frame_to_frame.h).
 constexpr double kReturnShare = 0.01;
 
-// Outside the field its border repeats. Where a flow that is no number led, there is none.
+// Outside the field its border repeats. There is no flow at a position that is not a number.
 cv::Point2f SampleBilinearly(const cv::Mat& flow, const cv::Point2f& at) {
   if (!std::isfinite(at.x) || !std::isfinite(at.y)) return at;
   const float x = std::clamp(at.x, 0.0F, static_cast<float>(flow.cols - 1));

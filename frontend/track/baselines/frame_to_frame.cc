@@ -69,7 +69,7 @@ void FrameToFrameMover::Keep(std::span<const std::uint8_t> keep) {
 }
 
 void FrameToFrameMover::Add(std::span<const Eigen::Vector2d> born, const Pyramid& current) {
-  if (positions_.empty()) {  // without features there was no move, and so no picture, in this frame
+  if (positions_.empty()) {  // without features MoveFeatures was not called and stored no picture
     previous_ = Prepare(current);
     previous_gray_ = current.levels[0];
   }

@@ -71,7 +71,7 @@ class AnchoredKltMover final : public FeatureMover {
   }
 
   void Add(std::span<const Eigen::Vector2d> born, const Pyramid& current) override {
-    // Without features there was no move, and so no picture, in this frame.
+    // Without features, MoveFeatures was not called in this frame and stored no picture.
     if (features_.empty()) previous_ = Prepare(current);
     anchors_[++last_anchor_] = previous_;
     for (const Eigen::Vector2d& xy : born) {
@@ -97,7 +97,7 @@ class AnchoredKltMover final : public FeatureMover {
     return {LkPyramid(current, options_.window_px, levels), current.levels[0]};
   }
 
-  // The features, which stand at their guides, where they look as in the picture they were born in.
+  // Measures these features, which are at their guides, against the picture of their birth.
   void MeasureAgainst(const Picture& anchor,
                       const Picture& picture,
                       const std::vector<std::size_t>& features,

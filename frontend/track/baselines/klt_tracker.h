@@ -21,7 +21,8 @@ struct KltOptions {
              o.forward_backward_px,
              0.0,
              100.0,
-             "a feature ends if tracking back misses its start by more [px]; 0: no check");
+             "forward-backward check: a feature ends if tracking back misses its start by more "
+             "than this [px]; 0: no check");
   }
 };
 
@@ -42,27 +43,28 @@ struct AnchoredKltOptions {
              o.guide_max_level,
              0,
              8,
-             "pyramid levels above full resolution, from frame to frame");
+             "pyramid levels above full resolution for tracking from frame to frame");
     v.Number("anchor_max_level",
              o.anchor_max_level,
              0,
              8,
-             "pyramid levels above full resolution, against the first frame");
+             "pyramid levels above full resolution for tracking from the feature's first frame");
     v.Number("max_distance_px",
              o.max_distance_px,
              0.1,
              50.0,
-             "a place further from the guide is unconfirmed [px]");
+             "maximum distance of a confirmed position from the guide [px]");
     v.Number("forward_backward_px",
              o.forward_backward_px,
              0.01,
              100.0,
-             "unconfirmed if tracking back misses the place in the first frame by more [px]");
+             "forward-backward check: a position is unconfirmed if tracking back misses the "
+             "position in the first frame by more than this [px]");
     v.Number("max_unconfirmed_frames",
              o.max_unconfirmed_frames,
              0,
              100000,
-             "a feature unconfirmed for more frames in a row ends");
+             "a feature ends after more than this many unconfirmed frames in a row");
   }
 };
 

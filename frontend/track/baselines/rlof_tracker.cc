@@ -16,8 +16,9 @@ class RlofMover final : public FrameToFrameMover {
     parameters_->setSupportRegionType(cv::optflow::SR_FIXED);
     parameters_->setLargeWinSize(options.window_px);
     parameters_->setMaxLevel(options.max_level);
-    parameters_->setUseMEstimator(true);  // Hampel's norm in place of least squares
-    // Gain and offset of every patch are two more unknowns for what little a dark patch tells.
+    parameters_->setUseMEstimator(true);  // Hampel's norm instead of least squares
+    // A gain and an offset for every patch would be two more unknowns, and a dark patch contains
+    // little information.
     parameters_->setUseIlluminationModel(false);
   }
 
@@ -25,7 +26,7 @@ class RlofMover final : public FrameToFrameMover {
   std::vector<Step> Flow(const std::vector<cv::Mat>& from,
                          const std::vector<cv::Mat>& to,
                          const std::vector<cv::Point2f>& starts) const override {
-    // In narrower pictures OpenCV's takes memory without end.
+    // In narrower pictures, OpenCV's implementation allocates memory without bound.
     constexpr int kLeastWidthPx = 64;
     parameters_->setUseGlobalMotionPrior(from[0].cols >= kLeastWidthPx);
     std::vector<cv::Point2f> ends;

@@ -21,7 +21,8 @@ struct RlofOptions {
              o.forward_backward_px,
              0.0,
              100.0,
-             "a feature ends if tracking back misses its start by more [px]; 0: no check");
+             "forward-backward check: a feature ends if tracking back misses its start by more "
+             "than this [px]; 0: no check");
   }
 };
 

@@ -12,7 +12,7 @@
 
 namespace cohort {
 
-// Where a mover places a feature.
+// The position to which a mover moves a feature.
 struct Move {
   Eigen::Vector2d xy = Eigen::Vector2d::Zero();
   ObservationState state = ObservationState::kObserved;

@@ -12,20 +12,20 @@
 namespace cohort {
 namespace {
 
-// Of thirteen real clips joined end to end, by day, the match was 0.33 at most, and the flow over
-// 0.22 in 3 of 612; frames of one scene that went by too fast for a match of 0.5 had a flow of 0.25
-// and more, also in the dark. Where a scene sinks into noise its match falls by less than a half.
-// docs/results/cuts.md has what comes of it.
+// Between thirteen real clips joined end to end, in daylight, the match was at most 0.33, and the
+// flow exceeded 0.22 at 3 of 612 cuts; frames of one scene that moved too fast for a match of 0.5
+// had a flow of 0.25 and more, also in the dark. If a scene fades into noise, its match falls by
+// less than half. The results are in docs/results/cuts.md.
 constexpr double kSame = 0.5;   // match
 constexpr double kDrop = 0.5;   // of match, from frame to frame
 constexpr double kFlow = 0.22;  // share of blocks
 
 constexpr double kSmallArea = 4800.0;  // pixels
-constexpr double kCoarsePx = 6.0;      // of the small picture: coarser shades are taken away
+constexpr double kCoarsePx = 6.0;      // of the small picture: coarser shades are removed
 constexpr int kWatchedBlockPx = 10;
-constexpr int kLeastBlocks = 20;  // of fewer no share says anything
+constexpr int kLeastBlocks = 20;  // with fewer, no share is meaningful
 
-// Empty where the picture is too small to be told.
+// Empty if the picture is too small.
 cv::Mat SmallPicture(const Pyramid& picture) {
   const double scale = std::min(1.0, std::sqrt(kSmallArea / picture.levels[0].size().area()));
   const cv::Size size(static_cast<int>(std::lround(scale * picture.width())),
@@ -47,7 +47,8 @@ double Correlation(const cv::Mat& a, const cv::Mat& b) {
   return squares > 0.0 ? a.dot(b) / std::sqrt(squares) : 0.0;
 }
 
-// Of two pictures where they overlap, by no shift or by that of phase correlation.
+// The correlation of the overlap of two pictures, without a shift or with that of phase
+// correlation, whichever is larger.
 double Match(const cv::Mat& before, const cv::Mat& now) {
   const double unshifted = Correlation(before, now);
   const cv::Point2d peak = cv::phaseCorrelate(before, now);
@@ -60,7 +61,7 @@ double Match(const cv::Mat& before, const cv::Mat& now) {
   return std::max(unshifted, Correlation(before(overlap), now(overlap + shift)));
 }
 
-// The share of blocks that go where a neighbour goes, to 2 px.
+// The share of blocks that move like a neighbour, to within 2 px.
 double Flow(const cv::Mat& before, const cv::Mat& now) {
   constexpr int kAlikePx = 2;
   const int columns = before.cols / kWatchedBlockPx;
@@ -99,9 +100,9 @@ double Flow(const cv::Mat& before, const cv::Mat& now) {
   return static_cast<double>(alike) / (columns * rows);
 }
 
-// Shows `small` nothing, beside one that it has nothing in common with? `blank`: what was blank
-// before it, or empty. A dim scene has less contrast too, but matches itself in the next frame.
-// `step`: of the picture's intensities, by less than half of which nothing is seen.
+// Whether `small` shows nothing compared with `last`, with which it has nothing in common. `blank`:
+// the blank picture before it, or empty. A dim scene has little contrast too, but matches itself in
+// the next frame. `step`: of the picture's intensities; a contrast below half a step shows nothing.
 bool IsBlank(const cv::Mat& small, const cv::Mat& last, const cv::Mat& blank, double step) {
   constexpr double kLess = 0.1;
   const auto contrast = [](const cv::Mat& picture) {
@@ -128,7 +129,7 @@ SceneChange SceneWatch::Follow(const Pyramid& picture) {
         return SceneChange::kBlank;
       }
       change = SceneChange::kCut;
-      match = 0.0;  // of what begins here nothing is known yet
+      match = 0.0;  // nothing is known yet about the new scene
     }
   }
   last_ = std::move(small);

@@ -7,7 +7,7 @@
 namespace cohort {
 
 enum class SceneChange {
-  kNone,   // the scene goes on, or the pictures do not decide
+  kNone,   // the scene continues, or the pictures do not decide
   kBlank,  // nothing is seen compared with the last picture: a lost frame, a flash, a hand
   kCut,    // the picture has nothing in common with the earlier ones
 };

@@ -12,10 +12,10 @@
 namespace cohort::trajectory_model {
 namespace {
 
-// Variances of the entries of vec(C) from one frame to the next.
+// Inverse variances of the steps of the entries of vec(C) from one frame to the next.
 Eigen::VectorXd InformationOfMotion(const State& state) {
-  // Until so many frames tell how cameras move, next to nothing is said of it: a picture's width
-  // for positions, a hundredth for depth, which is about 1.
+  // With no more frames than this, the motion of the cameras is not known yet, and the prior is
+  // weak: a picture's width for positions, a hundredth for depth, which is about 1.
   constexpr std::size_t kLeastSteps = 4;
   constexpr double kFirstStepPx = 1000.0;
   constexpr double kFirstStepOfDepth = 0.01;
@@ -92,7 +92,7 @@ CameraFit FitSized(const State& state, std::span<const Observation> now) {
   const Eigen::VectorXd prior = InformationOfMotion(state);
   CameraFit fit;
   fit.camera = before;
-  // The noise of every measurement, which no pass changes.
+  // The noise of every measurement, which is the same in all passes.
   std::vector<Eigen::Matrix2d> noise;
   for (const std::size_t f : observed) noise.push_back(now[f].information.inverse());
   std::vector<double> weights(observed.size(), 1.0);
@@ -125,7 +125,7 @@ CameraFit FitSized(const State& state, std::span<const Observation> now) {
       fit.covariance = solver.solve(Eigen::MatrixXd::Identity(n, n));
       return fit;
     }
-    // Where all squares are larger than their noise says, none of them is more in doubt for it.
+    // If all squares exceed what their noise explains, no single one should lose weight for it.
     const double scale = std::max(1.0, Median(squares) / kMedianChiSquare);
     for (std::size_t i = 0; i < observed.size(); ++i) {
       weights[i] = StudentWeight(squares[i] / scale);

@@ -9,7 +9,7 @@
 namespace cohort::trajectory_model {
 namespace {
 
-// Half a pixel, until a measurement tells; chosen by eye on the tuning clips.
+// Half a pixel, until there is a measurement. Tuned on the tuning clips.
 constexpr double kUnmeasuredAnchorInformation = 4.0;
 
 // Twice the negative logarithm of the prior.
@@ -107,15 +107,15 @@ double CostOfFeature(const State& state,
 void FitFeature(State& state, std::size_t f) {
   constexpr int kStepsOfNew = 8;
   constexpr int kHalvings = 5;
-  // Half the square of a step in its deviations, where the posterior is as good as quadratic: such a
-  // step needs no comparison of costs, which takes twice the time of the step.
+  // Half the square of a step in its standard deviations, below which the posterior is practically
+  // quadratic. Such a step needs no comparison of costs, which takes twice the time of the step.
   constexpr double kSmallStep = 0.1;
   const Eigen::Index dimensions = state.rank + 2;
   Feature& feature = state.features[f];
   const bool is_new = feature.mean.size() != dimensions;
   if (is_new) feature.mean = Vector::Zero(dimensions);
   for (int i = 0; i < (is_new ? kStepsOfNew : 1); ++i) {
-    // At zero the residuals of a new feature say nothing of its measurements.
+    // At zero the residuals of a new feature do not show which of its measurements are outliers.
     const Noise noise = is_new && i == 0 ? Noise::kGaussian : Noise::kStudent;
     const FeatureEquations equations = EquationsOfFeature(state, f, noise);
     feature.covariance = InverseOf(equations.information);

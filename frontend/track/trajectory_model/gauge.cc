@@ -6,7 +6,7 @@
 namespace cohort::trajectory_model {
 namespace {
 
-// The covariance of (z, e) where z moves by A dz.
+// The covariance of (z, e) if z moves by A dz.
 void MapCoordinates(const Matrix& A, Feature& feature) {
   const Eigen::Index r = A.rows();
   Matrix& covariance = feature.covariance;
@@ -33,7 +33,7 @@ void CenterDepths(State& state) {
   for (Feature& f : state.features) {
     const double depth = 1.0 + d.dot(f.mean.head(r));
     f.mean.head(r) /= depth;
-    // Of z' = z / (1 + d'z) by z: (I - z' d') / (1 + d'z).
+    // The derivative of z' = z / (1 + d'z) by z: (I - z' d') / (1 + d'z).
     MapCoordinates((Matrix::Identity(r, r) - f.mean.head(r) * d.transpose()) / depth, f);
   }
 }

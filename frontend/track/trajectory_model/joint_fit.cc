@@ -15,7 +15,7 @@
 namespace cohort::trajectory_model {
 namespace {
 
-// One feature, taken out of the joint equations.
+// One feature, eliminated from the joint equations.
 template <int R>
 struct EliminatedFeature {
   // N_Cf of one camera: [1 z] (x) block, block = H' W J.
@@ -27,14 +27,14 @@ struct EliminatedFeature {
   Eigen::Matrix2d anchor_information;
   double cost = 0.0;
   typename Sized<R>::Information covariance;  // N_ff^-1
-  typename Sized<R>::Unknowns step;           // N_ff^-1 g_f: if the cameras stay
+  typename Sized<R>::Unknowns step;           // N_ff^-1 g_f: the step if the cameras do not move
   std::array<Coupling, JointFit::kMostFrames> couplings;
   std::size_t coupled = 0;
 };
 
-// The cameras' normal matrix while features are added. What a feature says of cameras k and l is
-// [1 z][1 z]' (x) M, M 3 x 3: of the first factor the lower triangle will do, and what is summed,
-// M's entries times the triangle's, lies in one piece.
+// The cameras' normal matrix while features are added. A feature contributes [1 z][1 z]' (x) M, M 3
+// x 3, for cameras k and l. The lower triangle of the first factor suffices, and the sums, M's
+// entries times those of the triangle, are contiguous.
 class CameraSums {
  public:
   CameraSums(Eigen::Index columns, std::size_t frames)
@@ -42,7 +42,7 @@ class CameraSums {
     sums_.assign(frames * (frames + 1) / 2 * static_cast<std::size_t>(9 * triangle_), 0.0);
   }
 
-  // The lower triangle of [1 z][1 z]', as Add takes it.
+  // The lower triangle of [1 z][1 z]', for Add.
   template <typename Homogeneous>
   void SetFeature(const Homogeneous& z) {
     Eigen::Index i = 0;
@@ -50,7 +50,7 @@ class CameraSums {
       for (Eigen::Index q = 0; q <= p; ++q) zz_[static_cast<std::size_t>(i++)] = z[p] * z[q];
     }
   }
-  // What the same frames were told elsewhere.
+  // Adds other sums over the same frames.
   void Add(const CameraSums& other) {
     for (std::size_t i = 0; i < sums_.size(); ++i) sums_[i] += other.sums_[i];
   }
@@ -96,7 +96,7 @@ class CameraSums {
   std::array<double, kMaxDimensions*(kMaxDimensions + 1) / 2> zz_{};
 };
 
-// The cameras' equations, and what has been taken out of them.
+// The cameras' equations, and the eliminated features.
 template <int R>
 struct JointEquations {
   Eigen::MatrixXd normal;  // its lower triangle
@@ -105,7 +105,7 @@ struct JointEquations {
   double cost = 0.0;  // at the linearisation
 };
 
-// Adds what a feature says of the cameras, itself eliminated.
+// Eliminates a feature and adds its contribution to the cameras' equations.
 template <int R>
 EliminatedFeature<R> Eliminate(
     const State& state, std::size_t f, std::size_t frames, CameraSums& sums, Eigen::VectorXd& rhs) {
@@ -157,7 +157,8 @@ template <int R>
 JointEquations<R> EquationsOf(const State& state, std::size_t frames) {
   const Eigen::Index n = 3 * (state.rank + 1);
   const std::size_t features = state.features.size();
-  // The features are added in so many shares, whatever the number of threads: the same sums.
+  // The features are added in this many shares, independent of the number of threads, so that the
+  // sums are always the same.
   constexpr std::size_t kShares = 8;
   std::vector<CameraSums> sums(kShares, CameraSums(state.rank + 1, frames));
   std::vector<Eigen::VectorXd> rhs(kShares,
@@ -182,8 +183,8 @@ JointEquations<R> EquationsOf(const State& state, std::size_t frames) {
   return equations;
 }
 
-// Moves cameras by `step`, their vec's below each other, and every feature by what follows of it.
-// Returns the cost there.
+// Moves the cameras by `step`, the concatenation of their vecs, and every feature by the resulting
+// step. Returns the cost there.
 template <int R>
 double Move(const JointEquations<R>& equations,
             const Eigen::VectorXd& step,
@@ -211,7 +212,7 @@ double Move(const JointEquations<R>& equations,
   return std::accumulate(costs.begin(), costs.end(), 0.0);
 }
 
-// One step; returns false where five dampings find none.
+// Takes one step; returns false if none is found with five dampings.
 template <int R>
 bool SizedStep(State& state, std::size_t count, double& damping) {
   constexpr int kDampings = 5;

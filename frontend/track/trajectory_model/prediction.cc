@@ -6,8 +6,8 @@
 namespace cohort::trajectory_model {
 namespace {
 
-// The deviation of what depth, whose dimension has not shown yet, may add; chosen by eye on the
-// tuning clips.
+// Standard deviation of the parallax that a depth dimension which has not shown yet may add. Tuned
+// on the tuning clips.
 constexpr double kUnknownDepthPx = 1.5;
 
 template <int R>

@@ -25,8 +25,8 @@ Eigen::Vector2d Residual(const Projection& projection,
 }
 
 void FixCameraGauge(bool perspective, Eigen::Ref<Eigen::MatrixXd> normal) {
-  // vec(C) goes down the columns: entry 3 p + 2 is C's last row in column p. Held by so much
-  // information that a step there is nothing beside the others'.
+  // vec(C) is column-major: entry 3 p + 2 is C's last row in column p. It is fixed by so much
+  // information that its step is negligible.
   const double much = 1e6 * normal.trace() + 1.0;
   normal(2, 2) += much;
   if (perspective) return;

@@ -16,10 +16,10 @@
 namespace cohort::trajectory_model {
 namespace {
 
-// Which features may add a coordinate, of every so many.
+// Which features may add a coordinate, of every `stride`-th feature.
 std::vector<std::uint8_t> MayAdd(const State& state, std::size_t stride) {
-  // So often a feature was observed that is no newcomer; chosen by eye on the tuning clips with an
-  // occluder. In a short window one miss is allowed.
+  // The number of observations after which a feature is established. Tuned on the tuning clips,
+  // with an occluder. In a short window one miss is allowed.
   constexpr std::size_t kEstablished = 8;
   const std::size_t least = std::min(kEstablished, state.frames.size() - 2);
   std::vector<std::uint8_t> may_add(state.features.size(), 0);
@@ -31,9 +31,9 @@ std::vector<std::uint8_t> MayAdd(const State& state, std::size_t stride) {
 
 struct Residuals {
   std::vector<WhitenedResidual> all;
-  // The same, 2 N x F, zero where nothing was measured: rows 2 l, 2 l + 1 are frame l's.
+  // The same as a matrix, 2 N x F, zero without a measurement: rows 2 l, 2 l + 1 belong to frame l.
   Eigen::MatrixXd table;
-  // How much each feature's residuals point away from the centre of the picture.
+  // The radial component of each feature's residuals, away from the centre of the picture.
   Eigen::VectorXd radial;
   double sum_of_squares = 0.0;
 };
@@ -66,9 +66,9 @@ Residuals ResidualsOf(const State& state, std::size_t stride) {
   return residuals;
 }
 
-// Alternating least squares go to the nearest optimum. They start at the strongest affine direction
-// (sideways motion, another body), and at the one that moves features towards and away from their
-// centre (motion ahead).
+// Alternating least squares converge to the nearest optimum. They start from the strongest affine
+// direction (sideways motion, another body), and from the one that moves features towards and away
+// from their centre (forward motion).
 Direction StrongestDirection(const State& state, const Residuals& residuals) {
   const Eigen::MatrixXd& R = residuals.table;
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(R * R.transpose());
@@ -85,7 +85,7 @@ Direction StrongestDirection(const State& state, const Residuals& residuals) {
 
 // The cameras' last column, and the coordinate before the anchor's error.
 void AddCoordinate(const Direction& direction, State& state) {
-  constexpr double kFirstVariance = 0.1;  // until FitFeature says it
+  constexpr double kFirstVariance = 0.1;  // until FitFeature estimates it
   const Eigen::Index r = state.rank;
   state.rank = static_cast<int>(r) + 1;
   for (std::size_t l = 0; l < state.frames.size(); ++l) {
@@ -133,7 +133,7 @@ Direction FitDirection(std::span<const WhitenedResidual> residuals,
                        bool perspective,
                        Eigen::VectorXd v) {
   constexpr int kMostIterations = 10;
-  constexpr double kLeastGain = 0.02;  // of what is explained
+  constexpr double kLeastGain = 0.02;  // of the explained sum
   const auto N = static_cast<Eigen::Index>(frames);
   Direction direction{std::move(v), Eigen::Matrix3Xd::Zero(3, N)};
   for (int i = 0; i < kMostIterations; ++i) {
@@ -177,17 +177,17 @@ double EdgeOfNoise(std::size_t features, std::size_t frames, bool perspective) {
 
 namespace {
 
-// The direction that is missing, by every so many of the features; none where noise would explain
-// it.
+// The missing direction, from every `stride`-th feature; nullopt if noise would explain it.
 std::optional<Direction> MissingDirection(const State& state, std::size_t stride) {
   constexpr std::size_t kLeastResiduals = 20;
-  // Of the edge of noise. Noise itself reaches 0.6 here, as the fit has taken a part of it out: up
-  // to the three of a rigid scene one coordinate too many does no harm, beyond them it would.
+  // As a share of the edge of noise. Noise itself reaches 0.6 here, because the fit has removed a
+  // part of it. Up to the three coordinates of a rigid scene, one too many does no harm; beyond
+  // them it would.
   const double least_strength = state.rank < kRigidRank ? 0.5 : 1.0;
   const Residuals residuals = ResidualsOf(state, stride);
   if (residuals.all.size() < kLeastResiduals) return std::nullopt;
   Direction direction = StrongestDirection(state, residuals);
-  // Over the noise that is there, should it be more than the measurements state.
+  // Relative to the actual noise, if that exceeds what the measurements state.
   const double variance =
       std::max(1.0, residuals.sum_of_squares / (2.0 * static_cast<double>(residuals.all.size())));
   const std::size_t asked = (state.features.size() + stride - 1) / stride;
@@ -200,7 +200,7 @@ std::optional<Direction> MissingDirection(const State& state, std::size_t stride
 
 void AdaptRank(State& state, int max_rank) {
   constexpr std::size_t kFeaturesPerRank = 2;
-  constexpr std::size_t kEnough = 500;  // to see whether a direction is missing
+  constexpr std::size_t kEnough = 500;  // features, to detect a missing direction
   const auto needed = kFeaturesPerRank * (static_cast<std::size_t>(state.rank) + 1);
   if (state.rank >= max_rank || needed > state.features.size()) return;
   const std::size_t stride = 1 + state.features.size() / kEnough;

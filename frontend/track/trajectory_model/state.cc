@@ -35,7 +35,7 @@ double MisfitOfFrame(const Frame& frame, std::span<const Feature> features) {
 }
 
 double MisfitOfFeature(const State& state, std::size_t f) {
-  // Degrees of freedom that count as if they fitted; chosen by eye on the tuning clips.
+  // Additional degrees of freedom that count as fitting. Tuned on the tuning clips.
   constexpr double kPrior = 6.0;
   if (state.rank == 0) return 1.0;
   double chi_square = kPrior;

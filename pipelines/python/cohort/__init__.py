@@ -45,7 +45,7 @@ __all__ = [
 
 Path = Union[str, "os.PathLike[str]"]
 Array = npt.NDArray[Any]
-# progress(stage, done, total): called after every frame; total is None where nobody knows it. What
+# progress(stage, done, total): called after every frame; total is None if it is unknown. What
 # it raises ends the job.
 Progress = Callable[[str, int, Optional[int]], object]
 # A video, a folder or glob of images, a folder in TUM RGB-D, EuRoC or KITTI layout; or frames:
@@ -142,7 +142,7 @@ class Tracks:
             raise UsageError(f"the observations have no column {missing[0]}")
         unknown = [name for name in columns if name not in (OBSERVATION.names or ())]
         if unknown:
-            raise UsageError(f"the observations have a column {unknown[0]}, which nobody knows")
+            raise UsageError(f"the observations have a column {unknown[0]}, which is unknown")
         count = columns["frame"].size
         array = np.zeros(count, OBSERVATION)
         array["observed"] = True
@@ -255,7 +255,7 @@ class Tracks:
 
     @property
     def source(self) -> str:
-        """What the tracks were made of; empty for frames that came as arrays."""
+        """What the tracks were made from; empty for frames that came as arrays."""
         return self._file.source
 
     @property
@@ -328,10 +328,10 @@ class Reconstruction:
         try:
             self._summary: dict[str, Any] = json.loads(model.summary)
         except ValueError as error:
-            raise Error(f"the model's summary.json is no JSON: {error}") from None
+            raise Error(f"the model's summary.json is not valid JSON: {error}") from None
         reasons = self._summary.get("reasons", []) if isinstance(self._summary, dict) else None
         if not isinstance(reasons, list):
-            raise Error("the model's summary.json is not as cohort writes it")
+            raise Error("the model's summary.json does not have the form that cohort writes")
         self._reasons = [_doubt(reason) for reason in reasons]
 
     @staticmethod
@@ -515,10 +515,10 @@ def refine(
     if not isinstance(model, Reconstruction):
         raise TypeError(f"model is a {type(model).__name__}: give a cohort.Reconstruction")
     if not len(model.track_ids):
-        raise Error("the model has no points to look for: reconstruct first")
+        raise Error("the model has no points to measure: reconstruct first")
     mask_array, mask_path = _mask(mask)
     if clip is None and not tracks.source:
-        raise UsageError("the tracks are of frames that came as arrays: give them as clip")
+        raise UsageError("the tracks were made from frames that came as arrays: give them as clip")
     file, doubts = _cohort.refine(
         tracks._file,
         model._model,
@@ -546,14 +546,14 @@ def default_options(function: str) -> dict[str, Any]:
 def _to_json(options: Mapping[str, Any]) -> str:
     for name in _OF_THE_PROGRAM:
         if _is_given(options.get(name)):
-            raise UsageError(f"option {name} is the program's alone")
+            raise UsageError(f"option {name} is for the program only")
     kept = {name: value for name, value in options.items() if name not in _OF_THE_PROGRAM}
     try:
         return json.dumps(kept, default=_plain, allow_nan=False)
     except UsageError:
         raise
     except (TypeError, ValueError, RecursionError) as error:
-        raise UsageError(f"the options are none that JSON can hold: {error}") from None
+        raise UsageError(f"the options cannot be represented as JSON: {error}") from None
 
 
 def _plain(value: Any) -> Any:
@@ -581,7 +581,7 @@ def _doubt(reason: Any) -> Doubt:
         figures = {str(name): float(value) for name, value in reason["figures"].items()}
         return Doubt(str(reason["code"]), str(reason["sentence"]), figures)
     except (AttributeError, KeyError, TypeError, ValueError):
-        raise Error("the model's summary.json is not as cohort writes it") from None
+        raise Error("the model's summary.json does not have the form that cohort writes") from None
 
 
 def _mask(mask: Union[Path, Array, None]) -> tuple[Optional[Array], str]:
@@ -616,7 +616,7 @@ def _is_rgb(channels: str) -> bool:
 def _count(frames: Any) -> int:
     count = operator.index(frames)
     if not 0 <= count <= _MOST_FRAMES:
-        raise UsageError(f"a clip of {count} frames: up to {_MOST_FRAMES} are taken")
+        raise UsageError(f"a clip of {count} frames: up to {_MOST_FRAMES} are supported")
     return count
 
 
@@ -632,4 +632,4 @@ def _require_ids(name: str, column: Array) -> None:
     if column.size and column.dtype.kind not in "iu":
         raise UsageError(f"{name} has {column.dtype} values: give integers")
     if column.size and (column.min() < 0 or column.max() > 2**32 - 2):
-        raise UsageError(f"{name} has values that no 32-bit id can have")
+        raise UsageError(f"{name} has values that are not 32-bit ids")

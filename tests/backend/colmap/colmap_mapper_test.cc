@@ -537,7 +537,7 @@ TEST(ColmapProgram, SaysHowToGetColmap) {
                                                   HasSubstr("apt install colmap"),
                                                   HasSubstr("--colmap-program"))));
   EXPECT_THAT([] { ColmapProgram("/bin/true"); },
-              ThrowsMessage<Error>(HasSubstr("is not COLMAP (its -h says nothing)")));
+              ThrowsMessage<Error>(HasSubstr("is not COLMAP (its -h prints nothing)")));
   ColmapOptions options;
   options.program = (dir / "colmap").string();
   EXPECT_THAT([&] { ReconstructWithColmap(MakeSyntheticTracks().file, options, dir / "work"); },
@@ -595,7 +595,7 @@ TEST(ColmapProgram, TellsAKilledProgram) {
               ThrowsMessage<Error>(HasSubstr("colmap -h was killed by signal 11")));
   const FakeColmap incomplete("echo colmap: cannot find libceres.so.3; exit 127\n");
   EXPECT_THAT([&] { ColmapProgram(incomplete.path()); },
-              ThrowsMessage<Error>(HasSubstr("its -h says 'colmap: cannot find libceres.so.3'")));
+              ThrowsMessage<Error>(HasSubstr("its -h prints 'colmap: cannot find libceres.so.3'")));
 }
 
 TEST(ColmapProgram, ThatHangsIsKilledAtItsTimeLimit) {
@@ -761,7 +761,7 @@ TEST(ColmapMapper, ADeathWhileItWritesLosesNoOtherModel) {
   const ColmapResult other = reconstruct(dying("'mapper '*sparse0", "/0"));
   EXPECT_EQ(other.summary.registered, 8u) << other.summary.Brief();
   EXPECT_THAT(other.summary.termination,
-              testing::AllOf(HasSubstr("done, a mapper that ended with exit code 137"),
+              testing::AllOf(HasSubstr("done, a mapper run that ended with exit code 137"),
                              HasSubstr("images.bin")));
   const ColmapResult none = reconstruct(dying("'mapper --'*", "/0"));
   EXPECT_TRUE(none.summary.Failed());
@@ -806,7 +806,7 @@ TEST(ColmapMapper, SaysWhereTheModelThatItReturnsBegan) {
   EXPECT_THAT(termination_without("'mapper --'*sparse0"),
               testing::AllOf(HasSubstr("initial pair: frames"), Not(HasSubstr(search.reason))));
   EXPECT_THAT(termination_without("'mapper --'*--Mapper.init_image_id1*"),
-              HasSubstr("initial pair: COLMAP's own"));
+              HasSubstr("initial pair: chosen by COLMAP"));
 }
 
 TEST(AdjustWithColmap, TakesWhatItsMapperWouldGetAlone) {

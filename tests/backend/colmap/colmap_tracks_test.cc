@@ -160,8 +160,9 @@ TEST(ColmapTracks, ImagesThatAreNoFrameAreCounted) {
   EXPECT_THAT([&] { Tracks(database, 0); },
               ThrowsMessage<Error>(HasSubstr("none of its 4 images")));
   database.images[2].name = "left/0.png";
-  EXPECT_THAT([&] { Tracks(database); },
-              ThrowsMessage<Error>(AllOf(HasSubstr("left/0.png"), HasSubstr("both frame 0"))));
+  EXPECT_THAT(
+      [&] { Tracks(database); },
+      ThrowsMessage<Error>(AllOf(HasSubstr("left/0.png"), HasSubstr("both match frame 0"))));
 }
 
 TEST(ColmapTracks, WithoutVerifiedMatchesOrWithAPositionThatIsNoneThereAreNone) {
@@ -244,7 +245,7 @@ TEST(ColmapModelTracks, PointsThatNoImageSeesAreNoTracks) {
   ColmapModel model = Model();
   for (auto& [id, point] : model.points) point.track.clear();
   EXPECT_THAT([&] { Tracks(model); },
-              ThrowsMessage<Error>(HasSubstr("none of its 2 points is seen in an image")));
+              ThrowsMessage<Error>(HasSubstr("none of its 2 points is observed in an image")));
 }
 
 TEST(ColmapModelTracks, APointTwiceInAnImageKeepsTheFirst) {
@@ -289,7 +290,7 @@ TEST(ColmapModelTracks, SaysInOneLineWhatIsNotThere) {
   fails([](ColmapModel& m) { m.points[8].track.emplace_back(9, 0); }, "image 9");
   fails([](ColmapModel& m) { m.points[8].track.emplace_back(3, 3); }, "index 3");
   fails([](ColmapModel& m) { m.points.clear(); }, "0 points");
-  fails([](ColmapModel& m) { m.images[1].camera_id = 9; }, "camera 9, which is not there");
+  fails([](ColmapModel& m) { m.images[1].camera_id = 9; }, "camera 9, which does not exist");
   fails(
       [](ColmapModel& m) {
         m.images[1].points2d[0].xy.x() = std::numeric_limits<double>::infinity();

@@ -860,12 +860,12 @@ TEST(ColmapDatabase, NamesADamagedOrForeignFile) {
     db.Execute("CREATE TABLE t(x)");
   }
   EXPECT_THAT([&] { ReadColmapDatabase(dir / "other.db"); },
-              ThrowsMessage<Error>(HasSubstr("is no COLMAP database")));
+              ThrowsMessage<Error>(HasSubstr("is not a COLMAP database")));
   WriteColmapDatabase(dir / "a.db", ThreeFrames());
   Open(dir / "a.db").Execute("UPDATE keypoints SET rows = 5 WHERE image_id = 1");
-  EXPECT_THAT(
-      [&] { ReadColmapDatabase(dir / "a.db"); },
-      ThrowsMessage<Error>(HasSubstr("table keypoints has 16 bytes, no 10 values of 4 bytes")));
+  EXPECT_THAT([&] { ReadColmapDatabase(dir / "a.db"); },
+              ThrowsMessage<Error>(
+                  HasSubstr("table keypoints has 16 bytes instead of 10 values of 4 bytes")));
 }
 
 // Numbers whose product or size in bytes fits no integer.

@@ -214,7 +214,7 @@ TEST(ColmapModel, MapsAMappersPointsToFeatures) {
 
   model.points.begin()->second.track[0].second += 1;
   EXPECT_THAT([&] { FromColmapModel(model, scene.file); },
-              ThrowsMessage<Error>(HasSubstr("not of these tracks")));
+              ThrowsMessage<Error>(HasSubstr("not made from these tracks")));
 }
 
 TEST(ModelFolder, HoldsModelTrajectoryAndPoints) {
@@ -276,7 +276,7 @@ TEST(ModelFolder, AnEmptyReconstructionIsAModelToo) {
 TEST(ColmapModel, NamesTheLineOrByteThatIsDamaged) {
   const TempDir dir;
   EXPECT_THAT([&] { ReadColmapModel(dir.path()); },
-              ThrowsMessage<Error>(HasSubstr("is no model folder")));
+              ThrowsMessage<Error>(HasSubstr("is not a model folder")));
   const ColmapModel model = ToColmapModel(TrueReconstruction(SmallScene()));
   WriteColmapModel(dir.path(), model, ColmapModelFormat::kText);
   WriteBytes(dir / "points3D.txt", "# points\n1 0 0 zero 1 2 3 0.5\n");
@@ -287,7 +287,7 @@ TEST(ColmapModel, NamesTheLineOrByteThatIsDamaged) {
               ThrowsMessage<Error>(HasSubstr("points3D.txt, line 2: a second point 1")));
   WriteBytes(dir / "points3D.txt", "1 0 0 0 1 2 3 0.5 77 0\n");
   EXPECT_THAT([&] { ReadColmapModel(dir.path()); },
-              ThrowsMessage<Error>(HasSubstr("image 77, which is not there")));
+              ThrowsMessage<Error>(HasSubstr("image 77, which does not exist")));
   const std::string camera = "7 PINHOLE 160 120 131 131 80 60\n";
   WriteBytes(dir / "cameras.txt", camera + camera);
   EXPECT_THAT([&] { ReadColmapModel(dir.path()); },
@@ -299,7 +299,7 @@ TEST(ColmapModel, NamesTheLineOrByteThatIsDamaged) {
   const std::string bytes = ReadBytes(dir / "images.bin");
   WriteBytes(dir / "images.bin", bytes.substr(0, bytes.size() / 2));
   EXPECT_THAT([&] { ReadColmapModel(dir.path()); },
-              ThrowsMessage<Error>(HasSubstr("images.bin is cut short or damaged")));
+              ThrowsMessage<Error>(HasSubstr("images.bin is truncated or damaged")));
   const std::string camera_twice = ReadBytes(dir / "cameras.bin");
   WriteBytes(dir / "cameras.bin",
              std::string("\2") + camera_twice.substr(1) + camera_twice.substr(8));
@@ -313,7 +313,7 @@ TEST(ModelFolder, OfColmapsOwnIsNotReplaced) {
   std::filesystem::create_directory(dir / "sparse");
   WriteColmapModel(dir / "sparse", ToColmapModel(truth), ColmapModelFormat::kBinary);
   EXPECT_THAT([&] { WriteReconstruction(dir / "sparse", truth); },
-              ThrowsMessage<Error>(HasSubstr("was not written by us")));
+              ThrowsMessage<Error>(HasSubstr("were not written by cohort")));
   WriteReconstruction(dir / "model", truth);
   EXPECT_NO_THROW(WriteReconstruction(dir / "model", truth));
 }
@@ -383,7 +383,7 @@ TEST(ColmapModel, TakesNoNumbersThatAreNone) {
     bytes[7] = 0x10;  // the last byte of the count
     WriteBytes(dir / file, bytes);
     EXPECT_THAT([&] { ReadColmapModel(dir.path()); },
-                ThrowsMessage<Error>(HasSubstr("cut short or damaged")))
+                ThrowsMessage<Error>(HasSubstr("truncated or damaged")))
         << file;
   }
 }

@@ -42,9 +42,9 @@ TEST(Judgement, AModelWithoutDepthIsWorthless) {
   for (int f = 0; f < whitened.frame_count(); ++f) model.SetPose(f, still);
   const Judgement judgement = JudgeModel(model, *scene.file.camera, {0, 8, 16});
   ASSERT_TRUE(judgement.worthless);
-  EXPECT_THAT(judgement.worthless->detail, HasSubstr("depths are not known at all: too little"));
+  EXPECT_THAT(judgement.worthless->detail, HasSubstr("depths are unknown: too little"));
   EXPECT_THAT(SentencesOf(judgement.doubts),
-              ElementsAre(HasSubstr("depths are not known at all: move"),
+              ElementsAre(HasSubstr("depths are unknown: move"),
                           HasSubstr("none of the parallax is explained: the tracks drift")));
   EXPECT_THAT(judgement.doubts,
               ElementsAre(Field(&Doubt::code, DoubtCode::kWeakDepth),

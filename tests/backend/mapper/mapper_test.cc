@@ -205,7 +205,7 @@ TEST(IncrementalMapper, SaysWhenAReadoutChangesNothing) {
   EXPECT_TRUE(ReconstructWithCeres(MakeSyntheticTracks(scene).file, options).warnings.empty());
   scene.frame_stride = 4;
   EXPECT_THAT(ReconstructWithCeres(MakeSyntheticTracks(scene).file, options).warnings,
-              testing::ElementsAre(HasSubstr("the readout of 0.5 changes nothing")));
+              testing::ElementsAre(HasSubstr("the readout of 0.5 has no effect")));
 }
 
 // What looks like parallax is each track's own drift: no model without a doubt of it.
@@ -219,10 +219,9 @@ TEST(IncrementalMapper, TracksThatDriftGiveNoGoodModelWhereTheCameraHasNoParalla
       EXPECT_NE(result.summary.Quality(), ModelQuality::kGood) << result.summary.Brief();
       if (result.summary.Quality() == ModelQuality::kDoubtful) {
         EXPECT_THAT(SentencesOf(result.summary.reasons),
-                    Contains(HasSubstr("parallax is left unexplained")));
+                    Contains(HasSubstr("parallax is unexplained")));
       } else {
-        EXPECT_THAT(result.summary.termination,
-                    HasSubstr("they drift, or are on things that move"));
+        EXPECT_THAT(result.summary.termination, HasSubstr("they drift, or lie on moving objects"));
       }
     }
   }
@@ -370,7 +369,7 @@ TEST(IncrementalMapper, SaysWhenTheTracksContradictAKnownCamera) {
   const MapperResult focal = ReconstructWithCeres(scene.file);
   ASSERT_TRUE(focal.better_camera) << focal.summary.Brief();
   EXPECT_NEAR(focal.better_camera->fx, 500.0, 60.0);
-  EXPECT_THAT(focal.summary.termination, HasSubstr("the tracks contradict the camera given"));
+  EXPECT_THAT(focal.summary.termination, HasSubstr("the tracks contradict the given camera"));
   // A distorted camera without its coefficients.
   SyntheticTracksOptions options = Scene(CameraPath::kArc, 0.3);
   options.camera.k1 = -0.25;
@@ -390,7 +389,7 @@ TEST(IncrementalMapper, SaysWhenTheModelLeavesMoreThanTheTracksNoise) {
   ASSERT_EQ(result.termination, MapperTermination::kSuccess);
   EXPECT_THAT(result.summary.termination,
               testing::AllOf(HasSubstr("the model leaves a noise of 0."),
-                             HasSubstr("the tracks drift or are on things that move")));
+                             HasSubstr("the tracks drift or lie on moving objects")));
 }
 
 TEST(IncrementalMapper, AClipThatBreaksHasTwoParts) {

@@ -379,7 +379,7 @@ TEST_F(DegradeClip, ReplacesNoClipThatOthersWrote) {
   WriteBytes(dir_ / "tum/rgb/1305031102.175304.png", "precious");
   WriteBytes(dir_ / "tum/rgb.txt", "1305031102.175304 rgb/1305031102.175304.png\n");
   EXPECT_THAT([&] { TumWriter writer(dir_ / "tum"); },
-              ThrowsMessage<Error>(HasSubstr("was not written by us")));
+              ThrowsMessage<Error>(HasSubstr("were not written by cohort")));
   EXPECT_TRUE(fs::exists(dir_ / "tum/rgb/1305031102.175304.png"));
 }
 

@@ -365,7 +365,7 @@ TEST(ImageFolder, TheFirstBytesSayWhetherItIsAPicture) {
     const TempDir dir;
     test::WriteText(dir / "0.png", bytes);
     EXPECT_THAT([&] { OpenSequence(dir.path()); },
-                ThrowsMessage<Error>(AllOf(HasSubstr("0.png"), HasSubstr("no PNG"))))
+                ThrowsMessage<Error>(AllOf(HasSubstr("0.png"), HasSubstr("not a PNG"))))
         << bytes;
   }
   for (const char* ending : {"png", "jpg", "bmp", "tif", "pgm", "webp", "jp2", "ras"}) {

@@ -414,7 +414,7 @@ TEST_F(Euroc, SaysWhatIsWrongWithTheSensorFile) {
   EXPECT_THAT(with("intrinsics:", std::string(65, 'i') + ":"),
               ThrowsMessage<Error>(HasSubstr("is not `key: value`")));
   EXPECT_THAT(with("[64, 48]", "[64, 48"), ThrowsMessage<Error>(HasSubstr("resolution")));
-  EXPECT_THAT(with("[64, 48]", "64"), ThrowsMessage<Error>(HasSubstr("no list")));
+  EXPECT_THAT(with("[64, 48]", "64"), ThrowsMessage<Error>(HasSubstr("not a list")));
   EXPECT_THAT(with("458.654", "-458.654"), ThrowsMessage<Error>(HasSubstr("focal lengths")));
   EXPECT_THAT(with("458.654", ".nan"), ThrowsMessage<Error>(HasSubstr("sensor.yaml")));
   EXPECT_THAT(with("[64, 48]", "[1e300, 48]"), ThrowsMessage<Error>(HasSubstr("resolution")));
@@ -532,9 +532,8 @@ TEST_F(Kitti, RowsOfMissingImagesAreNoOthers) {
   WriteImages("image_0");
   fs::remove(sequence_ / "image_0/000001.png");
   const auto open = [this] { OpenSequence(sequence_); };
-  const auto is_said =
-      ThrowsMessage<Error>(HasSubstr("3 rows, there are 2 images, of which number "
-                                     "1 is 000002.png"));
+  const auto is_said = ThrowsMessage<Error>(
+      HasSubstr("3 rows, but there are 2 images, of which number 1 is 000002.png"));
   WriteText(sequence_ / "times.txt", "0\n0.1\n0.2\n");
   EXPECT_THAT(open, is_said);
   WriteText(sequence_ / "times.txt", "0\n0.2\n");

@@ -253,7 +253,7 @@ TEST_F(Decoder, AMatroskaThatIsCutShortIsToldToTheFrame) {
   const std::string bytes = ReadBytes(Path("whole.mkv"));
   for (const double share : {0.3, 0.5, 0.7}) {
     WriteBytes(Path("cut.mkv"), bytes.substr(0, static_cast<std::size_t>(share * bytes.size())));
-    EXPECT_THAT(warning("cut.mkv"), HasSubstr("cut short")) << share;
+    EXPECT_THAT(warning("cut.mkv"), HasSubstr("truncated")) << share;
   }
   // Frames that were not exposed in time are none that are missing.
   Film("dark.mkv", "-c:v mpeg4", "select='not(between(n,3,7))'");

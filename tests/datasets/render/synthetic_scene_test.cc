@@ -372,7 +372,7 @@ TEST(ReadSceneFile, NamesWhatItCannotUse) {
   EXPECT_THAT(with("\"first_frame\": 0", "\"first_frame\": 10000001"),
               ThrowsMessage<Error>(HasSubstr("first_frame 10000001")));
   EXPECT_THAT(with("\"frames\": ", "\"frames\": 7, \"frames\": "),
-              ThrowsMessage<Error>(HasSubstr("\"frames\" stands twice")));
+              ThrowsMessage<Error>(HasSubstr("\"frames\" occurs twice")));
   EXPECT_THAT(with("\"seed\": \"", "\"seed\": \"x"), ThrowsMessage<Error>(HasSubstr("seed")));
   bad = good;
   bad.replace(bad.find("\"version\": ") + 11, 1, "999");

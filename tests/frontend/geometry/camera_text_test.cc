@@ -50,14 +50,14 @@ TEST(CameraText, NamesWhatIsWrong) {
     EXPECT_THAT([&] { CameraFromWords(words); }, ThrowsMessage<Error>(HasSubstr(expected)));
   };
   message({"1", "2", "3"}, "3 numbers: give fx,fy,cx,cy");
-  message({"1", "x", "3", "4"}, "'x' is no number");
-  message({"1", "2", "3", "nan"}, "'nan' is no number");
-  message({"1", "2", "3", "4", ""}, "'' is no number");
+  message({"1", "x", "3", "4"}, "'x' is not a number");
+  message({"1", "2", "3", "nan"}, "'nan' is not a number");
+  message({"1", "2", "3", "4", ""}, "'' is not a number");
   message({"0", "2", "3", "4"}, "must be above 0");
   message({"1", "2", "3", "4", "0", "0", "0"}, "3 distortion coefficients: a pinhole camera has");
   message({"1", "2", "3", "4", "fisheye", "0"},
           "1 distortion coefficients: a fisheye camera has 4");
-  message({"1", "2", "3", "4", "fish", "0", "0", "0", "0"}, "'fish' is no number");
+  message({"1", "2", "3", "4", "fish", "0", "0", "0", "0"}, "'fish' is not a number");
 }
 
 TEST(CameraText, WritesTheFewestCoefficientsThatHoldTheCamera) {

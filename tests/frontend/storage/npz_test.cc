@@ -134,9 +134,9 @@ TEST(Npz, RefusesWhatIsNoArrayOfNumbersInOneLine) {
                 ThrowsMessage<Error>(AllOf(HasSubstr("a.npz"), HasSubstr(name), HasSubstr(why))));
   };
   fails("objects", "Python objects");
-  fails("text", "type <U1 is not read");
-  fails("big", "type >f8 is not read");
-  fails("complex", "type <c16 is not read");
+  fails("text", "type <U1 is not supported");
+  fails("big", "type >f8 is not supported");
+  fails("complex", "type <c16 is not supported");
   fails("record", "structured");
 }
 
@@ -155,7 +155,7 @@ TEST(Npz, TrustsNoCount) {
     return "{'descr': '<f8', 'fortran_order': False, 'shape': (" + shape + "), }\\n";
   };
   const std::string misfit = "does not fit its 16 bytes";
-  const std::string too_many = "numbers are the most";
+  const std::string too_many = "numbers are the maximum";
   const std::string damaged = "header is damaged";
   const std::vector<std::pair<std::string, std::string>> cases = {
       {dictionary("2,"), ""},
@@ -228,8 +228,8 @@ TEST(Npz, ADamagedFileIsOneErrorThatNamesIt) {
     WriteBytes(dir / "wrong.npz", wrong);
     EXPECT_THAT(read("wrong.npz"), ThrowsMessage<Error>(HasSubstr("wrong.npz"))) << name;
   }
-  EXPECT_THAT(read("bytes.npz"), ThrowsMessage<Error>(HasSubstr("no .npy array")));
-  EXPECT_THAT(read("empty.npz"), ThrowsMessage<Error>(HasSubstr("cut short")));
+  EXPECT_THAT(read("bytes.npz"), ThrowsMessage<Error>(HasSubstr("not a .npy array")));
+  EXPECT_THAT(read("empty.npz"), ThrowsMessage<Error>(HasSubstr("truncated")));
   EXPECT_THAT(read("missing.npz"), ThrowsMessage<Error>(HasSubstr("missing.npz")));
   Forge(dir / "stored.npz", "'<f8'", "'<f9'");
   EXPECT_THAT(read("stored.npz"), ThrowsMessage<Error>(HasSubstr("stored.npz")));

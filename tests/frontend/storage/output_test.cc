@@ -76,11 +76,11 @@ TEST(OutputFile, ADeviceOrAPipeIsNoPlaceForAFile) {
   const test::TempDir dir;
   ASSERT_EQ(mkfifo((dir / "pipe").c_str(), 0600), 0);
   for (const std::string path : {"/dev/null", "/dev/stdout", "/proc/self/fd/1", "/dev/new"}) {
-    EXPECT_THAT([&] { CheckOutputPath(path); }, ThrowsMessage<Error>(HasSubstr("it is no file")))
+    EXPECT_THAT([&] { CheckOutputPath(path); }, ThrowsMessage<Error>(HasSubstr("it is not a file")))
         << path;
   }
   EXPECT_THAT([&] { OutputFile out(dir / "pipe"); },
-              ThrowsMessage<Error>(HasSubstr("it is no file")));
+              ThrowsMessage<Error>(HasSubstr("it is not a file")));
   EXPECT_TRUE(std::filesystem::is_fifo(dir / "pipe"));
   EXPECT_THAT([] { CheckOutputPath("-"); }, ThrowsMessage<Error>(HasSubstr("standard output")));
 }
@@ -111,7 +111,7 @@ TEST(InputRecord, NoOutputTakesThePlaceOfAFileThatTheRunReads) {
   WriteBytes(dir / "folder/c.partial", "precious");
   static_cast<void>(ReadBytes(dir / "folder/c.partial"));
   EXPECT_THAT([&] { CheckOutputPath(dir / "folder/c"); },
-              ThrowsMessage<Error>(HasSubstr("c.partial, which it is written as")));
+              ThrowsMessage<Error>(HasSubstr("c.partial, the temporary name of that output")));
   std::filesystem::create_directory(dir / "out.partial");
   WriteBytes(dir / "out.partial/a", "precious");
   static_cast<void>(ReadBytes(dir / "out.partial/a"));
@@ -269,7 +269,7 @@ TEST(OutputFolder, RefusesOneThatWasWrittenByOthersUnderTheSameNames) {
   std::filesystem::create_directory(dir / "model");
   EXPECT_NO_THROW(open());
   WriteBytes(dir / "model/a", "precious");
-  EXPECT_THAT(open, ThrowsMessage<Error>(HasSubstr("was not written by us")));
+  EXPECT_THAT(open, ThrowsMessage<Error>(HasSubstr("were not written by cohort")));
   EXPECT_EQ(ReadBytes(dir / "model/a"), "precious");
   WriteBytes(dir / "model/mark", "");
   EXPECT_NO_THROW(open());
@@ -285,7 +285,7 @@ TEST(OutputFolder, RefusesToRemoveAPartialFolderWithForeignFiles) {
   EXPECT_NO_THROW(open());
   std::filesystem::create_directory(dir / "s.partial");
   WriteBytes(dir / "s.partial/thesis.tex", "years");
-  EXPECT_THAT(open, ThrowsMessage<Error>(HasSubstr("s.partial, which holds thesis.tex")));
+  EXPECT_THAT(open, ThrowsMessage<Error>(HasSubstr("s.partial holds thesis.tex")));
   EXPECT_EQ(ReadBytes(dir / "s.partial/thesis.tex"), "years");
 }
 
@@ -293,7 +293,7 @@ TEST(OutputFolder, ALinkToNothingIsSaidBeforeTheWork) {
   const test::TempDir dir;
   std::filesystem::create_directory_symlink("nowhere", dir / "out");
   EXPECT_THAT([&] { OutputFolder out(dir / "out", {"a"}); },
-              ThrowsMessage<Error>(HasSubstr("a link to nothing")));
+              ThrowsMessage<Error>(HasSubstr("a dangling link")));
 }
 
 TEST(OutputFile, NothingThatTookItsPlaceIsRenamed) {
@@ -303,7 +303,8 @@ TEST(OutputFile, NothingThatTookItsPlaceIsRenamed) {
     OutputFile out(dir / "a");
     WriteBytes(dir / "other", "of another run");
     std::filesystem::rename(dir / "other", out.partial());
-    EXPECT_THAT([&] { out.Commit(); }, ThrowsMessage<Error>(HasSubstr("taken the place of")));
+    EXPECT_THAT([&] { out.Commit(); },
+                ThrowsMessage<Error>(HasSubstr("has been replaced by something else")));
   }
   EXPECT_EQ(ReadBytes(dir / "a"), "old");
   EXPECT_EQ(ReadBytes(dir / "a.partial"), "of another run");

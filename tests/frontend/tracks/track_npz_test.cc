@@ -197,13 +197,13 @@ TEST(TracksNpz, SaysInOneLineWhatCannotBe) {
       {"np.savez('a.npz', tracks=np.zeros((4, 0, 2)))", "no position"},
       {"np.savez('a.npz', tracks=tracks, vis=swap(vis))", "it is 3 x 4 instead of 4 x 3"},
       {"np.savez('a.npz', tracks=tracks, vis=vis[:3])", "it is 3 x 3 instead of 4 x 3"},
-      {"np.savez('a.npz', tracks=tracks, occlusion=10.0 * vis)", "10 is no probability"},
-      {"np.savez('a.npz', tracks=tracks, vis=np.full((4, 3), np.nan))", "nan is no probability"},
-      {"np.savez('a.npz', tracks=tracks[:0], frame_indices=np.zeros(0, int))", "names no frame"},
+      {"np.savez('a.npz', tracks=tracks, occlusion=10.0 * vis)", "10 is not a probability"},
+      {"np.savez('a.npz', tracks=tracks, vis=np.full((4, 3), np.nan))", "nan is not a probability"},
+      {"np.savez('a.npz', tracks=tracks[:0], frame_indices=np.zeros(0, int))", "lists no frame"},
       {"tracks[3, 1] = np.nan\nnp.savez('a.npz', tracks=tracks, vis=vis)",
        "track 1 in frame 3 is nan, nan and visible"},
       {"tracks[3, 1] = np.inf\nnp.savez('a.npz', tracks=tracks)", "track 1 in frame 3 is inf"},
-      {"np.savez('a.npz', tracks=tracks, track_ids=np.array([1, 1, 2]))", "1 is there twice"},
+      {"np.savez('a.npz', tracks=tracks, track_ids=np.array([1, 1, 2]))", "1 occurs twice"},
       {"np.savez('a.npz', tracks=tracks, track_ids=np.array([1, 2]))", "instead of 3 integers"},
       {"np.savez('a.npz', tracks=tracks, track_ids=np.array([1, 2, 1 << 32]))", "32 bits"},
       {"np.savez('a.npz', tracks=tracks, covariance=np.ones((4, 3, 3)))", "positive definite"},
@@ -303,7 +303,7 @@ TEST(TracksNpz, MoreCellsThanAreWrittenAreNotRead) {
   EXPECT_THAT([&] { saved.Read(0); }, ThrowsMessage<Error>(HasSubstr("does not fit its 8 bytes")));
   EXPECT_THAT([&] { saved.Read(1); },
               ThrowsMessage<Error>(AllOf(HasSubstr("a.npz, array tracks: it is 4 x 33554433 x 2"),
-                                         HasSubstr("268435456 numbers are the most"))));
+                                         HasSubstr("268435456 numbers are the maximum"))));
   EXPECT_THAT([&] { saved.Read(2); }, ThrowsMessage<Error>(HasSubstr("268435456 numbers are")));
 }
 

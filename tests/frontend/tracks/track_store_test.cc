@@ -186,19 +186,19 @@ TEST(TrackStore, NamesAFileThatIsMissingForeignOrDamaged) {
   const test::TempDir dir;
   EXPECT_THAT([&] { ReadTrackFile(dir / "missing.tracks"); },
               ThrowsMessage<Error>(HasSubstr("missing.tracks")));
-  EXPECT_THAT([&] { ReadTrackFile(dir.path()); }, ThrowsMessage<Error>(HasSubstr("no file")));
+  EXPECT_THAT([&] { ReadTrackFile(dir.path()); }, ThrowsMessage<Error>(HasSubstr("not a file")));
   WriteBytes(dir / "text.tracks", std::string(5000, 'x'));
   EXPECT_THAT([&] { ReadTrackFile(dir / "text.tracks"); },
               ThrowsMessage<Error>(HasSubstr("text.tracks")));
   WriteBytes(dir / "empty.tracks", "");
   EXPECT_THAT([&] { ReadTrackFile(dir / "empty.tracks"); },
-              ThrowsMessage<Error>(HasSubstr("is no .tracks file")));
+              ThrowsMessage<Error>(HasSubstr("is not a .tracks file")));
   {
     auto db = SqliteDatabase::Open(dir / "other.db", SqliteDatabase::Mode::kCreate);
     db.Execute("CREATE TABLE t(a)");
   }
   EXPECT_THAT([&] { ReadTrackFile(dir / "other.db"); },
-              ThrowsMessage<Error>(HasSubstr("other.db is no .tracks file")));
+              ThrowsMessage<Error>(HasSubstr("other.db is not a .tracks file")));
 
   WriteTrackFile(dir / "cut.tracks", Example(20));
   fs::resize_file(dir / "cut.tracks", fs::file_size(dir / "cut.tracks") / 2);

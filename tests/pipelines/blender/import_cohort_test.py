@@ -190,13 +190,13 @@ class WrittenByHand(unittest.TestCase):
                 self.assertEqual(camera.distorted, distorted)
 
     def test_errors_say_what_and_where(self):
-        with self.assertRaisesRegex(import_cohort.ImportFailed, "no_such holds no model: give"):
+        with self.assertRaisesRegex(import_cohort.ImportFailed, "no_such contains no model: give"):
             import_cohort.read(self.dir / "no_such")
         (self.dir / "transforms.json").write_text("[1]")
-        with self.assertRaisesRegex(import_cohort.ImportFailed, "is no transforms.json"):
+        with self.assertRaisesRegex(import_cohort.ImportFailed, "is not a transforms.json"):
             import_cohort.read(self.dir / "transforms.json")
         (self.dir / "cameras.txt").write_text("1 PINHOLE 640 480 here\n")
-        with self.assertRaisesRegex(import_cohort.ImportFailed, "no model in COLMAP's text form"):
+        with self.assertRaisesRegex(import_cohort.ImportFailed, "not a model in COLMAP's text format"):
             import_cohort.read(self.dir)
         (self.dir / "cameras.txt").unlink()
         pose = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]
@@ -219,7 +219,7 @@ class WrittenByHand(unittest.TestCase):
         with self.assertRaisesRegex(import_cohort.ImportFailed, "cannot read .*points3D.txt: No"):
             import_cohort.read(self.dir)
         os.mkfifo(self.dir / "points3D.txt")
-        with self.assertRaisesRegex(import_cohort.ImportFailed, "points3D.txt: it is no file"):
+        with self.assertRaisesRegex(import_cohort.ImportFailed, "points3D.txt: it is not a file"):
             import_cohort.read(self.dir)
 
     def test_points_become_a_coloured_mesh(self):

@@ -70,7 +70,8 @@ TEST_F(ReconstructWithColmapCommand, HasTheReasonsToDoubtThatCeresHas) {
   ASSERT_FALSE(contradicted.empty());
   EXPECT_EQ(contradicted[0]["code"], "camera-contradicted");
   EXPECT_THAT(contradicted[0]["sentence"].get<std::string>(),
-              testing::StartsWith("by Ceres' model of the same tracks: the tracks contradict"));
+              testing::StartsWith(
+                  "according to the model of Ceres from the same tracks: the tracks contradict"));
   EXPECT_NEAR(contradicted[0]["figures"]["given_fx"], scene.file.camera->fx, 1e-9);
 }
 
@@ -88,7 +89,8 @@ TEST_F(ReconstructWithColmapCommand, GoesOnFromTheModelOfCeresWhereTheMapperGets
   EXPECT_EQ(model.cam_from_world.size(), 12u);
   EXPECT_LT(test::AbsoluteTrajectoryError(model.cam_from_world, scene.cam_from_world), 0.02);
   const auto summary = nlohmann::json::parse(ReadBytes(path("m/summary.json")));
-  EXPECT_THAT(summary["termination"].get<std::string>(), testing::HasSubstr("adjusted a model"));
+  EXPECT_THAT(summary["termination"].get<std::string>(),
+              testing::HasSubstr("adjusted a given model"));
 }
 
 TEST_F(ReconstructWithColmapCommand, KeepsTheCameraThatCeresFoundOfAGuessedOne) {

@@ -141,7 +141,7 @@ TEST_F(ReconstructCommand, SaysInOneLineThatColmapRegisteredNothingAndWhereItsLo
               AllOf(testing::StartsWith("cohort: error: the reconstruction failed: 0 of 6 frames"),
                     HasSubstr("COLMAP 3.8 registered no frame: exit code 0; see colmap.log"),
                     // Not in the folder that the run had while it lasted.
-                    HasSubstr("what there is lies in " + Path("m") + "\n"),
+                    HasSubstr("partial results are in " + Path("m") + "\n"),
                     Not(HasSubstr("partial"))));
   EXPECT_TRUE(fs::exists(Path("m/colmap/colmap.log")));
   const auto summary = nlohmann::json::parse(ReadBytes(Path("m/summary.json")));
@@ -157,7 +157,7 @@ TEST_F(ReconstructCommand, ThatIsGivenAPipeSaysThatItIsOne) {
   EXPECT_EQ(end.exit_code, 1);
   EXPECT_EQ(end.err,
             "cohort: error: cannot read " + Path("pipe") +
-                ": it is a pipe, a socket or a device, no file\n");
+                ": it is a pipe, a socket or a device, not a file\n");
 }
 
 TEST_F(ReconstructCommand, SaysHowToDoWithoutAVideoThatIsGone) {
@@ -165,7 +165,7 @@ TEST_F(ReconstructCommand, SaysHowToDoWithoutAVideoThatIsGone) {
       test::RunCohort("reconstruct " + Path("a.tracks") + " --backend colmap --quiet --out " +
                       Path("m") + " --colmap-program " + Path("fake"));
   EXPECT_EQ(end.exit_code, 1);
-  EXPECT_THAT(end.err, AllOf(HasSubstr("not there any more"), HasSubstr("--no-write-frames")));
+  EXPECT_THAT(end.err, AllOf(HasSubstr("no longer exists"), HasSubstr("--no-write-frames")));
   EXPECT_FALSE(fs::exists(Path("m")));
 }
 

@@ -281,7 +281,7 @@ TEST_F(Sfm, KnowsAnotherClipOfEqualSizeAndACopyOfTheSame) {
   write(true);
   const test::ProgramEnd end = test::RunCohort(command);
   EXPECT_EQ(end.exit_code, 1);
-  EXPECT_THAT(end.err, HasSubstr("was made of another input"));
+  EXPECT_THAT(end.err, HasSubstr("was made from another input"));
 }
 
 TEST_F(Sfm, ThatHasNoModelSaysWhatToDo) {
@@ -296,9 +296,9 @@ TEST_F(Sfm, ThatHasNoModelSaysWhatToDo) {
   EXPECT_EQ(end.exit_code, 1);
   EXPECT_THAT(end.err, HasSubstr("cohort: error: the reconstruction failed: 0 of 5"));
   EXPECT_TRUE(Json(scene / "summary.json").at("failed"));
-  EXPECT_THAT(end.out, HasSubstr("To film better: Hardly a point can be followed"));
+  EXPECT_THAT(end.out, HasSubstr("To film better: Hardly any points can be tracked"));
   EXPECT_THAT(end.out, HasSubstr("The pictures are dark, 0 of 255"));
-  EXPECT_THAT(ReadBytes(scene / "report.html"), HasSubstr("Hardly a point can be followed"));
+  EXPECT_THAT(ReadBytes(scene / "report.html"), HasSubstr("Hardly any points can be tracked"));
 }
 
 // Pieces of one picture: what a camera sees that stands still or turns before things far away.
@@ -410,8 +410,9 @@ TEST_F(Sfm, AProjectOfOthersIsLeftAlone) {
     const test::ProgramEnd end =
         test::RunCohort("sfm " + input + " --features 60 --out " + project.path().string());
     EXPECT_EQ(end.exit_code, 1);
-    EXPECT_THAT(end.err,
-                HasSubstr(with_model ? "which is not of a scene of ours" : "this run reads"));
+    EXPECT_THAT(
+        end.err,
+        HasSubstr(with_model ? "which does not belong to a scene of cohort" : "this run reads"));
     EXPECT_THAT(end.err, HasSubstr("give another folder"));
     EXPECT_FALSE(fs::exists(project / "clip.tracks"));
   }

@@ -126,7 +126,7 @@ TEST(AlignPoints, IsNotFixedByFewOrCollinearPoints) {
   }
   EXPECT_FALSE(AlignPoints(line, all, AlignmentScale::kEstimated));
   EXPECT_FALSE(AlignedRmse(all, one_place));
-  EXPECT_THAT(Reason(AlignmentStatus::kOnePlace), testing::HasSubstr("one place"));
+  EXPECT_THAT(Reason(AlignmentStatus::kOnePlace), testing::HasSubstr("one position"));
   Points bent = line;
   bent.back() += Eigen::Vector3d(0.0, 1e-3, 0.0);
   EXPECT_TRUE(AlignPoints(bent, bent, AlignmentScale::kEstimated));

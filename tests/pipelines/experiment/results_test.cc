@@ -54,7 +54,7 @@ TEST(HalvesRows, AHalfThatFailsIsARecordedFailureAndNoFigure) {
   expect_failure(rows_of(whole, halves_of(bad, nullptr)),
                  "halves: 3 of 60 frames registered: no more views");
   expect_failure(rows_of(whole, halves_of(good, nullptr)),
-                 "halves: their cameras fix no alignment");
+                 "halves: their cameras do not determine an alignment");
   expect_failure(rows_of(whole, {{"error", "killed by signal 9"}, {"figures", nullptr}}),
                  "halves: killed by signal 9");
 

@@ -110,18 +110,18 @@ void ExpectUsageError(const std::vector<std::string>& arguments,
 }
 
 TEST(CommandLine, NamesWhatIsWrong) {
-  ExpectUsageError({}, HasSubstr("inputs is missing: the form is cohort do INPUT..."));
+  ExpectUsageError({}, HasSubstr("inputs is missing: usage is cohort do INPUT..."));
   ExpectUsageError({"a", "--wieght", "1"},
                    AllOf(HasSubstr("unknown option --wieght"), HasSubstr("--weight?")));
   ExpectUsageError({"a", "--zzzzzz=3"},
                    HasSubstr("unknown option --zzzzzz: 'cohort do --help-all'"));
-  ExpectUsageError({"a", "--seed", "3.5"}, HasSubstr("--seed '3.5' is no whole number"));
+  ExpectUsageError({"a", "--seed", "3.5"}, HasSubstr("--seed '3.5' is not a whole number"));
   ExpectUsageError({"a", "--seed", "-1"}, HasSubstr("--seed -1 is out of range: give 0 to"));
   ExpectUsageError({"a", "--weight", "nan"}, HasSubstr("--weight nan is out of range"));
   ExpectUsageError({"a", "--weight", "2"}, HasSubstr("--weight 2 is out of range: give 0 to 1"));
   ExpectUsageError({"a", "--window", "20"},
                    HasSubstr("--window 20 is even: give an odd number from 3 to 101"));
-  ExpectUsageError({"a", "--window", "x"}, HasSubstr("--window 'x' is no whole number"));
+  ExpectUsageError({"a", "--window", "x"}, HasSubstr("--window 'x' is not a whole number"));
   ExpectUsageError({"a", "--mode", "slow"},
                    HasSubstr("--mode 'slow' is unknown: give one of fast"));
   ExpectUsageError({"a", "--out"}, HasSubstr("--out"));
@@ -152,7 +152,7 @@ TEST(ReadJsonFile, NamesTheFileThatIsNoJson) {
   for (const char* text : {"", "{", "{\"a\": 1e999}", "88e8888888888", "[1, nan]", "\"\xff\""}) {
     WriteBytes(dir / "a.json", text);
     EXPECT_THAT([&] { ReadJsonFile(dir / "a.json"); },
-                ThrowsMessage<Error>(AllOf(HasSubstr("a.json"), HasSubstr("is no JSON"))))
+                ThrowsMessage<Error>(AllOf(HasSubstr("a.json"), HasSubstr("is not valid JSON"))))
         << text;
   }
 }
@@ -190,7 +190,7 @@ TEST(ReadJsonFile, AKeyThatStandsTwiceIsAnError) {
   const test::TempDir dir;
   WriteBytes(dir / "a.json", R"({"left": {"a": 1}, "b": [{"a": 2}, {"a": 3}], "left": {"c": 4}})");
   EXPECT_THAT([&] { ReadJsonFile(dir / "a.json"); },
-              ThrowsMessage<Error>(AllOf(HasSubstr("a.json"), HasSubstr("\"left\" stands twice"))));
+              ThrowsMessage<Error>(AllOf(HasSubstr("a.json"), HasSubstr("\"left\" occurs twice"))));
   WriteBytes(dir / "a.json", R"({"left": {"a": 1}, "b": [{"a": 2}, {"a": 3}], "a": {"left": 4}})");
   EXPECT_EQ(ReadJsonFile(dir / "a.json").size(), 3);
 }
@@ -201,7 +201,8 @@ TEST(UseJsonFile, NamesTheFileThatIsOfAnotherKind) {
     WriteBytes(dir / "a.json", text);
     EXPECT_THAT(
         [&] { UseJsonFile(dir / "a.json", [](const Json& j) { j.at("frames").get<int>(); }); },
-        ThrowsMessage<Error>(AllOf(HasSubstr("a.json"), HasSubstr("not as cohort writes it"))))
+        ThrowsMessage<Error>(
+            AllOf(HasSubstr("a.json"), HasSubstr("not have the form that cohort writes"))))
         << text;
   }
 }

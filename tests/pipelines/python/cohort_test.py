@@ -187,7 +187,7 @@ class Track(Clip):
             cohort.track(7)
         with self.assertRaisesRegex(cohort.UsageError, "frames is for clips that are read"):
             cohort.track(self.frames, frames="0:3")
-        with self.assertRaisesRegex(cohort.UsageError, "out is the program's alone"):
+        with self.assertRaisesRegex(cohort.UsageError, "out is for the program only"):
             cohort.track(self.frames, out="f.tracks")
         with self.assertRaisesRegex(cohort.UsageError, "channels 'gbr'"):
             cohort.track(self.frames, channels="gbr")
@@ -207,7 +207,7 @@ class Track(Clip):
         guess = cohort.Camera(320, 240, numbers, known=False)
         self.assertFalse(cohort.track(self.frames[:3], camera=guess, tracker="klt").camera.known)
         seen = []
-        with self.assertRaisesRegex(cohort.Error, "640x480, these are 320x240"):
+        with self.assertRaisesRegex(cohort.Error, "640x480, but these are 320x240"):
             cohort.track((seen.append(f) or f for f in self.frames), tracker="klt",
                          camera=cohort.Camera(640, 480, numbers))
         self.assertEqual(len(seen), 1, "before all the work")
@@ -497,17 +497,17 @@ class Reconstruct(Clip):
             (clip / "000005.png").write_bytes((clip / "000006.png").read_bytes())
             with self.assertLogs("cohort", "WARNING") as log:
                 cohort.refine(tracks, model)
-            self.assertIn("is not what it was when this Tracks object was made", log.output[0])
+            self.assertIn("has changed since this Tracks object was made", log.output[0])
             with self.assertLogs("cohort", "WARNING") as log:
                 cohort.refine(self.program_tracks, model)
-            self.assertIn("made of other tracks than this Tracks object", log.output[0])
+            self.assertIn("made from other tracks than this Tracks object", log.output[0])
             mask = pathlib.Path(folder) / "mask.pgm"
             mask.write_bytes(b"P5 320 240 255\n" + bytes([255]) * 76800)
             tracks = cohort.track(self.dir / "clip", camera=CAMERA, tracker="klt", mask=mask)
             mask.write_bytes(b"P5 320 240 255\n" + bytes([255]) * 76000 + bytes(800))
             with self.assertLogs("cohort", "WARNING") as log:
                 cohort.refine(tracks, cohort.reconstruct(tracks))
-            self.assertIn("mask.pgm is not what it was", log.output[0])
+            self.assertIn("mask.pgm has changed since", log.output[0])
         narrow = cohort.track([frame[:200] for frame in self.frames], tracker="klt")
         with self.assertRaisesRegex(cohort.Error, "its pictures are 320x240, .* 320x200"):
             cohort.refine(narrow, self.model, self.frames)
@@ -630,7 +630,7 @@ class Files(Clip):
         ):
             with self.subTest(frames), self.assertRaisesRegex(cohort.UsageError, what):
                 cohort.Tracks.from_dense(dense.xy, frames=frames, **size)
-        with self.assertRaisesRegex(cohort.Error, "in frame 6, which is none of the 5"):
+        with self.assertRaisesRegex(cohort.Error, "in frame 6, which is not one of the 5"):
             cohort.Tracks.from_observations(tracks.observations, frames=[4, 8, 10, 12, 14], **size)
 
     def test_what_lies_outside_the_pictures_is_predicted(self):
@@ -672,7 +672,7 @@ class Files(Clip):
                         + f"{2 ** 40},0,-500,5\n")
         with self.assertLogs("cohort", "WARNING") as log:
             read = cohort.Tracks.read_csv(path, width_px=320, height_px=240)
-        self.assertIn("counted anew", log.output[0])
+        self.assertIn("renumbered", log.output[0])
         self.assertIn("1 observed positions lie outside", log.output[1])
         self.assertEqual(read.observations["observed"].sum(), 3)
 
@@ -741,7 +741,7 @@ class Files(Clip):
             ("frame", [1, 1], "twice|duplicate|two"),
             ("y", [1.0], "has the shape"),
             ("residual", [0.0, np.inf], "residual is not finite"),
-            ("colour", [0, 0], "colour, which nobody knows"),
+            ("colour", [0, 0], "colour, which is unknown"),
         ):
             with self.subTest(column), self.assertRaisesRegex(cohort.Error, what):
                 cohort.Tracks.from_observations({**good, column: values}, **size)
@@ -750,7 +750,7 @@ class Files(Clip):
             cohort.Tracks.from_observations({**good, **covariance}, **size)
         with self.assertRaisesRegex(cohort.UsageError, "no column y"):
             cohort.Tracks.from_observations({"frame": [], "track_id": [], "x": []}, **size)
-        with self.assertRaisesRegex(cohort.Error, "frame 1, which is none of the 1 frames"):
+        with self.assertRaisesRegex(cohort.Error, "frame 1, which is not one of the 1 frames"):
             cohort.Tracks.from_observations(good, frames=1, **size)
         with self.assertRaisesRegex(cohort.UsageError, r"give \(frames, tracks, 2\)"):
             cohort.Tracks.from_dense(np.zeros((3, 4)), **size)

@@ -56,7 +56,7 @@ TEST(ReadMask, RefusesOneThatIsBlackAllOver) {
     ReadMask(dir / "mask.png");
     FAIL() << "it was taken";
   } catch (const Error& error) {
-    EXPECT_THAT(error.what(), testing::HasSubstr("mask.png is black all over"));
+    EXPECT_THAT(error.what(), testing::HasSubstr("mask.png is entirely black"));
   }
   mask.at<std::uint8_t>(47, 63) = 1;
   cv::imwrite(dir / "mask.png", mask);

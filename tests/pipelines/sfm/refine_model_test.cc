@@ -181,11 +181,12 @@ TEST_F(RefineModelOfPlanes, AModelOfTwoImagesIsRefused) {
       if (at.point3d && !two.points.contains(*at.point3d)) at.point3d.reset();
     }
   }
-  EXPECT_THAT([&] { RefineModel(two, "sparse/0", clip_, {}); },
-              ThrowsMessage<Error>(
-                  AllOf(HasSubstr("sparse/0: none of its "),
-                        HasSubstr("points is left by an adjustment of its 2 images: give COLMAP's "
-                                  "largest model"))));
+  EXPECT_THAT(
+      [&] { RefineModel(two, "sparse/0", clip_, {}); },
+      ThrowsMessage<Error>(AllOf(
+          HasSubstr("sparse/0: none of its "),
+          HasSubstr(
+              "points is left after an adjustment of its 2 images: give COLMAP's largest model"))));
 }
 
 TEST_F(RefineModelOfPlanes, OtherPicturesAreRefused) {
@@ -205,7 +206,7 @@ TEST_F(RefineModelOfPlanes, ImagesThatAreNoFrameAreLeftOutAndSaid) {
   test::PlaneClip shorter(kFrames - 3);
   const RefinedModel refined = RefineModel(model_, "sparse", shorter, {});
   EXPECT_THAT(refined.model.images, SizeIs(kFrames - 3));
-  EXPECT_THAT(refined.notes, ElementsAre(HasSubstr("3 of its images are no frame of planes")));
+  EXPECT_THAT(refined.notes, ElementsAre(HasSubstr("3 of its images are not frames of planes")));
 }
 
 TEST_F(RefineModelOfPlanes, PointsThatThePicturesContradictAreDropped) {

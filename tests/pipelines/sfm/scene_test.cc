@@ -321,9 +321,9 @@ TEST(FilmAdvice, OtherPartsOfTheClipAreKnown) {
   clip.other_parts = {{FrameIndex{12}, FrameIndex{17}}};
   const auto advice = FilmAdvice(clip, MeasureClip(clip));
   ASSERT_THAT(advice, SizeIs(2));
-  EXPECT_THAT(advice[0], HasSubstr("Nothing is known of frames 18 to 19"));
+  EXPECT_THAT(advice[0], HasSubstr("The model does not cover frames 18 to 19"));
   EXPECT_THAT(advice[1],
-              AllOf(HasSubstr("models of their own of frames 12 to 17"), HasSubstr("slowly")));
+              AllOf(HasSubstr("Separate models of frames 12 to 17"), HasSubstr("slowly")));
   clip.other_parts = {{FrameIndex{12}, FrameIndex{19}}};
   file.meta.cuts = {FrameIndex{12}};
   const auto of_a_cut = FilmAdvice(clip, MeasureClip(clip));
@@ -348,7 +348,7 @@ TEST(FilmAdvice, SaysThatItIsDarkAndThatTheLightJumpsOrChanges) {
 TEST(FilmAdvice, KnowsACameraThatHardlyMoved) {
   Reconstruction model = Walk(0.01);  // 0.19 of 11: a degree
   const TrackFile file = Clip(model);
-  EXPECT_THAT(Advice(file, model, kDaylight), ElementsAre(HasSubstr("hardly left its place")));
+  EXPECT_THAT(Advice(file, model, kDaylight), ElementsAre(HasSubstr("hardly moved")));
 }
 
 TEST(FilmAdvice, KnowsThingsThatMoveFromPointsThatAreMerelyMissing) {
@@ -377,10 +377,10 @@ TEST(FilmAdvice, OfAClipWithoutAModelSaysWhatToDoByHowItEnded) {
   const TrackFile file = Clip(model);
   for (const auto& [termination, words] : std::map<std::string, std::string>{
            {"static camera: the tracks move by no more than their noise", "stood still"},
-           {"pure rotation: a rotation explains", "only turned on its spot"},
-           {"not rigid: no rigid scene", "moves on its own"},
-           {"weak depth: depths are known to 120 % only", "too little way"},
-           {"too few tracks: no two frames", "Hardly a point"},
+           {"pure rotation: a rotation explains", "only turned on the spot"},
+           {"not rigid: no rigid scene", "move on their own"},
+           {"weak depth: depths are known to 120 % only", "moved too little"},
+           {"too few tracks: no two frames", "Hardly any points"},
            {"no start: there is parallax", "walk slowly past it"},
            {"what another program says", "walk slowly past it"}}) {
     EXPECT_THAT(Advice(file, {}, kDaylight, termination), ElementsAre(HasSubstr(words)))

@@ -29,7 +29,7 @@ TEST(DoubtsToJson, IsReadAgainAsItWas) {
 
 TEST(DoubtsToJson, LeavesOutAFigureThatJsonCannotHold) {
   const Doubt doubt{DoubtCode::kWeakDepth,
-                    "depths are not known at all",
+                    "depths are unknown",
                     {{"depth_uncertainty", std::numeric_limits<double>::infinity()}}};
   EXPECT_EQ(DoubtsToJson({doubt})[0]["figures"], Json::object());
 }

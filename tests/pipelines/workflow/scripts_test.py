@@ -84,7 +84,7 @@ class RunScene(InAFolder):
         old.kill()
         old.wait()
         (self.dir / "stale").write_text(
-            "cohort: error: cannot resume a/clip.tracks: it was made of another input or with other options; "
+            "cohort: error: cannot resume a/clip.tracks: it was made from another input or with other options; "
             "without --resume it is made anew\n"
         )
         (self.dir / "wait").unlink()
