@@ -31,7 +31,7 @@ Json ReadJsonFile(const std::filesystem::path& path) {
   } catch (const nlohmann::json::parse_error& e) {
     ThrowError("{}: is not valid JSON (byte {})", path.string(), e.byte);
   } catch (const nlohmann::json::exception& e) {  // a number out of range
-    ThrowError("{}: is not supported JSON: {}", path.string(), e.what());
+    ThrowError("{}: is not valid JSON: {}", path.string(), e.what());
   }
 }
 

@@ -28,6 +28,8 @@ class Guide {
   // Removes the features with keep[f] == 0.
   virtual void Keep(std::span<const std::uint8_t> keep) = 0;
 
+  // In the newest picture.
+  virtual const Eigen::Matrix2Xd& positions() const = 0;
   virtual Eigen::Matrix2Xd Find(const Pyramid& current,
                                 std::span<const std::uint8_t> confirmed) const = 0;
   // `x`: where the features turned out to be.

@@ -87,6 +87,7 @@ class JointGuide final : public Guide {
   void Begin(const Pyramid& picture) override;
   void Add(std::span<const Eigen::Vector2d> born, const Pyramid& picture) override;
   void Keep(std::span<const std::uint8_t> keep) override;
+  const Eigen::Matrix2Xd& positions() const override { return history_.front(); }
   Eigen::Matrix2Xd Find(const Pyramid& current,
                         std::span<const std::uint8_t> confirmed) const override {
     return Minimize(current, confirmed, Start(current)).x;

@@ -12,6 +12,7 @@ class LucasKanadeGuide final : public Guide {
   void Add(std::span<const Eigen::Vector2d> born, const Pyramid& picture) override;
   void Keep(std::span<const std::uint8_t> keep) override { KeepColumns(keep, x_); }
 
+  const Eigen::Matrix2Xd& positions() const override { return x_; }
   Eigen::Matrix2Xd Find(const Pyramid& current,
                         std::span<const std::uint8_t> confirmed) const override;
   void Remember(const Pyramid& current,

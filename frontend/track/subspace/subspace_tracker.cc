@@ -49,9 +49,8 @@ class SubspaceMover final : public FeatureMover {
   MeasurementOptions measurement_;
   std::vector<Feature> features_;
   std::unique_ptr<Guide> guide_;
-  Pyramid smooth_;          // the newest picture, denoised for measuring
-  Eigen::Matrix2Xd fused_;  // the most probable positions in it
-  int frames_ = 1;          // since the first features
+  Pyramid smooth_;  // the newest picture, denoised for measuring
+  int frames_ = 1;  // since the first features
   CovarianceCalibration calibration_;
   TrajectoryModel model_{kModelFrames, measurement_.max_rank, measurement_.perspective};
 };
@@ -60,12 +59,10 @@ class SubspaceMover final : public FeatureMover {
 std::vector<Move> SubspaceMover::MoveFeatures(const Pyramid& current) {
   const TimedPart part("bookkeeping");
   const PatchOptions& patch = measurement_.patch;
-  Eigen::Matrix2Xd starts;
-  ForEachInParallel(2, [&](std::size_t i) {
-    if (i == 0) smooth_ = SmoothPyramid(current, patch.denoise_sigma_px);
-    if (i == 1) starts = guide_->Find(current, Confirmed());
-  });
-  DeformAnchors(CommonSimilarity(fused_, starts, features_), patch.warp_noise, features_);
+  smooth_ = SmoothPyramid(current, patch.denoise_sigma_px);
+  const Eigen::Matrix2Xd starts = guide_->Find(current, Confirmed());
+  DeformAnchors(
+      CommonSimilarity(guide_->positions(), starts, features_), patch.warp_noise, features_);
 
   // 1. to 3. The guide; from there a large patch, tested; then against what the other features say.
   FrameMeasurement frame(smooth_, features_, patch, calibration_, starts);
@@ -88,12 +85,12 @@ std::vector<Move> SubspaceMover::MoveFeatures(const Pyramid& current) {
                                     feature));
   }
 
-  fused_ = Fuse(frame, moves);
+  const Eigen::Matrix2Xd fused = Fuse(frame, moves);
   for (std::size_t f = 0; f < features_.size(); ++f) {
     if (!moves[f].xy.allFinite()) moves[f].loss = LossReason::kDiverged;
     features_[f].confirmed = moves[f].state == ObservationState::kObserved;
   }
-  guide_->Remember(current, fused_, Confirmed());
+  guide_->Remember(current, fused, Confirmed());
   ++frames_;
   return moves;
 }
@@ -158,7 +155,6 @@ Eigen::Matrix2Xd SubspaceMover::Fuse(const FrameMeasurement& frame, std::vector<
 void SubspaceMover::Keep(std::span<const std::uint8_t> keep) {
   const TimedPart part("bookkeeping");
   KeepFeatures(keep, features_);
-  KeepColumns(keep, fused_);
   guide_->Keep(keep);
   model_.Keep(keep);
 }
@@ -170,11 +166,8 @@ void SubspaceMover::Add(std::span<const Eigen::Vector2d> born, const Pyramid& cu
   ForEachInParallel(born.size(), [&](std::size_t i) {
     features[i] = TakeFeature(smooth_, born[i], measurement_.patch);
   });
-  const Eigen::Index old = fused_.cols();
-  fused_.conservativeResize(2, old + static_cast<Eigen::Index>(born.size()));
   for (std::size_t i = 0; i < born.size(); ++i) {
     features_.push_back(std::move(features[i]));
-    fused_.col(old + static_cast<Eigen::Index>(i)) = born[i];
     model_.Add(born[i]);
   }
   guide_->Add(born, current);
@@ -184,7 +177,6 @@ void SubspaceMover::Add(std::span<const Eigen::Vector2d> born, const Pyramid& cu
 void SubspaceMover::Begin(const Pyramid& current) {
   guide_->Begin(current);
   smooth_ = SmoothPyramid(current, measurement_.patch.denoise_sigma_px);
-  fused_.resize(2, 0);
   frames_ = 1;
   model_ = TrajectoryModel(kModelFrames, measurement_.max_rank, measurement_.perspective);
   model_.Update({});

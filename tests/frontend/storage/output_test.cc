@@ -62,7 +62,7 @@ TEST(OutputFile, RemovesNoFolder) {
   std::filesystem::create_directory(dir / "a.partial");
   WriteBytes(dir / "a.partial" / "thesis.tex", "years");
   EXPECT_THAT([&] { OutputFile out(dir / "a"); },
-              ThrowsMessage<Error>(HasSubstr("a.partial: a folder is in its place")));
+              ThrowsMessage<Error>(HasSubstr("a.partial: a folder of that name exists, remove it")));
   EXPECT_EQ(ReadBytes(dir / "a.partial" / "thesis.tex"), "years");
 }
 

@@ -142,7 +142,7 @@ TEST_F(ReconstructCommand, SaysInOneLineThatColmapRegisteredNothingAndWhereItsLo
                     HasSubstr("COLMAP 3.8 registered no frame: exit code 0; see colmap.log"),
                     // Not in the folder that the run had while it lasted.
                     HasSubstr("partial results are in " + Path("m") + "\n"),
-                    Not(HasSubstr("partial"))));
+                    Not(HasSubstr(".partial"))));
   EXPECT_TRUE(fs::exists(Path("m/colmap/colmap.log")));
   const auto summary = nlohmann::json::parse(ReadBytes(Path("m/summary.json")));
   EXPECT_EQ(summary["backend"], "colmap");
