@@ -229,9 +229,8 @@ std::optional<Camera> FindBetterCamera(const WorkingModel& model,
   }
   if (frames.size() < kMinFrames) return std::nullopt;
   if (frames.size() > kMaxFrames) frames = Spread(frames, kMaxFrames);
-  constexpr int kPerCell = 2;
   const WhitenedTracks& whitened = model.whitened();
-  const std::vector<int> tracks = SpreadTracks(whitened, model.camera(), frames, kPerCell);
+  const std::vector<int> tracks = SpreadTracks(whitened, model.camera(), frames);
   const WhitenedTracks some = whitened.Select(tracks);
   WorkingModel trial(some, model, tracks);
   BundleOptions bundle = MapperBundleOptions(trial, {}, 10, 1e-4);

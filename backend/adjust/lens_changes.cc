@@ -74,12 +74,11 @@ std::optional<LensChanges> MeasureLensChanges(const WorkingModel& model,
                                               const CameraRefinement& refinement) {
   constexpr std::size_t kMostFrames = 40;  // bounds the time
   constexpr std::size_t kLeastFrames = 5;
-  constexpr int kPerCell = 2;
   constexpr double kHeld = 1e-6;
   std::vector<int> frames = model.RegisteredFrames();
   if (frames.size() < kLeastFrames) return std::nullopt;
   if (frames.size() > kMostFrames) frames = Spread(frames, kMostFrames);
-  const std::vector<int> tracks = SpreadTracks(model.whitened(), model.camera(), frames, kPerCell);
+  const std::vector<int> tracks = SpreadTracks(model.whitened(), model.camera(), frames);
   const WhitenedTracks some = model.whitened().Select(tracks);
   WorkingModel trial(some, model, tracks);
   BundleOptions bundle = MapperBundleOptions(trial, refinement, 100, 1e-5);

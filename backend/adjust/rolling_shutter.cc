@@ -186,13 +186,12 @@ class ReadoutAdjuster {
 
 // One round with some of the tracks; the model is unchanged.
 ReadoutEstimate EstimateBySomeTracks(const WhitenedTracks& observed, const WorkingModel& model) {
-  constexpr int kPerCell = 1;
   constexpr int kIterations = 3;
   constexpr std::size_t kEvery = 10;  // frame is used to choose the tracks
   std::vector<int> frames;
   const std::vector<int> middle = FramesInTheMiddle(model);
   for (std::size_t i = 0; i < middle.size(); i += kEvery) frames.push_back(middle[i]);
-  const std::vector<int> tracks = SpreadTracks(observed, model.camera(), frames, kPerCell);
+  const std::vector<int> tracks = SpreadTracks(observed, model.camera(), frames, 1);
   const WhitenedTracks some = observed.Select(tracks);
   WorkingModel trial(some, model, tracks);
   WhitenedTracks corrected = some;

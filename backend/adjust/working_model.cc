@@ -301,7 +301,7 @@ int WorkingModel::UpdateInliers(std::span<const int> tracks, double max_error, d
 }
 
 void WorkingModel::UpdateInliersNear(int frame, double max_error) {
-  // By eye: beyond, a growing model moves little from one frame to the next.
+  // Tuned on the tuning clips: beyond, a growing model moves little from one frame to the next.
   constexpr int kReach = 200;
   for (const int o : whitened_->ObservationsIn(frame)) {
     const int track = whitened_->observations()[o].track;
@@ -340,9 +340,8 @@ int WorkingModel::UpdateInliersIn(int track,
 }
 
 void WorkingModel::MeasureNoise(std::vector<double>& squared) {
-  constexpr double kMedianOfChiSquare2 = 1.3863;
   double median = Median(squared);
-  noise_ = std::sqrt(median / kMedianOfChiSquare2);
+  noise_ = std::sqrt(median / kMedianChiSquare2);
   // The shape of what is no gross outlier. Student's t in two dimensions with nu degrees of freedom
   // and scale s has P(q > x) = (1 + x / (nu s^2))^(-nu / 2), so of its quartiles q2, q3
   //   nu s^2 = q2^2 / (q3 - 2 q2),

@@ -59,10 +59,9 @@ std::optional<GrownParts> WithAllTracks(const WhitenedTracks& whitened,
 GrownParts GrowPartsBySome(const WhitenedTracks& whitened,
                            const Camera& camera,
                            const std::vector<int>& keyframes) {
-  constexpr int kPerCell = 2;
   constexpr double kWorthIt = 0.75;
   if (whitened.HasSeam()) return GrowPartsByAll(whitened, camera, keyframes);
-  const WhitenedTracks some = whitened.Select(SpreadTracks(whitened, camera, keyframes, kPerCell));
+  const WhitenedTracks some = whitened.Select(SpreadTracks(whitened, camera, keyframes));
   if (static_cast<double>(some.observations().size()) <
       kWorthIt * static_cast<double>(whitened.observations().size())) {
     const GrownParts grown = GrowParts(some, camera, keyframes);

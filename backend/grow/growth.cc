@@ -8,7 +8,7 @@ namespace cohort {
 namespace {
 
 // Frames gained between global bundle adjustments: their number grows with the logarithm of the
-// clip's length. COLMAP's is 1.1 for photographs; chosen by eye on the tuning clips.
+// clip's length. COLMAP's is 1.1, for photographs. Tuned on the tuning clips.
 constexpr double kGlobalGrowth = 1.3;
 
 bool RegisterFromNeighbour(WorkingModel& model, int frame) {

@@ -68,7 +68,7 @@ std::size_t CountObservations(const WhitenedTracks& whitened, const std::vector<
 std::optional<WorkingModel> MapOtherBody(const WorkingModel& model,
                                          const Camera& camera,
                                          const std::vector<int>& keyframes) {
-  constexpr double kManyUnexplained = 0.15;  // share of the observations; by eye
+  constexpr double kManyUnexplained = 0.15;  // share of the observations
   const WhitenedTracks& whitened = model.whitened();
   const WhitenedTracks unexplained = whitened.Select(UnexplainedTracks(model));
   if (static_cast<double>(CountObservations(unexplained, keyframes)) <

@@ -296,13 +296,12 @@ double UnexplainedParallax(const WorkingModel& model, const std::vector<int>& ke
 }
 
 double NoiseLeftPx(const WorkingModel& model) {
-  constexpr double kMedianOfRayleigh = 1.1774;
   std::vector<double> errors;
   for (int o = 0; o < static_cast<int>(model.whitened().observations().size()); ++o) {
     if (!model.IsInlier(o)) continue;
     if (const auto error = model.PixelError(o)) errors.push_back(error->norm());
   }
-  return Median(std::move(errors)) / kMedianOfRayleigh;
+  return Median(std::move(errors)) / std::sqrt(kMedianChiSquare2);
 }
 
 std::optional<Doubt> DescribeExcessNoise(const WorkingModel& model) {

@@ -101,12 +101,11 @@ std::optional<FoundCamera> SearchCamera(const WhitenedTracks& whitened,
                                         const std::optional<Camera>& found_before,
                                         const CameraRefinement& refinement,
                                         const std::vector<int>& keyframes) {
-  constexpr int kPerCell = 2;
   // Another kind of lens is chosen if it reduces the cost this much: by chance the cost decreases
   // by a few per cent.
   constexpr double kBetterLens = 0.9;
   constexpr double kRival = 0.05;  // a nearer camera is the same minimum, not quite reached
-  const WhitenedTracks some = whitened.Select(SpreadTracks(whitened, guess, keyframes, kPerCell));
+  const WhitenedTracks some = whitened.Select(SpreadTracks(whitened, guess, keyframes));
   std::vector<GrownParts> hypotheses;  // ascending costs
   std::vector<int> frames(some.frame_count());
   std::iota(frames.begin(), frames.end(), 0);

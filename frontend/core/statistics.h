@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <numbers>
 #include <utility>
 #include <vector>
 
@@ -19,6 +20,9 @@ inline double Quantile(std::vector<double> values, double share) {
   std::nth_element(values.begin(), at, values.end());
   return *at;
 }
+
+// Of the chi-square distribution with two degrees of freedom: of a squared whitened residual.
+inline constexpr double kMedianChiSquare2 = 2.0 * std::numbers::ln2;
 
 inline double Median(std::vector<double> values) { return Quantile(std::move(values), 0.5); }
 

@@ -4,7 +4,7 @@
 // decoded frames in one thread; times are this thread's processor time. Decoding and the search for
 // corners, which are the same for all, do not count.
 //
-// One benchmark a number of features F and length L of history. Its counters, a frame:
+// One benchmark a number of features F and length L of history (0: no joint guide). Its counters, a frame:
 //   first_ms, second_ms, klt_ms    both passes and KLT of 21 x 21 px; klt31_ms: of 31 x 31 px
 //   first_klt, second_klt          how many times KLT's time; the median of the frames' ratios, and
 //                                  of the whole second pass with all its rounds
@@ -113,6 +113,7 @@ class Racer {
   Parts parts_;
 };
 
+// With a history, the joint guide; with 0, Lucas-Kanade.
 TrackSequenceOptions Options(int features, int history_length) {
   TrackSequenceOptions options;
   options.tracker.detector.max_features = features;
@@ -120,12 +121,15 @@ TrackSequenceOptions Options(int features, int history_length) {
   constexpr double kArea = 640.0 * 480.0;
   auto& distance_px = options.tracker.detector.min_distance_px;
   distance_px = std::min(distance_px, 0.7 * std::sqrt(kArea / features));
-  options.tracker.subspace.history_length = history_length;
+  if (history_length > 0) {
+    options.tracker.subspace.penalty = PenaltyKind::kEmpiricalDimension;
+    options.tracker.subspace.history_length = history_length;
+  }
   return options;
 }
 
 TrackSequenceOptions Klt(int features, int window_px) {
-  TrackSequenceOptions options = Options(features, 10);
+  TrackSequenceOptions options = Options(features, 0);
   options.tracker.tracker = TrackerKind::kKlt;
   options.tracker.klt.window_px = window_px;
   return options;
@@ -185,12 +189,12 @@ int main(int argc, char** argv) {
   std::string level = "medium";
   unsigned frames = 60;
   std::vector<std::int64_t> features{35, 100, 300, 1000, 4000};
-  std::vector<std::int64_t> lengths{10};
+  std::vector<std::int64_t> lengths{0};
   app.add_option("clip", clip, "what `cohort track` takes")->required();
   app.add_option("--level", level, "of degradation; as-is: none");
   app.add_option("--frames", frames, "of the clip, at most");
   app.add_option("--features", features, "F")->delimiter(',');
-  app.add_option("--lengths", lengths, "L")->delimiter(',');
+  app.add_option("--lengths", lengths, "L of the joint guide; 0: Lucas-Kanade")->delimiter(',');
   CLI11_PARSE(app, argc, argv);
   try {
     cv::setNumThreads(1);

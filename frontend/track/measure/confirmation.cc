@@ -11,7 +11,7 @@
 namespace cohort {
 namespace {
 
-// All chosen by eye on the tuning clips.
+// All are tuned on the tuning clips.
 //
 // The innermost pixels differ from the anchor's by more than so many times what is expected: what
 // is seen there is something else.

@@ -16,7 +16,7 @@ TrajectoryModel::Observation CovarianceCalibration::ForModel(const Measurement& 
 
 void CovarianceCalibration::Update(std::span<const Sample> samples) {
   constexpr std::size_t kLeastSamples = 8;
-  // The first frames find the size, the later ones follow it: by eye on the tuning clips.
+  // The first frames find the size and the later ones follow it. Tuned on the tuning clips.
   constexpr int kQuickUpdates = 5;
   constexpr double kQuickRate = 0.7;
   constexpr double kRate = 0.1;

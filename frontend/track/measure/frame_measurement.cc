@@ -10,7 +10,7 @@ namespace cohort {
 namespace {
 
 // The prior of a small patch is wide, so that it guides and does not decide: this many deviations
-// of the prediction, and no less than some of a pixel. By eye on the tuning clips.
+// of the prediction, and no less than a share of a pixel. Tuned on the tuning clips.
 constexpr int kSmallWindowPx = 11;
 constexpr double kPriorFactor = 3.0;
 constexpr double kLeastPriorPx = 0.3;

@@ -21,7 +21,7 @@ constexpr double kNoiseFactor = 10.0;
 constexpr double kWarpNoisePerFrame = PatchOptions{}.warp_noise;  // as the tracker's
 
 // A feature is taken for itself where it correlates with its template at least by this share of
-// what it has where the first pass saw it; chosen by eye on the tuning clips with an occluder.
+// what it has where the first pass saw it; tuned on the tuning clips with an occluder.
 constexpr double kLeastRelativeCorrelation = 0.7;
 
 Pyramid SmoothPyramidOf(const Frame& frame, double sigma_px) {

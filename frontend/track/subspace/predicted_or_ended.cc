@@ -5,9 +5,9 @@
 namespace cohort {
 namespace {
 
-// What is hidden changes at once. What has changed slowly, by this factor over what noise explains,
-// is a corner where two surfaces overlap, no point of either: it does not come back. By eye on the
-// tuning clips.
+// An occluded feature changes at once. A feature that has changed slowly, by this factor over what
+// noise explains, is a corner where two surfaces overlap and a point of neither, so it does not come
+// back. Tuned on the tuning clips.
 constexpr double kSlowChange = 1.25;
 
 }  // namespace

@@ -126,7 +126,7 @@ CameraFit FitSized(const State& state, std::span<const Observation> now) {
       return fit;
     }
     // If all squares exceed what their noise explains, no single one should lose weight for it.
-    const double scale = std::max(1.0, Median(squares) / kMedianChiSquare);
+    const double scale = std::max(1.0, Median(squares) / kMedianChiSquare2);
     for (std::size_t i = 0; i < observed.size(); ++i) {
       weights[i] = StudentWeight(squares[i] / scale);
     }

@@ -19,9 +19,6 @@ inline double StudentCost(double square) {
   return (kStudentFreedom + 2.0) * std::log(1.0 + square / kStudentFreedom);
 }
 
-// Median of chi-square with two degrees of freedom: 2 log 2.
-inline constexpr double kMedianChiSquare = 1.386;
-
 // The weight of a residual d in the sum of squares. `misfit` is the factor by which all the frame's
 // squares exceed what their noise explains. An anchor has full weight: it defines the point.
 inline Eigen::Matrix2d RobustInformation(const Observation& o,

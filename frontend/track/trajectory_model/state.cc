@@ -31,7 +31,7 @@ double MisfitOfFrame(const Frame& frame, std::span<const Feature> features) {
       squares.push_back(SquareOf<rank.value>(frame, o, features[f]));
     }
   });
-  return std::max(1.0, Median(std::move(squares)) / kMedianChiSquare);
+  return std::max(1.0, Median(std::move(squares)) / kMedianChiSquare2);
 }
 
 double MisfitOfFeature(const State& state, std::size_t f) {

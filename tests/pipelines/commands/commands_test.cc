@@ -287,7 +287,7 @@ TEST_F(Commands, UnknownCommandFlagOrValueIsAUsageError) {
       RunCohort("track --out b -- -a.mp4"), 1, HasSubstr("no such file or folder: -a.mp4"));
   ExpectFailure(RunCohort("track --out b -- a.mp4 --features"), 2, HasSubstr("--features"));
   ExpectFailure(RunCohort("track a --featurs 3"), 2, HasSubstr("did you mean --features?"));
-  ExpectFailure(RunCohort("track a --out b --features many"), 2, HasSubstr("no whole number"));
+  ExpectFailure(RunCohort("track a --out b --features many"), 2, HasSubstr("is not a whole number"));
   ExpectFailure(RunCohort("track a --out b --tracker lk"), 2, HasSubstr("subspace, descent, klt"));
   ExpectFailure(RunCohort("track a --out"), 2, HasSubstr("--out"));
   ExpectFailure(RunCohort("track a --out= --quiet"), 2, HasSubstr("--out= has no value"));
@@ -341,7 +341,7 @@ TEST_F(Commands, OptionsThatChangeNothingAreSaid) {
   EXPECT_THAT(
       warned(track + " --tracker descent --measurement.max-rank 3 --measurement.window-px 19 "
                      "--second-pass off"),
-      HasSubstr("tracker descent does not use measurement.max_rank, measurement.window_px: they"));
+      HasSubstr("tracker descent does not use measurement.window_px, measurement.max_rank: they"));
   EXPECT_THAT(warned(track + " --window 15 --history 5 --second-pass off"),
               HasSubstr("tracker subspace without a penalty does not use klt.window_px, "
                         "subspace.history_length, subspace.template_px: they have no effect"));

@@ -624,7 +624,7 @@ class Files(Clip):
         for frames, what in (
             ([4, 6], "there are 2 frames"),
             ([4, 6, 8, 10, 14, 12], "frame 12 comes after frame 14"),
-            ([4, 6, 8, 10, 12, -1], "no 32-bit id"),
+            ([4, 6, 8, 10, 12, -1], "not 32-bit ids"),
             ([4, 6, 8, 10, 12, 0.5], "give integers"),
             ([4, 6, 8, 10, 12, 10**7], "up to 10000000"),
         ):
@@ -735,7 +735,7 @@ class Files(Clip):
         good = {"frame": [0, 1], "track_id": [0, 0], "x": [1.0, 2.0], "y": [3.0, 4.0]}
         self.assertEqual(len(cohort.Tracks.from_observations(good, **size).track_ids), 1)
         for column, values, what in (
-            ("frame", [0, -1], "no 32-bit id"),
+            ("frame", [0, -1], "not 32-bit ids"),
             ("track_id", [0.5, 1.0], "give integers"),
             ("x", [1.0, np.nan], "finite"),
             ("frame", [1, 1], "twice|duplicate|two"),
