@@ -291,11 +291,12 @@ Measurement MeasurePatch(const Pyramid& current,
 std::optional<Eigen::Vector2d> TrackWindow(const Pyramid& from,
                                            const Pyramid& to,
                                            const Eigen::Vector2d& xy,
+                                           const Eigen::Vector2d& start,
                                            int window_px,
                                            int finest_level) {
   constexpr int kMaxIterations = 15;
   constexpr double kLeastCorrelation = 0.3;
-  Eigen::Vector2d displacement = Eigen::Vector2d::Zero();
+  Eigen::Vector2d displacement = start - xy;
   const int coarsest = static_cast<int>(from.levels.size()) - 1;
   const int finest = std::min(finest_level, coarsest);
   for (int level = coarsest; level >= finest; --level) {

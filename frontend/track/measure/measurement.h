@@ -127,11 +127,12 @@ Measurement MeasurePatch(const Pyramid& current,
                          const Eigen::Matrix2d& prior = Eigen::Matrix2d::Zero());
 
 // Lucas-Kanade: finds the window around `xy` of one picture in the other, from the coarsest level to
-// `finest_level`, starting at the same position. The mean difference is ignored. Returns nullopt if
-// a level has no texture or the result does not correlate with the window.
+// `finest_level`, starting at `start`. The mean difference is ignored. Returns nullopt if a level has
+// no texture or the result does not correlate with the window.
 std::optional<Eigen::Vector2d> TrackWindow(const Pyramid& from,
                                            const Pyramid& to,
                                            const Eigen::Vector2d& xy,
+                                           const Eigen::Vector2d& start,
                                            int window_px,
                                            int finest_level);
 

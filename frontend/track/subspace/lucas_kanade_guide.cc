@@ -5,7 +5,7 @@
 
 #include "frontend/core/in_parallel.h"
 #include "frontend/core/part_times.h"
-#include "frontend/core/statistics.h"
+#include "frontend/image/frame_offset.h"
 #include "frontend/track/measure/measurement.h"
 
 namespace cohort {
@@ -26,26 +26,19 @@ void LucasKanadeGuide::Add(std::span<const Eigen::Vector2d> born, const Pyramid&
 Eigen::Matrix2Xd LucasKanadeGuide::Find(const Pyramid& current,
                                         std::span<const std::uint8_t> confirmed) const {
   const TimedPart part("guide");
-  constexpr int kWindowPx = 21;
+  // The wider of the windows that KLT is compared with. 21 px lose a drive at three times its speed.
+  constexpr int kWindowPx = 31;
   // The anchor says where exactly the feature is. Full resolution would mislead: a compressed video
   // repeats blocks of the last frame.
   constexpr int kFinestLevel = 2;
+  const Eigen::Vector2d shift = RegisterFrames(previous_, current);
   std::vector<std::optional<Eigen::Vector2d>> found(confirmed.size());
   ForEachInParallel(confirmed.size(), [&](std::size_t f) {
     if (confirmed[f] == 0) return;
-    found[f] = TrackWindow(
-        previous_, current, x_.col(static_cast<Eigen::Index>(f)), kWindowPx, kFinestLevel);
+    const Eigen::Vector2d xy = x_.col(static_cast<Eigen::Index>(f));
+    found[f] = TrackWindow(previous_, current, xy, xy + shift, kWindowPx, kFinestLevel);
   });
-  std::vector<double> right;
-  std::vector<double> down;
-  for (std::size_t f = 0; f < found.size(); ++f) {
-    if (!found[f]) continue;
-    const Eigen::Vector2d motion = *found[f] - x_.col(static_cast<Eigen::Index>(f));
-    right.push_back(motion.x());
-    down.push_back(motion.y());
-  }
-  const Eigen::Vector2d common(Median(std::move(right)), Median(std::move(down)));
-  Eigen::Matrix2Xd x = x_.colwise() + common;
+  Eigen::Matrix2Xd x = x_.colwise() + shift;
   for (std::size_t f = 0; f < found.size(); ++f) {
     if (found[f]) x.col(static_cast<Eigen::Index>(f)) = *found[f];
   }

@@ -4,8 +4,9 @@
 
 namespace cohort {
 
-// Finds each feature where Lucas-Kanade finds the window around its last position. A feature that
-// was not confirmed there, or that is not found, moves by the median motion of the others.
+// Finds each feature where Lucas-Kanade, which starts at the shift of the whole picture, finds the
+// window around its last position. A feature that was not confirmed there, or that is not found,
+// moves with the whole picture.
 class LucasKanadeGuide final : public Guide {
  public:
   void Begin(const Pyramid& picture) override;

@@ -80,8 +80,9 @@ TEST_F(Tum, AWarningDoesNotHideAnother) {
   const auto sequence = OpenSequence(dir_.path());
   for (int round = 0; round < 2; ++round) {
     EXPECT_EQ(test::ReadAll(*sequence).size(), 3u);
-    EXPECT_THAT(sequence->Warning(),
-                MatchesRegex(".*time of rgb/1.png is before.*listed order; read 3 frames of 4: [^;]*"));
+    EXPECT_THAT(
+        sequence->Warning(),
+        MatchesRegex(".*time of rgb/1.png is before.*listed order; read 3 frames of 4: [^;]*"));
     sequence->Rewind();
   }
 }

@@ -228,9 +228,9 @@ TEST(CompareCenter, TellsWhatStandsBeforeTheFeature) {
 TEST(TrackWindow, FindsNothingInABlackPicture) {
   const Pyramid here = TwoLevels(MovedPicture({0.0, 0.0}));
   const Pyramid black = TwoLevels(cv::Mat::zeros(kHeight, kWidth, CV_32F));
-  EXPECT_TRUE(TrackWindow(here, here, kFeature, kWindowPx, 0));
-  EXPECT_FALSE(TrackWindow(here, black, kFeature, kWindowPx, 0));
-  EXPECT_FALSE(TrackWindow(black, here, kFeature, kWindowPx, 0));
+  EXPECT_TRUE(TrackWindow(here, here, kFeature, kFeature, kWindowPx, 0));
+  EXPECT_FALSE(TrackWindow(here, black, kFeature, kFeature, kWindowPx, 0));
+  EXPECT_FALSE(TrackWindow(black, here, kFeature, kFeature, kWindowPx, 0));
 }
 
 }  // namespace
