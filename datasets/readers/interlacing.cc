@@ -95,6 +95,8 @@ struct Evidence {
            rows > kLeastShare * static_cast<double>(pixels);
   }
   bool IsProgressive() const { return Clear(progressive); }
+  // A clip that begins slowly is not combed yet.
+  bool Enough() const { return Votes() >= kEnoughVotes && (IsProgressive() || Combed()); }
   std::optional<FieldOrder> Order() const {
     if (!Combed()) return std::nullopt;
     if (Clear(top_first)) return FieldOrder::kTopFirst;
@@ -115,7 +117,7 @@ std::optional<Interlacing> InterlacingOf(const std::filesystem::path& file) {
   const auto look = [&] {
     while (filter->Pull(*seen)) evidence.Add(*seen);
   };
-  for (int i = 0; i < kMostFrames && evidence.Votes() < kEnoughVotes && video.Next(); ++i) {
+  for (int i = 0; i < kMostFrames && !evidence.Enough() && video.Next(); ++i) {
     const AVFrame& frame = video.DecodedFrame();
     if (!flagged) flagged = video.FlaggedFieldOrder();
     if (frame.height > kMostInterlacedLines) break;

@@ -128,10 +128,10 @@ double AspectOf(AVRational told) {
 }
 
 // HDR by these filters, also as `ffmpeg -vf`: BT.2408's white of 203 cd/m2 becomes nearly that of
-// sRGB, mobius compresses what is brighter (up to ten times as bright) and changes nothing below 0.7
-// of it, and colours beyond BT.709's are clipped.
+// sRGB, mobius compresses what is brighter (up to ten times) and changes nothing below 0.7 of it,
+// and colours beyond BT.709's are clipped.
 const std::string kToneMapping =
-    "zscale=t=linear:npl=203,format=gbrpf32le,zscale=p=bt709,"
+    "zscale=t=linear:npl=203:p=bt709,format=gbrpf32le,"
     "tonemap=mobius:param=0.7:desat=0:peak=10,zscale=t=iec61966-2-1,format=gbrp";
 
 constexpr const char* kWithoutSubsampling = "format=yuv444p10le|yuv444p12le|gbrp10le|gbrp12le,";
@@ -435,7 +435,8 @@ std::optional<FieldOrder> VideoDecoder::FlaggedFieldOrder() const {
   if (frame_->interlaced_frame != 0) {
     return frame_->top_field_first != 0 ? FieldOrder::kTopFirst : FieldOrder::kBottomFirst;
   }
-  // Some codecs store no such flag, but their containers do. The second letter is the order in time.
+  // Some codecs store no such flag, but their containers do. The second letter is the one shown
+  // first.
   const AVFieldOrder order = format_->streams[stream_]->codecpar->field_order;
   if (order == AV_FIELD_TT || order == AV_FIELD_BT) return FieldOrder::kTopFirst;
   if (order == AV_FIELD_BB || order == AV_FIELD_TB) return FieldOrder::kBottomFirst;

@@ -256,7 +256,7 @@ TEST_F(Decoder, GreyIsTheLumaWhateverTheMatrix) {
 
 // Documented in datasets/README.md.
 constexpr const char* kToneMapping =
-    "zscale=t=linear:npl=203,format=gbrpf32le,zscale=p=bt709,"
+    "zscale=t=linear:npl=203:p=bt709,format=gbrpf32le,"
     "tonemap=mobius:param=0.7:desat=0:peak=10,zscale=t=iec61966-2-1,format=gbrp";
 
 TEST_F(Decoder, HdrIsToneMapped) {
