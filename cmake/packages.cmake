@@ -22,7 +22,8 @@ set(CPACK_COMPONENT_DEVELOPMENT_DESCRIPTION
 # What cohortConfig.cmake looks for.
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_DEPENDS
     "libeigen3-dev, libopencv-dev, libopencv-contrib-dev, libceres-dev, libsqlite3-dev, libzip-dev, \
-libavformat-dev, libavcodec-dev, libavutil-dev, libswscale-dev, pkgconf, libfmt-dev, libspdlog-dev")
+libavformat-dev, libavcodec-dev, libavfilter-dev, libavutil-dev, libswscale-dev, pkgconf, \
+libfmt-dev, libspdlog-dev")
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_SUGGESTS nlohmann-json3-dev)
 install(FILES ${PROJECT_SOURCE_DIR}/LICENSE DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/libcohort-dev
         RENAME copyright COMPONENT development)

@@ -20,6 +20,7 @@ extern "C" {
 #include <cstring>
 #include <new>
 #include <opencv2/core.hpp>
+#include <opencv2/imgproc.hpp>
 #include <string_view>
 #include <vector>
 
@@ -126,6 +127,25 @@ double AspectOf(AVRational told) {
   return is_told ? aspect : 1.0;
 }
 
+// HDR by these filters, also as `ffmpeg -vf`: BT.2408's white of 203 cd/m2 becomes nearly that of
+// sRGB, mobius compresses what is brighter (up to ten times) and changes nothing below 0.7 of it,
+// and colours beyond BT.709's are clipped.
+const std::string kToneMapping =
+    "zscale=t=linear:npl=203:p=bt709,format=gbrpf32le,"
+    "tonemap=mobius:param=0.7:desat=0:peak=10,zscale=t=iec61966-2-1,format=gbrp";
+
+constexpr const char* kWithoutSubsampling = "format=yuv444p10le|yuv444p12le|gbrp10le|gbrp12le,";
+
+// Every matrix that has the coefficients of BT.601, which is also FFmpeg's choice for a video that
+// states none, of any size.
+int MatrixOf(const AVFrame& frame) {
+  const AVPixFmtDescriptor* kind = av_pix_fmt_desc_get(static_cast<AVPixelFormat>(frame.format));
+  const bool has_matrix = kind != nullptr && (kind->flags & AV_PIX_FMT_FLAG_RGB) == 0;
+  const int* const own = sws_getCoefficients(frame.colorspace);
+  const bool is_default = std::equal(own, own + 4, sws_getCoefficients(SWS_CS_DEFAULT));
+  return has_matrix && !is_default ? frame.colorspace : SWS_CS_DEFAULT;
+}
+
 // Applies to every stream, also while FFmpeg probes them.
 class DecoderOptions {
  public:
@@ -185,11 +205,14 @@ std::int64_t VideoDecoder::Seek(void* source, std::int64_t offset, int whence) {
   return place < 0 ? AVERROR(errno) : place;
 }
 
-VideoDecoder::VideoDecoder(const std::filesystem::path& file)
+VideoDecoder::VideoDecoder(const std::filesystem::path& file,
+                           std::optional<FieldOrder> deinterlaced)
     : name_(file.string()),
       source_{OpenInputDescriptor(file)},
       packet_(Allocated(av_packet_alloc())),
-      frame_(Allocated(av_frame_alloc())) {
+      frame_(Allocated(av_frame_alloc())),
+      tone_mapped_(Allocated(av_frame_alloc())),
+      deinterlaced_(deinterlaced) {
   av_log_set_level(AV_LOG_QUIET);  // our own errors and warnings suffice
   if (NamesOtherFiles(source_.file)) {
     ThrowError("{} is a list of other files: give the video that it refers to", name_);
@@ -353,6 +376,15 @@ void VideoDecoder::Send() {
 }
 
 bool VideoDecoder::Next() {
+  tone_mapped_current_ = false;
+  color_.current = false;
+  luma_.current = false;
+  if (!(deinterlaced_ ? Deinterlace() : Decode())) return false;
+  Stamp();
+  return true;
+}
+
+bool VideoDecoder::Decode() {
   for (int faults = 0; faults < kMostFaults;) {
     const int received = avcodec_receive_frame(codec_.get(), frame_.get());
     CheckMemory(received, name_);
@@ -362,11 +394,53 @@ bool VideoDecoder::Next() {
     } else if (received < 0) {
       ++faults;
     } else {
-      Stamp();
       return true;
     }
   }
   return false;
+}
+
+// A frame's lines are seen again in the frames before and after it, so that each frame comes out
+// when the next one has been decoded.
+bool VideoDecoder::Deinterlace() {
+  while (!deinterlacer_ || !deinterlacer_->Pull(*frame_)) {
+    if (!Decode()) {
+      if (!deinterlacer_) return false;
+      deinterlacer_->Finish();
+      return deinterlacer_->Pull(*frame_);
+    }
+    if (!deinterlacer_) {
+      const char* const order = *deinterlaced_ == FieldOrder::kTopFirst ? "tff" : "bff";
+      deinterlacer_.emplace(*frame_, fmt::format("bwdif=mode=send_frame:parity={}", order), name_);
+    }
+    if (!deinterlacer_->Accepts(*frame_)) {
+      ThrowError(
+          "cannot read {}: it is interlaced, and its frames change to {}x{} or to other pixels",
+          name_,
+          frame_->width,
+          frame_->height);
+    }
+    deinterlacer_->Push(*frame_);
+  }
+  return true;
+}
+
+std::string_view VideoDecoder::Hdr() const {
+  if (frame_->color_trc == AVCOL_TRC_ARIB_STD_B67) return "HLG";
+  if (frame_->color_trc == AVCOL_TRC_SMPTE2084) return "PQ";
+  return "";
+}
+
+std::optional<FieldOrder> VideoDecoder::FlaggedFieldOrder() const {
+  if (frame_->interlaced_frame != 0) {
+    return frame_->top_field_first != 0 ? FieldOrder::kTopFirst : FieldOrder::kBottomFirst;
+  }
+  // Some codecs store no such flag, but their containers do. The second letter is the one shown
+  // first.
+  const AVFieldOrder order = format_->streams[stream_]->codecpar->field_order;
+  if (order == AV_FIELD_TT || order == AV_FIELD_BT) return FieldOrder::kTopFirst;
+  if (order == AV_FIELD_BB || order == AV_FIELD_TB) return FieldOrder::kBottomFirst;
+  return std::nullopt;
 }
 
 void VideoDecoder::Stamp() {
@@ -384,31 +458,75 @@ void VideoDecoder::Stamp() {
   seconds_ = later ? seconds : std::min(seconds_ + 1.0 / frames_per_second_, kLongestSeconds);
 }
 
-void VideoDecoder::MakeConverter() {
-  const AVFrame& frame = *frame_;
+const AVFrame& VideoDecoder::Shown() {
+  if (Hdr().empty()) return *frame_;
+  if (!tone_mapped_current_) {
+    // What HDR video has if it does not state it, without which zscale refuses it.
+    if (frame_->color_primaries == AVCOL_PRI_UNSPECIFIED) {
+      frame_->color_primaries = AVCOL_PRI_BT2020;
+    }
+    if (frame_->colorspace == AVCOL_SPC_UNSPECIFIED) frame_->colorspace = AVCOL_SPC_BT2020_NCL;
+    if (!tone_mapper_ || !tone_mapper_->Accepts(*frame_)) {
+      // zscale does not accept subsampled colours of odd sizes.
+      const bool odd = (frame_->width | frame_->height) % 2 != 0;
+      tone_mapper_.emplace(*frame_, (odd ? kWithoutSubsampling : "") + kToneMapping, name_);
+    }
+    tone_mapper_->Push(*frame_);
+    tone_mapped_current_ = tone_mapper_->Pull(*tone_mapped_);
+    if (!tone_mapped_current_) ThrowError("cannot read {}: FFmpeg cannot tone-map its HDR", name_);
+  }
+  return *tone_mapped_;
+}
+
+void VideoDecoder::MakeConverter(const AVFrame& frame, int matrix, Converter& converter) const {
   // JPEG's formats (yuvj420p) imply the full range.
   const bool full_range = frame.color_range == AVCOL_RANGE_JPEG;
-  if (converter_ && width_px_ == frame.width && height_px_ == frame.height &&
-      pixel_format_ == frame.format && full_range_ == full_range) {
+  if (converter.context && converter.width_px == frame.width &&
+      converter.height_px == frame.height && converter.pixel_format == frame.format &&
+      converter.full_range == full_range && converter.matrix == matrix) {
     return;
   }
-  bgr_.reset(Allocated(av_frame_alloc()));
-  bgr_->format = AV_PIX_FMT_BGR24;
-  bgr_->width = ShownWidth(frame.width);
-  bgr_->height = frame.height;
-  CheckMemory(av_frame_get_buffer(bgr_.get(), 0), name_);
-  converter_.reset(Allocated(sws_alloc_context()));
+  converter.bgr.reset(Allocated(av_frame_alloc()));
+  AVFrame& bgr = *converter.bgr;
+  bgr.format = AV_PIX_FMT_BGR24;
+  bgr.width = ShownWidth(frame.width);
+  bgr.height = frame.height;
+  CheckMemory(av_frame_get_buffer(&bgr, 0), name_);
+  converter.context.reset(Allocated(sws_alloc_context()));
+  SwsContext* const context = converter.context.get();
   for (const auto& [option, value] : {std::pair("srcw", frame.width),
                                       std::pair("srch", frame.height),
                                       std::pair("src_format", frame.format),
                                       std::pair("src_range", full_range ? 1 : 0),
-                                      std::pair("dstw", bgr_->width),
+                                      std::pair("dstw", bgr.width),
                                       std::pair("dsth", frame.height),
                                       std::pair("dst_format", int{AV_PIX_FMT_BGR24}),
                                       std::pair("sws_flags", SWS_BICUBIC)}) {
-    av_opt_set_int(converter_.get(), option, value, 0);
+    av_opt_set_int(context, option, value, 0);
   }
-  if (sws_init_context(converter_.get(), nullptr, nullptr) < 0) {
+  bool made = sws_init_context(context, nullptr, nullptr) >= 0;
+  if (made && matrix != SWS_CS_DEFAULT) {
+    int* table = nullptr;  // of the picture, whose range and the others stay
+    int* own_table = nullptr;
+    int range = 0;
+    int own_range = 0;
+    int brightness = 0;
+    int contrast = 0;
+    int saturation = 0;
+    made =
+        sws_getColorspaceDetails(
+            context, &own_table, &own_range, &table, &range, &brightness, &contrast, &saturation) >=
+            0 &&
+        sws_setColorspaceDetails(context,
+                                 sws_getCoefficients(matrix),
+                                 own_range,
+                                 table,
+                                 range,
+                                 brightness,
+                                 contrast,
+                                 saturation) >= 0;
+  }
+  if (!made) {
     const char* kind = av_get_pix_fmt_name(static_cast<AVPixelFormat>(frame.format));
     ThrowError("cannot read {}: FFmpeg cannot convert its frames, {}x{} of {}",
                name_,
@@ -416,21 +534,44 @@ void VideoDecoder::MakeConverter() {
                frame.height,
                kind == nullptr ? "an unknown pixel format" : kind);
   }
-  width_px_ = frame.width;
-  height_px_ = frame.height;
-  pixel_format_ = frame.format;
-  full_range_ = full_range;
+  converter.width_px = frame.width;
+  converter.height_px = frame.height;
+  converter.pixel_format = frame.format;
+  converter.full_range = full_range;
+  converter.matrix = matrix;
+}
+
+cv::Mat VideoDecoder::Convert(const AVFrame& frame, int matrix, Converter& converter) const {
+  if (!converter.current) {
+    MakeConverter(frame, matrix, converter);
+    sws_scale(converter.context.get(),
+              frame.data,
+              frame.linesize,
+              0,
+              frame.height,
+              converter.bgr->data,
+              converter.bgr->linesize);
+    converter.current = true;
+  }
+  const AVFrame& bgr = *converter.bgr;
+  return {bgr.height, bgr.width, CV_8UC3, bgr.data[0], static_cast<std::size_t>(bgr.linesize[0])};
 }
 
 cv::Mat VideoDecoder::Picture() {
-  MakeConverter();
-  sws_scale(
-      converter_.get(), frame_->data, frame_->linesize, 0, height_px_, bgr_->data, bgr_->linesize);
-  const cv::Mat stored(bgr_->height,
-                       bgr_->width,
-                       CV_8UC3,
-                       bgr_->data[0],
-                       static_cast<std::size_t>(bgr_->linesize[0]));
+  const AVFrame& frame = Shown();
+  return Upright(Convert(frame, MatrixOf(frame), color_));
+}
+
+// OpenCV makes grey with the weights of BT.601: by this matrix every frame's grey is its luma.
+cv::Mat VideoDecoder::Gray() {
+  const AVFrame& frame = Shown();
+  Converter& converter = MatrixOf(frame) == SWS_CS_DEFAULT ? color_ : luma_;
+  cv::Mat gray;
+  cv::cvtColor(Convert(frame, SWS_CS_DEFAULT, converter), gray, cv::COLOR_BGR2GRAY);
+  return Upright(gray);
+}
+
+cv::Mat VideoDecoder::Upright(const cv::Mat& stored) const {
   cv::Mat picture;
   if (orientation_.transposed) {
     cv::transpose(stored, picture);

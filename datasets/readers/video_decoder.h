@@ -7,7 +7,9 @@
 #include <opencv2/core/mat.hpp>
 #include <optional>
 #include <string>
+#include <string_view>
 
+#include "datasets/readers/video_filter.h"
 #include "frontend/core/descriptor.h"
 #include "frontend/geometry/camera.h"
 
@@ -20,11 +22,14 @@ struct SwsContext;
 
 namespace cohort {
 
+// Which rows of an interlaced frame were exposed first: the even ones (top) or the odd ones.
+enum class FieldOrder : std::uint8_t { kTopFirst, kBottomFirst };
+
 // Decodes the first video stream of a file by FFmpeg's libraries; cover art does not count. Only
 // this file is read: no protocol, and no other file that it names.
 //
 //   VideoDecoder video(file);
-//   while (video.Next()) Use(video.Picture(), video.Seconds());
+//   while (video.Next()) Use(video.Picture(), video.Gray(), video.Seconds());
 //
 // Decodes on one thread, so that even a damaged file gives the same pictures every time.
 class VideoDecoder {
@@ -34,8 +39,10 @@ class VideoDecoder {
 
   // Throws Error naming the file if it contains no decodable video, its header states more than
   // kMaxPixels, or it is a list of other files. This and Next throw SystemError if the system does
-  // not give access to the file's bytes.
-  explicit VideoDecoder(const std::filesystem::path& file);
+  // not give access to the file's bytes. With a field order all frames are deinterlaced by FFmpeg's
+  // filter bwdif: one frame of each, at the time of its first field.
+  explicit VideoDecoder(const std::filesystem::path& file,
+                        std::optional<FieldOrder> deinterlaced = std::nullopt);
   VideoDecoder(const VideoDecoder&) = delete;
   VideoDecoder& operator=(const VideoDecoder&) = delete;
   ~VideoDecoder();
@@ -43,12 +50,22 @@ class VideoDecoder {
   // Decodes the next frame in display order; skips undecodable frames. Returns false at the end.
   bool Next();
 
-  // The frame that Next has decoded, CV_8UC3 (BGR), rotated and mirrored by the file's display
-  // matrix: a phone's portrait video is upright. Pixels that are not square are made square by the
-  // width, as in players. Limited range is expanded to 0..255; the matrix is always BT.601's, so
-  // that the picture's grey is the file's own luma. Throws Error if the frame's format cannot be
-  // converted.
+  // The frame that Next has decoded, CV_8UC3 (BGR), with the colours of the program ffmpeg: by the
+  // matrix and range that the file states, BT.601 and limited if it states none. HDR is tone-mapped
+  // to sRGB. Rotated and mirrored by the file's display matrix: a phone's portrait video is
+  // upright. Pixels that are not square are made square by the width, as in players. Throws Error
+  // if the frame's format cannot be converted.
   cv::Mat Picture();
+  // Its grey, CV_8UC1: the file's own luma, expanded to 0..255, since colours are stored with less
+  // detail; that of the tone-mapped picture for HDR.
+  cv::Mat Gray();
+
+  // "HLG" or "PQ" if the frame that Next has decoded is HDR, else empty.
+  std::string_view Hdr() const;
+  // That of the frame that Next has decoded, by its own flags or else the file's, if it is flagged
+  // as interlaced.
+  std::optional<FieldOrder> FlaggedFieldOrder() const;
+  const AVFrame& DecodedFrame() const { return *frame_; }
 
   // Width / height of the stored pixels, from the file or its codec. 1 if nearly square, not
   // stated, or implausible for a camera.
@@ -101,6 +118,18 @@ class VideoDecoder {
     int error = 0;  // errno of a failed read, which FFmpeg treats as the end of the video or a gap
   };
 
+  // From frames of one kind to BGR of 8 bits with square pixels.
+  struct Converter {
+    Owned<SwsContext> context;
+    Owned<AVFrame> bgr;
+    bool current = false;  // bgr is the frame that Next has decoded
+    int width_px = 0;      // the input
+    int height_px = 0;
+    int pixel_format = -1;
+    bool full_range = false;
+    int matrix = -1;
+  };
+
   static int Read(void* source, std::uint8_t* bytes, int count);
   static std::int64_t Seek(void* source, std::int64_t offset, int whence);
   int ShownWidth(int stored_width_px) const;
@@ -108,8 +137,14 @@ class VideoDecoder {
   void OpenFile();
   void OpenStream();
   void Send();  // the next packet of the stream, or its end
+  bool Decode();
+  bool Deinterlace();
   void Stamp();
-  void MakeConverter();
+  const AVFrame& Shown();  // tone-mapped if it is HDR
+  void MakeConverter(const AVFrame& frame, int matrix, Converter& converter) const;
+  // The frame in BGR by this matrix, as it is stored. Valid until the next frame.
+  cv::Mat Convert(const AVFrame& frame, int matrix, Converter& converter) const;
+  cv::Mat Upright(const cv::Mat& stored) const;
 
   std::string name_;
   Source source_;
@@ -119,13 +154,14 @@ class VideoDecoder {
   Owned<AVCodecContext> codec_;
   Owned<AVPacket> packet_;
   Owned<AVFrame> frame_;
-  Owned<AVFrame> bgr_;
-  Owned<SwsContext> converter_;
+  Owned<AVFrame> tone_mapped_;
+  bool tone_mapped_current_ = false;
+  std::optional<VideoFilter> tone_mapper_;
+  std::optional<VideoFilter> deinterlacer_;
+  std::optional<FieldOrder> deinterlaced_;
+  Converter color_;
+  Converter luma_;
   int stream_ = -1;
-  int width_px_ = 0;  // the converter's input
-  int height_px_ = 0;
-  int pixel_format_ = -1;
-  bool full_range_ = false;
   Orientation orientation_;
   double pixel_aspect_ = 1.0;
   double frames_per_second_ = 0.0;

@@ -1,9 +1,11 @@
 #include "datasets/readers/video_sequence.h"
 
 #include <cmath>
+#include <string_view>
 #include <utility>
 
 #include "datasets/readers/gray_image.h"
+#include "datasets/readers/interlacing.h"
 #include "datasets/readers/video_decoder.h"
 #include "frontend/core/error.h"
 #include "frontend/tracks/frame_name.h"
@@ -25,7 +27,18 @@ class VideoSequence final : public Sequence {
  public:
   VideoSequence(const std::filesystem::path& file, const FrameRange& range)
       : file_(file.string()), name_(file.filename().string()), range_(range) {
+    if (const auto interlacing = InterlacingOf(file)) {
+      field_order_ = interlacing->order;
+      Warn(fmt::format("{} is interlaced{}, {} field first: its frames are deinterlaced",
+                       file_,
+                       interlacing->flagged ? "" : ", which it does not state",
+                       field_order_ == FieldOrder::kTopFirst ? "top" : "bottom"));
+    }
     Rewind();
+    if (const std::string_view hdr = decoder_->Hdr(); !hdr.empty()) {
+      Warn(
+          fmt::format("{} is HDR video ({}): its frames are tone-mapped to 8-bit SDR", file_, hdr));
+    }
     focal_guess_ =
         FocalGuessOfVideo(file, decoder_->FocalLengthIn35mmFilm(), {size_.width, size_.height});
     if (const double aspect = decoder_->PixelAspect(); aspect != 1.0) {
@@ -41,7 +54,7 @@ class VideoSequence final : public Sequence {
 
   // Seeking is not exact in every container, but reopening is.
   void Rewind() override {
-    decoder_.emplace(file_);
+    decoder_.emplace(file_, field_order_);
     if (!source_frames_) source_frames_ = decoder_->PromisedFrames();
     grabbed_ = 0;
     next_ = range_.first;
@@ -94,7 +107,8 @@ class VideoSequence final : public Sequence {
     const auto frame_index = static_cast<FrameIndex>(index);
     Frame frame{
         frame_index, std::llround(decoder_->Seconds() * 1e9), NumberedFrameName(frame_index), {}};
-    SetPicture(decoder_->Picture(), file_, frame);
+    frame.color = decoder_->Picture();
+    frame.gray = decoder_->Gray();
     return frame;
   }
 
@@ -115,6 +129,7 @@ class VideoSequence final : public Sequence {
   std::string file_;
   std::string name_;
   FrameRange range_;
+  std::optional<FieldOrder> field_order_;  // of an interlaced video
   std::optional<VideoDecoder> decoder_;
   std::optional<std::size_t> source_frames_;  // the header's count; after the end, the actual one
   std::size_t grabbed_ = 0;                   // frames of the source read so far

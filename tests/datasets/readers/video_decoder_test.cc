@@ -7,6 +7,7 @@
 
 #include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
 
 #include "datasets/open_sequence.h"
 #include "frontend/core/child_process.h"
@@ -57,9 +58,11 @@ class Decoder : public testing::Test {
   }
 
   // By the program, which turns them as the file says.
-  std::vector<cv::Mat> PicturesOfFfmpeg(const std::string& name, cv::Size size) const {
-    Ffmpeg("-i " + name +
-           " -fps_mode passthrough -sws_flags bicubic -pix_fmt bgr24 -f rawvideo raw");
+  std::vector<cv::Mat> PicturesOfFfmpeg(const std::string& name,
+                                        cv::Size size,
+                                        const std::string& filters = "null") const {
+    Ffmpeg("-i " + name + " -fps_mode passthrough -sws_flags bicubic -vf " + filters +
+           " -pix_fmt bgr24 -f rawvideo raw");
     std::string bytes = ReadBytes(Path("raw"));
     const std::size_t one = static_cast<std::size_t>(size.area()) * 3;
     EXPECT_EQ(bytes.size() % one, 0u);
@@ -70,11 +73,42 @@ class Decoder : public testing::Test {
     return pictures;
   }
 
-  std::vector<cv::Mat> Pictures(const std::string& name) const {
+  std::vector<cv::Mat> Pictures(const std::string& name,
+                                std::optional<FieldOrder> deinterlaced = std::nullopt) const {
     std::vector<cv::Mat> pictures;
-    VideoDecoder video(Path(name));
+    VideoDecoder video(Path(name), deinterlaced);
     while (video.Next()) pictures.push_back(video.Picture());
     return pictures;
+  }
+
+  std::vector<cv::Mat> Grays(const std::string& name) const {
+    std::vector<cv::Mat> grays;
+    VideoDecoder video(Path(name));
+    while (video.Next()) grays.push_back(video.Gray());
+    return grays;
+  }
+
+  // Pictures as `sfm` writes them.
+  std::vector<cv::Mat> ColorsOfSequence(const std::string& name) const {
+    std::vector<cv::Mat> colors;
+    for (const Frame& frame : test::ReadAll(*OpenSequence(Path(name)))) {
+      colors.push_back(frame.color);
+    }
+    return colors;
+  }
+
+  // 24 fields, of each of which a frame gets every other row. They move by 3 px.
+  void FilmFields(const std::string& name,
+                  const std::string& codec,
+                  const std::string& fields,
+                  const std::string& after = "null") const {
+    Ffmpeg(
+        fmt::format("-f lavfi -i testsrc2=size=160x120:rate=50:duration=0.02,loop=23:1,"
+                    "scroll=h=0.02 -vf \"{},{}\" -fps_mode passthrough {} {}",
+                    fields,
+                    after,
+                    codec,
+                    name));
   }
 
   std::vector<int> Milliseconds(const std::string& name) const {
@@ -145,6 +179,225 @@ TEST_F(Decoder, GivesTheSamePicturesAsTheProgramFfmpeg) {
     EXPECT_EQ(expected.size(), 10u);
     ExpectEqual(Pictures(name), expected);
   }
+}
+
+// FFmpeg takes what states no matrix as BT.601, in HD too.
+TEST_F(Decoder, ColoursAreThoseOfTheProgramFfmpeg) {
+  const std::string deep = "-c:v libx265 -preset ultrafast -x265-params log-level=0 -pix_fmt ";
+  const std::string h264 = "-c:v libx264 -preset ultrafast -pix_fmt ";
+  std::string outputs;
+  std::vector<std::string> names;
+  for (const std::string matrix :
+       {"unknown", "bt709", "bt470bg", "smpte170m", "smpte240m", "bt2020nc", "fcc"}) {
+    for (const std::string range : {"tv", "pc"}) {
+      std::vector<std::string> codecs{h264 + "yuv420p", deep + "yuv422p10le"};
+      if (matrix == "bt709") {
+        codecs.insert(
+            codecs.end(),
+            {h264 + "yuv422p", h264 + "yuv444p", deep + "yuv420p10le", deep + "yuv444p10le"});
+      }
+      for (const std::string& codec : codecs) {
+        names.push_back(fmt::format("{}.mp4", names.size()));
+        outputs += fmt::format(
+            "-colorspace {} -color_range {} {} {} ", matrix, range, codec, names.back());
+      }
+    }
+  }
+  Ffmpeg("-f lavfi -i testsrc2=size=162x122:rate=25:duration=0.08 " + outputs);
+  for (const std::string& name : names) {
+    SCOPED_TRACE(name);
+    ExpectEqual(Pictures(name), PicturesOfFfmpeg(name, {162, 122}));
+    ExpectEqual(ColorsOfSequence(name), Pictures(name));
+  }
+  Ffmpeg("-f lavfi -i testsrc2=size=1280x720:rate=25:duration=0.08 " + h264 + "yuv420p hd.mp4");
+  ExpectEqual(Pictures("hd.mp4"), PicturesOfFfmpeg("hd.mp4", {1280, 720}));
+}
+
+// With the right matrix, the colours are those that were filmed, to FFmpeg's rounding.
+TEST_F(Decoder, ColoursAreThoseThatWereFilmed) {
+  std::string outputs;
+  for (const char* matrix : {"bt709", "smpte170m", "smpte240m", "bt2020nc"}) {
+    for (const char* range : {"tv", "pc"}) {
+      outputs += fmt::format(
+          "-vf scale=out_color_matrix={0}:out_range={1},format=yuv420p -colorspace {0} "
+          "-color_range {1} -c:v libx264 -crf 1 {0}_{1}.mp4 ",
+          matrix,
+          range);
+    }
+  }
+  Ffmpeg("-f lavfi -i color=0x2878c8:size=96x48:rate=5:duration=0.2,format=gbrp " + outputs);
+  for (const char* matrix : {"bt709", "smpte170m", "smpte240m", "bt2020nc"}) {
+    for (const char* range : {"tv", "pc"}) {
+      SCOPED_TRACE(fmt::format("{} {}", matrix, range));
+      const cv::Scalar color = cv::mean(Pictures(fmt::format("{}_{}.mp4", matrix, range)).at(0));
+      EXPECT_NEAR(color[0], 0xc8, 3);
+      EXPECT_NEAR(color[1], 0x78, 3);
+      EXPECT_NEAR(color[2], 0x28, 3);
+    }
+  }
+}
+
+TEST_F(Decoder, GreyIsTheLumaWhateverTheMatrix) {
+  const std::string codec = "-c:v ffv1 -pix_fmt yuv420p -colorspace ";
+  std::string outputs;
+  for (const char* matrix : {"unknown", "bt709", "bt2020nc"}) {
+    outputs += codec + matrix + " " + matrix + ".mkv ";
+  }
+  Ffmpeg("-f lavfi -i testsrc2=size=160x120:rate=25:duration=0.08 " + outputs);
+  const std::vector<cv::Mat> grays = Grays("unknown.mkv");
+  EXPECT_EQ(grays.size(), 2u);
+  ExpectEqual(Grays("bt709.mkv"), grays);
+  ExpectEqual(Grays("bt2020nc.mkv"), grays);
+  std::vector<cv::Mat> of_sequence;
+  for (const Frame& frame : test::ReadAll(*OpenSequence(Path("bt709.mkv")))) {
+    of_sequence.push_back(frame.gray);
+  }
+  ExpectEqual(of_sequence, grays);
+}
+
+// Documented in datasets/README.md.
+constexpr const char* kToneMapping =
+    "zscale=t=linear:npl=203:p=bt709,format=gbrpf32le,"
+    "tonemap=mobius:param=0.7:desat=0:peak=10,zscale=t=iec61966-2-1,format=gbrp";
+
+TEST_F(Decoder, HdrIsToneMapped) {
+  const std::string hevc = "-c:v libx265 -preset ultrafast -x265-params log-level=0:lossless=1 ";
+  for (const auto& [kind, transfer] :
+       {std::pair("HLG", "arib-std-b67"), std::pair("PQ", "smpte2084")}) {
+    SCOPED_TRACE(kind);
+    const std::string tags = fmt::format(
+        "-color_primaries bt2020 -color_trc {} -colorspace bt2020nc -color_range tv ", transfer);
+    Ffmpeg(
+        fmt::format("-f lavfi -i smptehdbars=size=160x120:rate=25:duration=0.2,format=gbrp -vf "
+                    "zscale=tin=iec61966-2-1:pin=bt709:t={}:p=bt2020:m=bt2020nc:r=tv:npl=203,"
+                    "format=yuv420p10le {} {} a.mp4",
+                    transfer,
+                    tags,
+                    hevc));
+    const std::vector<cv::Mat> pictures = Pictures("a.mp4");
+    EXPECT_EQ(pictures.size(), 5u);
+    ExpectEqual(pictures, PicturesOfFfmpeg("a.mp4", {160, 120}, kToneMapping));
+    // What is not near white is as it was filmed.
+    const cv::Rect yellow(42, 10, 8, 40);
+    const cv::Scalar color = cv::mean(pictures.at(0)(yellow));
+    EXPECT_NEAR(color[0], 0, 6);
+    EXPECT_NEAR(color[1], 191, 6);
+    EXPECT_NEAR(color[2], 191, 6);
+
+    const auto clip = OpenSequence(Path("a.mp4"));
+    EXPECT_THAT(clip->Warning(),
+                AllOf(HasSubstr("a.mp4 is HDR video"), HasSubstr(kind), HasSubstr("tone-mapped")));
+    const std::vector<Frame> frames = test::ReadAll(*clip);
+    ASSERT_EQ(frames.size(), 5u);
+    EXPECT_EQ(cv::norm(frames[3].color, pictures[3], cv::NORM_INF), 0);
+    cv::Mat gray;
+    cv::cvtColor(pictures[3], gray, cv::COLOR_BGR2GRAY);
+    EXPECT_EQ(cv::norm(frames[3].gray, gray, cv::NORM_INF), 0);
+
+    // A file that states the transfer alone, in odd sizes and other pixels.
+    Ffmpeg(fmt::format(
+        "-i a.mp4 -vf scale=161:121,format=yuv422p10le,setparams=colorspace=unknown:"
+        "color_primaries=unknown -color_trc {} -colorspace unknown -color_primaries unknown "
+        "-c:v ffv1 bare.mkv",
+        transfer));
+    EXPECT_EQ(ColorsOfSequence("bare.mkv").size(), 5u);
+  }
+  // SDR in BT.2020 is not HDR.
+  Film("sdr.mp4", "-c:v libx264 -color_primaries bt2020 -color_trc bt2020-10 -colorspace bt2020nc");
+  EXPECT_EQ(OpenSequence(Path("sdr.mp4"))->Warning(), "");
+}
+
+struct Fields {
+  const char* name;
+  const char* codec;
+  const char* order;  // of the filter tinterlace
+  const char* parity;
+  const char* after = "null";
+  bool flagged = true;
+};
+
+TEST_F(Decoder, InterlacedFramesAreDeinterlaced) {
+  const char* const kTop = "interleave_top";
+  const char* const kBottom = "interleave_bottom";
+  const char* const kFields = "-c:v libx264 -crf 10 -flags +ilme+ildct -x264opts";
+  const char* const kPlain = "-c:v libx264 -crf 10";
+  const std::string top = std::string(kFields) + " tff=1";
+  const std::string bottom = std::string(kFields) + " bff=1";
+  for (const Fields& fields :
+       {Fields{"top.mts", top.c_str(), kTop, "tff"},
+        Fields{"bottom.mp4", bottom.c_str(), kBottom, "bff"},
+        Fields{"dvd.mpg", "-c:v mpeg2video -q:v 2 -flags +ilme+ildct", kTop, "tff"},
+        Fields{"container.mov", "-c:v rawvideo -pix_fmt uyvy422 -field_order tt", kTop, "tff"},
+        // A wrong flag does not count.
+        Fields{"wrong.mp4", bottom.c_str(), kTop, "tff"},
+        Fields{"plain_top.mp4", kPlain, kTop, "tff", "setfield=prog", false},
+        Fields{"plain_bottom.mkv", kPlain, kBottom, "bff", "setfield=prog", false}}) {
+    SCOPED_TRACE(fields.name);
+    FilmFields(fields.name, fields.codec, std::string("tinterlace=") + fields.order, fields.after);
+    const std::vector<cv::Mat> expected = PicturesOfFfmpeg(
+        fields.name,
+        {160, 120},
+        fmt::format("{}bwdif=mode=send_frame:parity={}",
+                    std::string(fields.name) == "container.mov" ? "format=yuv422p," : "",
+                    fields.parity));
+    ASSERT_EQ(expected.size(), 12u);
+    ExpectEqual(ColorsOfSequence(fields.name), expected);
+    const auto clip = OpenSequence(Path(fields.name));
+    const bool is_top = std::string(fields.parity) == "tff";
+    EXPECT_THAT(clip->Warning(),
+                AllOf(HasSubstr(fields.name),
+                      HasSubstr(fields.flagged ? " is interlaced, " : "does not state"),
+                      HasSubstr(is_top ? "top field first" : "bottom field first"),
+                      HasSubstr("deinterlaced")));
+    // Ranges and a second reading give the same frames, with the times of the file.
+    const std::vector<Frame> all = test::ReadAll(*clip);
+    ASSERT_EQ(all.size(), 12u);
+    EXPECT_EQ(clip->FrameCount(), 12u);
+    EXPECT_EQ(all[11].timestamp_ns, 440'000'000);
+    clip->Rewind();
+    EXPECT_EQ(test::ReadAll(*clip).size(), 12u);
+    const auto part = OpenSequence(Path(fields.name), Layout::kAuto, FrameRange::Parse("5:12:3"));
+    const std::vector<Frame> some = test::ReadAll(*part);
+    ASSERT_THAT(test::Indices(some), ElementsAre(5, 8, 11));
+    for (const Frame& frame : some) {
+      const Frame& same = all[ToInt(frame.index)];
+      EXPECT_EQ(frame.timestamp_ns, same.timestamp_ns);
+      EXPECT_EQ(cv::norm(frame.gray, same.gray, cv::NORM_INF), 0);
+    }
+  }
+}
+
+// Also those that are flagged as interlaced, as some cameras' are.
+TEST_F(Decoder, ProgressiveFramesAreNotDeinterlaced) {
+  const std::string flags = "-c:v libx264 -flags +ilme+ildct -x264opts tff=1";
+  for (const auto& [name, codec] :
+       {std::pair("plain.mp4", std::string("-c:v libx264")), std::pair("flagged.mp4", flags)}) {
+    SCOPED_TRACE(name);
+    FilmFields(name, codec, "null");
+    EXPECT_EQ(OpenSequence(Path(name))->Warning(), "");
+    const std::vector<cv::Mat> expected = PicturesOfFfmpeg(name, {160, 120});
+    ASSERT_EQ(expected.size(), 24u);
+    ExpectEqual(ColorsOfSequence(name), expected);
+  }
+  // What does not move shows nothing: the flags decide.
+  for (const auto& [name, codec, deinterlaced] :
+       {std::tuple("still.mp4", std::string("-c:v libx264"), false),
+        std::tuple("flagged_still.mp4", flags, true)}) {
+    Ffmpeg(
+        fmt::format("-f lavfi -i color=gray:size=160x120:rate=25:duration=0.4 {} {}", codec, name));
+    const std::string warning = OpenSequence(Path(name))->Warning();
+    EXPECT_EQ(warning.find("deinterlaced") != std::string::npos, deinterlaced) << name;
+  }
+}
+
+TEST_F(Decoder, AnInterlacedVideoMayBeShortOrChangeItsSize) {
+  const std::string flags = "-c:v libx264 -flags +ilme+ildct -x264opts tff=1 ";
+  Ffmpeg("-f lavfi -i testsrc2=size=160x120:rate=25:duration=0.04 " + flags + "one.h264");
+  EXPECT_EQ(ColorsOfSequence("one.h264").size(), 1u);
+  Ffmpeg("-f lavfi -i testsrc2=size=320x240:rate=25:duration=0.4 " + flags + "other.h264");
+  WriteBytes(Path("change.h264"), ReadBytes(Path("one.h264")) + ReadBytes(Path("other.h264")));
+  EXPECT_THAT([&] { test::ReadAll(*OpenSequence(Path("change.h264"))); },
+              ThrowsMessage<Error>(AllOf(HasSubstr("change.h264"), HasSubstr("320x240"))));
 }
 
 // Black and white of both ranges are 0 and 255; grey of the picture is the file's luma.
