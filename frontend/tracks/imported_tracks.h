@@ -18,12 +18,30 @@ struct ImportedTracks {
   std::size_t unknown_images = 0;  // images with positions that are not frames of the clip
   std::string an_unknown_image;
   std::size_t left_out = 0;  // positions, for the reason that the reader states
+  bool fits_exchanged = false;  // ExtentOfTracks, before any was left out
 };
 
 // Whether a position lies in the picture, up to the outer edges of its pixels.
 inline bool IsInPicture(const Eigen::Vector2d& xy, int width_px, int height_px) {
   return xy.x() >= -0.5 && xy.y() >= -0.5 && xy.x() <= width_px - 0.5 && xy.y() <= height_px - 0.5;
 }
+
+// Which of the positions lie outside the picture, as they are and with x and y exchanged.
+struct ExtentOfTracks {
+  std::size_t observed = 0;
+  std::size_t outside = 0;
+  std::size_t outside_exchanged = 0;
+
+  void Add(const Eigen::Vector2d& xy, int width_px, int height_px) {
+    ++observed;
+    if (!IsInPicture(xy, width_px, height_px)) ++outside;
+    if (!IsInPicture({xy.y(), xy.x()}, width_px, height_px)) ++outside_exchanged;
+  }
+  // Whether x and y are probably exchanged: some positions lie outside, and hardly any would.
+  bool FitsExchanged() const {
+    return 50 * outside > observed && 10 * outside_exchanged < outside;
+  }
+};
 
 // Finds frames by the names of their pictures: by the name itself, else by the last part of the
 // name if it is unique (`images/0001.png`, `0001.png`), else by the last part without its

@@ -64,7 +64,7 @@ TracksForm FormOf(const std::string& path) {
   std::ifstream in = OpenInputFile(path);
   in.read(start.data(), start.size());
   const std::string_view text(start.data(), static_cast<std::size_t>(in.gcount()));
-  if (text.starts_with("PK\x03\x04")) return TracksForm::kNpz;
+  if (text.starts_with("PK\x03\x04") || text.starts_with("\x93NUMPY")) return TracksForm::kNpz;
   if (text.starts_with("SQLite format 3")) return TracksForm::kColmap;
   const std::string_view first_line = text.substr(0, text.find('\n'));
   const bool opensfm = first_line.starts_with("OPENSFM_TRACKS_VERSION") ||
@@ -119,9 +119,13 @@ ImportedTracks ReadTracks(TracksForm form,
       ImportedTracks imported =
           ReadTracksNpz(options.tracks, file.frames, file.width_px, file.height_px, options.npz);
       if (imported.left_out > 0) {
-        spdlog::warn("{}: {} visible positions lie outside the picture and count as predicted",
+        spdlog::warn("{}: {} visible positions lie outside the picture and count as predicted{}",
                      options.tracks,
-                     imported.left_out);
+                     imported.left_out,
+                     imported.fits_exchanged
+                         ? "; they lie inside if x and y are exchanged: if the tracker gives y "
+                           "before x, give --npz.axes yx"
+                         : "");
       }
       return imported;
     }
@@ -157,6 +161,9 @@ void RunImport(const ImportCommandOptions& options) {
     NoteCamera(imported.camera, file);
   }
   TellFocalGuess(file);
+  if (form == TracksForm::kCsv || form == TracksForm::kNpz) {  // the others record their size
+    WarnOf(DoubtOfUnits(file, options.tracks, imported.tracks, form == TracksForm::kNpz));
+  }
   WarnOf(PredictOutside(file, options.tracks, options.input.input, imported.tracks));
   const auto observations = imported.tracks.observations();
   if (std::none_of(observations.begin(), observations.end(), IsObserved)) {

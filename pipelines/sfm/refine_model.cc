@@ -221,7 +221,6 @@ MapperResult InWorldOf(const Reconstruction& world, MapperResult model) {
 RefinedModel RefineModel(const ColmapModel& model,
                          const fs::path& path,
                          Sequence& sequence,
-                         const cv::Mat& mask,
                          const RefineModelOptions& options,
                          const StageProgress& progress) {
   // Even the points of a model that did not move improve, because in the second round their
@@ -251,7 +250,7 @@ RefinedModel RefineModel(const ColmapModel& model,
   refined.file = clip.file;
   NoteSensorRows(sequence, refined.file);
   for (int round = 0; round < kMostRounds; ++round) {
-    SecondPass second = MeasureAgain(refined.file, now, sequence, mask, measurement, progress);
+    SecondPass second = MeasureAgain(refined.file, now, sequence, measurement, progress);
     if (round == 0) {
       CheckFound(second.figures, path, sequence);
       refined.found = second.figures;
@@ -302,8 +301,7 @@ RefinedModel RefineModelIntoFolder(const fs::path& model,
   std::vector<std::string> names = ModelFolderNames();
   names.emplace_back(kTracksName);
   OutputFolder out(folder, names, IsOurModelFolder);
-  RefinedModel refined =
-      RefineModel(ReadColmapModel(model), model, sequence, ReadMask(mask), options, progress);
+  RefinedModel refined = RefineModel(ReadColmapModel(model), model, sequence, options, progress);
   NoteMask(mask, refined.file);
   refined.file.source = AbsolutePath(source);
   refined.file.image_root = AbsolutePath(sequence.ImageRoot());

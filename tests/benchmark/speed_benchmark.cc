@@ -166,7 +166,7 @@ void Race(benchmark::State& state, const Film& film) {
     const double frames = static_cast<double>(*film.FrameCount());
     Parts parts;
     const double second_ms =
-        Timed([&] { WithSecondPass(racers[kOurs]->Finish(), copy, {}, ours.second_pass); }, parts);
+        Timed([&] { WithSecondPass(racers[kOurs]->Finish(), copy, ours.second_pass); }, parts);
     Racer klt(film, Klt(features, 21));
     while (klt.HasNext()) klt.Step();
     counters["second_ms"] = second_ms / frames;
