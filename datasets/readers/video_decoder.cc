@@ -21,6 +21,7 @@ extern "C" {
 #include <new>
 #include <opencv2/core.hpp>
 #include <string_view>
+#include <tuple>
 #include <vector>
 
 #include "frontend/core/error.h"
@@ -392,29 +393,14 @@ void VideoDecoder::MakeConverter() {
       pixel_format_ == frame.format && full_range_ == full_range) {
     return;
   }
-  bgr_.reset(Allocated(av_frame_alloc()));
-  bgr_->format = AV_PIX_FMT_BGR24;
-  bgr_->width = ShownWidth(frame.width);
-  bgr_->height = frame.height;
-  CheckMemory(av_frame_get_buffer(bgr_.get(), 0), name_);
-  converter_.reset(Allocated(sws_alloc_context()));
-  for (const auto& [option, value] : {std::pair("srcw", frame.width),
-                                      std::pair("srch", frame.height),
-                                      std::pair("src_format", frame.format),
-                                      std::pair("src_range", full_range ? 1 : 0),
-                                      std::pair("dstw", bgr_->width),
-                                      std::pair("dsth", frame.height),
-                                      std::pair("dst_format", int{AV_PIX_FMT_BGR24}),
-                                      std::pair("sws_flags", SWS_BICUBIC)}) {
-    av_opt_set_int(converter_.get(), option, value, 0);
-  }
-  if (sws_init_context(converter_.get(), nullptr, nullptr) < 0) {
-    const char* kind = av_get_pix_fmt_name(static_cast<AVPixelFormat>(frame.format));
-    ThrowError("cannot read {}: FFmpeg cannot convert its frames, {}x{} of {}",
-               name_,
-               frame.width,
-               frame.height,
-               kind == nullptr ? "an unknown pixel format" : kind);
+  std::tie(bgr_, converter_) = ConverterTo(AV_PIX_FMT_BGR24, full_range);
+  const AVPixFmtDescriptor* const kind =
+      av_pix_fmt_desc_get(static_cast<AVPixelFormat>(frame.format));
+  if (kind != nullptr && (kind->flags & AV_PIX_FMT_FLAG_ALPHA) != 0) {
+    // Apart from the colours, which are then the same as without alpha, to the last bit.
+    std::tie(bgra_, alpha_converter_) = ConverterTo(AV_PIX_FMT_BGRA, full_range);
+  } else {
+    bgra_.reset();
   }
   width_px_ = frame.width;
   height_px_ = frame.height;
@@ -422,7 +408,37 @@ void VideoDecoder::MakeConverter() {
   full_range_ = full_range;
 }
 
-cv::Mat VideoDecoder::Picture() {
+std::pair<VideoDecoder::Owned<AVFrame>, VideoDecoder::Owned<SwsContext>> VideoDecoder::ConverterTo(
+    int pixel_format, bool full_range) const {
+  const AVFrame& frame = *frame_;
+  Owned<AVFrame> converted(Allocated(av_frame_alloc()));
+  converted->format = pixel_format;
+  converted->width = ShownWidth(frame.width);
+  converted->height = frame.height;
+  CheckMemory(av_frame_get_buffer(converted.get(), 0), name_);
+  Owned<SwsContext> converter(Allocated(sws_alloc_context()));
+  for (const auto& [option, value] : {std::pair("srcw", frame.width),
+                                      std::pair("srch", frame.height),
+                                      std::pair("src_format", frame.format),
+                                      std::pair("src_range", full_range ? 1 : 0),
+                                      std::pair("dstw", converted->width),
+                                      std::pair("dsth", frame.height),
+                                      std::pair("dst_format", pixel_format),
+                                      std::pair("sws_flags", SWS_BICUBIC)}) {
+    av_opt_set_int(converter.get(), option, value, 0);
+  }
+  if (sws_init_context(converter.get(), nullptr, nullptr) < 0) {
+    const char* kind = av_get_pix_fmt_name(static_cast<AVPixelFormat>(frame.format));
+    ThrowError("cannot read {}: FFmpeg cannot convert its frames, {}x{} of {}",
+               name_,
+               frame.width,
+               frame.height,
+               kind == nullptr ? "an unknown pixel format" : kind);
+  }
+  return {std::move(converted), std::move(converter)};
+}
+
+cv::Mat VideoDecoder::StoredPicture() {
   MakeConverter();
   sws_scale(
       converter_.get(), frame_->data, frame_->linesize, 0, height_px_, bgr_->data, bgr_->linesize);
@@ -431,6 +447,28 @@ cv::Mat VideoDecoder::Picture() {
                        CV_8UC3,
                        bgr_->data[0],
                        static_cast<std::size_t>(bgr_->linesize[0]));
+  if (bgra_ == nullptr) return stored;
+  sws_scale(alpha_converter_.get(),
+            frame_->data,
+            frame_->linesize,
+            0,
+            height_px_,
+            bgra_->data,
+            bgra_->linesize);
+  const cv::Mat with_alpha(bgra_->height,
+                           bgra_->width,
+                           CV_8UC4,
+                           bgra_->data[0],
+                           static_cast<std::size_t>(bgra_->linesize[0]));
+  cv::Mat picture(stored.size(), CV_8UC4);
+  const cv::Mat from[] = {stored, with_alpha};
+  const int channels[] = {0, 0, 1, 1, 2, 2, 6, 3};
+  cv::mixChannels(from, 2, &picture, 1, channels, 4);
+  return picture;
+}
+
+cv::Mat VideoDecoder::Picture() {
+  const cv::Mat stored = StoredPicture();
   cv::Mat picture;
   if (orientation_.transposed) {
     cv::transpose(stored, picture);

@@ -7,6 +7,7 @@
 #include <opencv2/core/mat.hpp>
 #include <optional>
 #include <string>
+#include <utility>
 
 #include "frontend/core/descriptor.h"
 #include "frontend/geometry/camera.h"
@@ -43,7 +44,7 @@ class VideoDecoder {
   // Decodes the next frame in display order; skips undecodable frames. Returns false at the end.
   bool Next();
 
-  // The frame that Next has decoded, CV_8UC3 (BGR), rotated and mirrored by the file's display
+  // The frame that Next has decoded, CV_8UC3 (BGR) or, of a video with alpha, CV_8UC4, rotated and mirrored by the file's display
   // matrix: a phone's portrait video is upright. Pixels that are not square are made square by the
   // width, as in players. Limited range is expanded to 0..255; the matrix is always BT.601's, so
   // that the picture's grey is the file's own luma. Throws Error if the frame's format cannot be
@@ -110,6 +111,9 @@ class VideoDecoder {
   void Send();  // the next packet of the stream, or its end
   void Stamp();
   void MakeConverter();
+  // A frame of the shown size, and what converts decoded frames to it.
+  std::pair<Owned<AVFrame>, Owned<SwsContext>> ConverterTo(int pixel_format, bool full_range) const;
+  cv::Mat StoredPicture();
 
   std::string name_;
   Source source_;
@@ -121,6 +125,8 @@ class VideoDecoder {
   Owned<AVFrame> frame_;
   Owned<AVFrame> bgr_;
   Owned<SwsContext> converter_;
+  Owned<AVFrame> bgra_;  // of a video with alpha; else unset
+  Owned<SwsContext> alpha_converter_;
   int stream_ = -1;
   int width_px_ = 0;  // the converter's input
   int height_px_ = 0;

@@ -17,7 +17,7 @@ namespace cohort {
 
 enum class NpzKind { kBool, kInteger, kReal };
 
-inline constexpr std::string_view kPlainArray = "tracks";  // of a .npy, which has no name
+inline constexpr std::string_view kPlainArray = "tracks";           // of a .npy, which has no name
 inline constexpr std::size_t kMaxNpzValues = std::size_t{1} << 30;  // per array: 8 GB in memory
 
 struct NpzArray {

@@ -17,7 +17,7 @@ struct ImportedTracks {
   std::optional<Camera> camera;    // if the file has one
   std::size_t unknown_images = 0;  // images with positions that are not frames of the clip
   std::string an_unknown_image;
-  std::size_t left_out = 0;  // positions, for the reason that the reader states
+  std::size_t left_out = 0;     // positions, for the reason that the reader states
   bool fits_exchanged = false;  // ExtentOfTracks, before any was left out
 };
 
@@ -38,9 +38,7 @@ struct ExtentOfTracks {
     if (!IsInPicture({xy.y(), xy.x()}, width_px, height_px)) ++outside_exchanged;
   }
   // Whether x and y are probably exchanged: some positions lie outside, and hardly any would.
-  bool FitsExchanged() const {
-    return 50 * outside > observed && 10 * outside_exchanged < outside;
-  }
+  bool FitsExchanged() const { return 50 * outside > observed && 10 * outside_exchanged < outside; }
 };
 
 // Finds frames by the names of their pictures: by the name itself, else by the last part of the
@@ -59,6 +57,13 @@ class FrameNames {
   ByName by_stem_;
   std::map<FrameIndex, std::string> found_;
 };
+
+// Whether a name is that of a frame after the last one, such as frame_000048.png after
+// frame_000047.png, and the first frame is not used: the names count from 1, and those of the clip
+// from 0.
+bool CountsFromOne(const std::string& unknown_name,
+                   const TrackSet& tracks,
+                   std::span<const FrameInfo> frames);
 
 // Throws Error if no image of `path` belongs to the clip.
 void CheckSomeImageKnown(const ImportedTracks& imported,

@@ -166,8 +166,13 @@ class TracksReader {
       for (const double index : indices.values) {
         const bool fits = index >= 0 && index <= std::numeric_limits<std::uint32_t>::max();
         if (!fits || !known.contains(FrameIndex{static_cast<std::uint32_t>(index)})) {
+          const bool from_one = index == static_cast<double>(frames.size()) &&
+                                std::ranges::find(indices.values, 0.0) == indices.values.end();
           Fail(name,
-               fmt::format("frame {} is not among the {} of the input", index, frames.size()));
+               fmt::format("frame {} is not among the {} of the input{}",
+                           index,
+                           frames.size(),
+                           from_one ? ": frames count from 0, not from 1" : ""));
         }
         frames_.push_back(FrameIndex{static_cast<std::uint32_t>(index)});
       }
@@ -309,9 +314,8 @@ ImportedTracks ReadTracksNpz(const fs::path& path,
   const Eigen::Array2d unit = options.units == NpzUnits::kPixels      ? Eigen::Array2d(1.0, 1.0)
                               : options.units == NpzUnits::kZeroToOne ? picture
                                                                       : (picture / 2.0).eval();
-  const Eigen::Array2d zero = options.units == NpzUnits::kMinusOneToOne
-                                  ? (picture / 2.0).eval()
-                                  : Eigen::Array2d(0.0, 0.0);
+  const Eigen::Array2d zero =
+      options.units == NpzUnits::kMinusOneToOne ? (picture / 2.0).eval() : Eigen::Array2d(0.0, 0.0);
   // Distance of the file's (0, 0) from the corner of the top-left pixel.
   const double shift = options.origin == NpzOrigin::kPixelCentre ? 0.5 : 0.0;
   const bool as_it_is = options.origin == NpzOrigin::kPixelCentre && (scale == 1.0).all() &&
@@ -350,7 +354,8 @@ ImportedTracks ReadTracksNpz(const fs::path& path,
       if (is_visible && !inside) ++result.left_out;
       if (!is_visible || !inside) o.state = ObservationState::kPredicted;
       if (!residuals.empty() && std::isfinite(residuals[cell])) o.residual = residuals[cell];
-      if (!covariances.empty()) o.covariance = CovarianceOf(reader, covariances, cell, unit * scale);
+      if (!covariances.empty())
+        o.covariance = CovarianceOf(reader, covariances, cell, unit * scale);
       observations.push_back(o);
     }
   }

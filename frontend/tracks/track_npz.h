@@ -31,7 +31,8 @@ inline constexpr ChoiceNames<NpzUnits, 3> kNpzUnitsNames{
 
 // The order of a position's two numbers.
 enum class NpzAxes { kXy, kYx };
-inline constexpr ChoiceNames<NpzAxes, 2> kNpzAxesNames{{{"xy", NpzAxes::kXy}, {"yx", NpzAxes::kYx}}};
+inline constexpr ChoiceNames<NpzAxes, 2> kNpzAxesNames{
+    {{"xy", NpzAxes::kXy}, {"yx", NpzAxes::kYx}}};
 
 struct NpzTracksOptions {
   NpzLayout layout = NpzLayout::kAuto;

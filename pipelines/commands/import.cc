@@ -48,11 +48,14 @@ void CheckFramesKnown(const TrackSet& tracks,
   for (const FrameIndex frame : tracks.frames()) {
     while (known != file.frames.end() && known->index < frame) ++known;
     if (known == file.frames.end() || known->index != frame) {
-      ThrowError("{}: frame {} is not among the {} frames read from {}",
+      const bool from_one = ToInt(frame) == ToInt(file.frames.back().index) + 1 &&
+                            tracks.InFrame(file.frames.front().index).empty();
+      ThrowError("{}: frame {} is not among the {} frames read from {}{}",
                  csv,
                  ToInt(frame),
                  file.frames.size(),
-                 input);
+                 input,
+                 from_one ? ": frames count from 0, not from 1" : "");
     }
   }
 }
@@ -148,6 +151,16 @@ void RunImport(const ImportCommandOptions& options) {
   CheckOutputsGiven({options.out});
   TrackFile file = ReadFrames(options.input);
   ImportedTracks imported = ReadTracks(form, options, file);
+  if (imported.unknown_images == 1 &&
+      CountsFromOne(imported.an_unknown_image, imported.tracks, file.frames)) {
+    ThrowError(
+        "{}: its images count from 1, to {}, but the frames of {} from 0: give the pictures that "
+        "it "
+        "was made from",
+        options.tracks,
+        imported.an_unknown_image,
+        options.input.input);
+  }
   if (imported.unknown_images > 0) {
     spdlog::warn("{}: {} of its images are not frames of {} and are left out, such as {}",
                  options.tracks,

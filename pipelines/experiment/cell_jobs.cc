@@ -63,8 +63,8 @@ Json TrackCeiling(const ExperimentOptions& options, const TrackCell& cell) {
   const InputOptions frames = cell.frames;
   const auto dark = OpenInput(frames, options.mask);
   const auto truth = OpenTrackTruth(*dark, frames.input);
-  TrackFile file = MakeCeilingTracks(
-      *clip, *dark, *truth, DegradationOf(cell.condition), cell.tracker.options);
+  TrackFile file =
+      MakeCeilingTracks(*clip, *dark, *truth, DegradationOf(cell.condition), cell.tracker.options);
   DescribeInput(frames, *dark, file);
   file.meta = {.tracker = cell.tracker.name};
   WriteTrackFile(cell.Tracks(), file);
@@ -196,10 +196,9 @@ TrackFile TracksToHalve(const ExperimentOptions& options, const TrackCell& cell)
   const TrackJobOptions track = TrackOf(options, cell);
   cv::setNumThreads(track.threads == 0 ? -1 : track.threads);
   const auto sequence = OpenInput(track.input, track.mask);
-  TrackFile file = TrackFirstPass(*sequence,
-                                  {.tracker = track.tracker,
-                                   .second_pass = track.second_pass,
-                                   .source = track.input.input});
+  TrackFile file = TrackFirstPass(
+      *sequence,
+      {.tracker = track.tracker, .second_pass = track.second_pass, .source = track.input.input});
   DescribeInput(track.input, *sequence, file);
   return file;
 }

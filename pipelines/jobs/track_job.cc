@@ -110,9 +110,7 @@ void WarnAgain(const TrackFile& tracks) {
   spdlog::warn("{}; without --resume it is made anew", tracks.meta.warning);
 }
 
-TrackFile RunSecondPass(TrackFile file,
-                        Sequence& sequence,
-                        const SecondPassOptions& options) {
+TrackFile RunSecondPass(TrackFile file, Sequence& sequence, const SecondPassOptions& options) {
   SecondPass second = WithSecondPass(std::move(file), sequence, options, ProgressBars());
   if (second.none_because.empty()) {
     spdlog::info("second pass: {}", second.figures.Brief());

@@ -70,8 +70,6 @@ void WarnAgain(const TrackFile& tracks);
 bool HasTracksOfJob(const TrackJobOptions& options);
 
 // WithSecondPass, with a progress bar and its outcome in the log.
-TrackFile RunSecondPass(TrackFile file,
-                        Sequence& sequence,
-                        const SecondPassOptions& options);
+TrackFile RunSecondPass(TrackFile file, Sequence& sequence, const SecondPassOptions& options);
 
 }  // namespace cohort

@@ -269,11 +269,10 @@ std::string PredictOutside(const TrackFile& file,
     if (is_outside(o)) o.state = ObservationState::kPredicted;
   }
   tracks = TrackSet::Build(std::move(observations));
-  return fmt::format(
-      "{}: {} observed positions lie outside the picture and count as predicted{}",
-      name,
-      outside,
-      exchanged ? "; they lie inside if x and y are exchanged" : "");
+  return fmt::format("{}: {} observed positions lie outside the picture and count as predicted{}",
+                     name,
+                     outside,
+                     exchanged ? "; they lie inside if x and y are exchanged" : "");
 }
 
 std::string WarningOfClip(const Sequence& sequence,

@@ -33,12 +33,12 @@ cv::Mat WhiteOf(const cv::Mat& gray, const std::string& name) {
   const auto share = [&gray](const cv::Mat& where) {
     return static_cast<double>(cv::countNonZero(where)) / static_cast<double>(gray.total());
   };
-  // Masks of 0 and 1, or of 0 and another value, as many programs write them, also where a frame
-  // has one of the two alone.
-  if (share((gray == 0.0) | (gray == most)) == 1.0 && (least == 0.0 || most == 1.0)) {
-    return gray != 0.0;
-  }
   const double white = most > 255.0 ? 65535.0 : 255.0;
+  // Of two values the darker one is black, as in masks of 0 and 1. Where such a mask of a frame has
+  // one value alone, 1 is white.
+  if (least == most)
+    return cv::Mat(gray.size(), CV_8UC1, cv::Scalar(least == 1.0 || least > white / 2.0 ? 255 : 0));
+  if (share((gray == least) | (gray == most)) == 1.0) return gray == most;
   // A picture of the clip, in the place of its mask, would mask at random.
   constexpr double kMostGray = 0.5;
   const double gray_share = share((gray > white / 4.0) & (gray < white * 3.0 / 4.0));
@@ -218,14 +218,14 @@ void ClipMasks::CheckBelongTo(const Sequence& sequence, bool whole) const {
   for (const std::string& name : names) used.push_back(FileOf(name));
   std::ranges::sort(used);
   const bool none = used.back().empty();
-  const auto unused = std::ranges::find_if(files_, [&used](const fs::path& file) {
-    return !std::ranges::binary_search(used, file);
-  });
+  const auto unused = std::ranges::find_if(
+      files_, [&used](const fs::path& file) { return !std::ranges::binary_search(used, file); });
   // A mask too few at the start and one too many at the end: numbers that count from 1 beside some
   // that count from 0. Each frame but the first would have the mask of the one before it.
   if (!none && (unused == files_.end() || !FileOf(names.front()).empty())) return;
   ThrowError(
-      "the masks of {} are not named after the frames of {}: the frame {} has none, and {} is of no "
+      "the masks of {} are not named after the frames of {}: the frame {} has none, and {} is of "
+      "no "
       "frame; name each as its frame, such as {}.png",
       name_,
       sequence.Name(),
@@ -304,18 +304,17 @@ void MaskedSequence::End() {
         masks_.name());
   }
   if (count.with_mask < count.frames) {
-    warning_of_masks_ = 
-        fmt::format("{} has no mask of {} of the {} frames, such as {}: features are allowed "
-                    "anywhere in them",
-                    masks_.name(),
-                    count.frames - count.with_mask,
-                    count.frames,
-                    count.without);
+    warning_of_masks_ = fmt::format(
+        "{} has no mask of {} of the {} frames, such as {}: features are allowed "
+        "anywhere in them",
+        masks_.name(),
+        count.frames - count.with_mask,
+        count.frames,
+        count.without);
   }
   if (count.covered == 0.0) {
-    warning_of_masks_ =
-        fmt::format("{} covers nothing: make masks black where no features are allowed",
-                    masks_.name());
+    warning_of_masks_ = fmt::format(
+        "{} covers nothing: make masks black where no features are allowed", masks_.name());
   }
 }
 
@@ -332,11 +331,10 @@ std::string MaskedSequence::Coverage() const {
                            : masks_.AreOnePerFrame() ? fmt::format("the masks of {} cover", name)
                                                      : fmt::format("the mask {} covers", name);
   constexpr double kMost = 0.5;
-  return fmt::format(
-      "{} {:.0f} % of the pictures: no feature is allowed there{}",
-      what,
-      100.0 * covered,
-      covered > kMost ? "; if the scene is there, exchange black and white" : "");
+  return fmt::format("{} {:.0f} % of the pictures: no feature is allowed there{}",
+                     what,
+                     100.0 * covered,
+                     covered > kMost ? "; if the scene is there, exchange black and white" : "");
 }
 
 }  // namespace cohort

@@ -13,9 +13,9 @@
 
 namespace cohort {
 
-// CV_8UC1, 0 where no feature may be, of a picture that is black and transparent there. White
-// begins at half of the range, since JPEG and video store black as 1 or 16; of two values of which
-// one is 0 the other is white, as in masks of 0 and 1. Throws Error naming a file that is not a
+// CV_8UC1, 0 where no feature may be, of a picture that is black and transparent there. Of
+// two values the darker one is black; of more, all below half of the range are, since JPEG and video
+// store black as 1 or 16. Throws Error naming a file that is not a
 // picture, or has more grey than black and white.
 cv::Mat ReadMask(const std::filesystem::path& file);
 // Throws Error if the mask of that name is entirely black.

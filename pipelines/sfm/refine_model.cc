@@ -11,8 +11,10 @@
 #include <set>
 #include <span>
 #include <utility>
+#include <vector>
 
 #include "backend/colmap/camera_model.h"
+#include "frontend/core/statistics.h"
 #include "frontend/geometry/sim3.h"
 #include "frontend/storage/output.h"
 #include "pipelines/json/json_file.h"
@@ -64,6 +66,62 @@ void CheckFound(const SecondPassFigures& figures, const fs::path& path, const Se
       figures.replaced,
       points,
       sequence.Name());
+}
+
+// Median distance of the positions that were measured again from where the model has them some
+// frames later [px]; nullopt if there are too few.
+std::optional<double> DistanceLater(const TrackFile& file,
+                                    const Reconstruction& model,
+                                    std::ptrdiff_t frames_later) {
+  constexpr std::size_t kEnough = 100;
+  std::map<FrameIndex, FrameIndex> later;
+  const auto count = static_cast<std::ptrdiff_t>(file.frames.size());
+  for (std::ptrdiff_t i = 0; i < count; ++i) {
+    if (i + frames_later < 0 || i + frames_later >= count) continue;
+    later[file.frames[i].index] = file.frames[i + frames_later].index;
+  }
+  std::vector<double> distances_px;
+  for (const Observation& o : file.tracks.observations()) {
+    const auto frame = later.find(o.frame);
+    const auto point = model.points.find(o.feature);
+    if (!IsObserved(o) || !o.covariance || frame == later.end() || point == model.points.end()) {
+      continue;
+    }
+    const auto pose = model.cam_from_world.find(frame->second);
+    if (pose == model.cam_from_world.end()) continue;
+    const auto xy = CameraOf(model, frame->second).Project(pose->second * point->second.in_world);
+    if (xy) distances_px.push_back((*xy - o.xy).norm());
+  }
+  if (distances_px.size() < kEnough) return std::nullopt;
+  return Median(std::move(distances_px));
+}
+
+// Throws Error if the pictures show that every image of the model is the frame before or after the
+// one of its name: one list counts from 1, as ffmpeg does, and the other from 0. Neighbours look
+// alike, so that nothing else would reveal it.
+void CheckCountsAlike(const ColmapModel& model,
+                      const ModelOfClip& clip,
+                      const TrackFile& measured,
+                      const fs::path& path,
+                      const Sequence& sequence) {
+  constexpr double kLeastPx = 0.5;  // below this, the camera hardly moves from frame to frame
+  constexpr double kNearer = 3.0;
+  const auto here = DistanceLater(measured, clip.reconstruction, 0);
+  if (!here || *here < kLeastPx) return;
+  for (const std::ptrdiff_t later : {1, -1}) {
+    const auto there = DistanceLater(measured, clip.reconstruction, later);
+    if (!there || kNearer * *there > *here) continue;
+    const auto& frames = clip.file.frames;
+    const FrameInfo& named = later > 0 ? frames[1] : frames.front();
+    const FrameInfo& shown = later > 0 ? frames.front() : frames[1];
+    ThrowError(
+        "{}: the pictures show that its image {} is not the frame of that name of {} but frame {}: "
+        "one counts from 1 and the other from 0; give the pictures that the model was made from",
+        path.string(),
+        model.images.at(clip.image_ids.at(named.index)).name,
+        sequence.Name(),
+        ToInt(shown.index));
+  }
 }
 
 // Whether the point was never found again, or agrees with too few of its measurements.
@@ -253,6 +311,7 @@ RefinedModel RefineModel(const ColmapModel& model,
     SecondPass second = MeasureAgain(refined.file, now, sequence, measurement, progress);
     if (round == 0) {
       CheckFound(second.figures, path, sequence);
+      CheckCountsAlike(model, clip, second.file, path, sequence);
       refined.found = second.figures;
     }
     refined.file = std::move(second.file);

@@ -415,9 +415,10 @@ void WriteImages(const TrackFile& file,
     if (!masks) return;
     // Nerfstudio wants a mask of all pictures or of none.
     const cv::Mat open(frame.gray.size(), CV_8UC1, cv::Scalar(255));
-    WriteImage(masks->partial() / MaskName(frame.index),
-               undistorter.Undistort(
-                   frame.mask.empty() ? open : cv::Mat(frame.mask != 0), from, to, cv::INTER_NEAREST));
+    WriteImage(
+        masks->partial() / MaskName(frame.index),
+        undistorter.Undistort(
+            frame.mask.empty() ? open : cv::Mat(frame.mask != 0), from, to, cv::INTER_NEAREST));
   });
   out.Commit();
   if (masks) masks->Commit();

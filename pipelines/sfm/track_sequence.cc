@@ -26,9 +26,7 @@ bool WantsSecondPass(SecondPassMode mode, const TrackerOptions& tracker) {
 }
 
 SequenceTracker::SequenceTracker(Sequence& sequence, const TrackSequenceOptions& options)
-    : promised_(sequence.FrameCount()),
-      frames_(sequence),
-      tracker_(MakeTracker(options.tracker)) {
+    : promised_(sequence.FrameCount()), frames_(sequence), tracker_(MakeTracker(options.tracker)) {
   if (!HasNext()) {
     const std::string name = options.source.empty() ? sequence.Name() : options.source.string();
     ThrowError("{}: no frame to track. {}", name, sequence.Warning());

@@ -217,7 +217,7 @@ void Run(const std::string& model_folder,
   for (const auto& [name, mode] : kIntrinsicsModeNames) {
     if (name == intrinsics) options.intrinsics = mode;
   }
-  const RefinedModel refined = RefineModel(model, model_folder, *sequence, {}, options);
+  const RefinedModel refined = RefineModel(model, model_folder, *sequence, options);
   const ModelOfClip clip = ReadModelOfClip(model, refined.file.frames, model_folder);
   Reconstruction start = clip.reconstruction;
   start.camera.known = !refined.camera_refined;

@@ -165,11 +165,12 @@ TEST(TracksNpz, OriginAndSizeAreBroughtToOurs) {
 
 // As np.save writes the positions alone.
 TEST(TracksNpz, ReadsPlainArrays) {
-  const Saved saved({"np.save('b.npy', tracks); os.rename('b.npy', 'a.npz')",
-                     "np.save('b.npy', np.asfortranarray(swap(tracks))); os.rename('b.npy', 'a.npz')",
-                     "np.save('b.npy', tracks[:, :, :1]); os.rename('b.npy', 'a.npz')",
-                     "np.save('b.npy', tracks); os.truncate('b.npy', 200);"
-                     "os.rename('b.npy', 'a.npz')"});
+  const Saved saved(
+      {"np.save('b.npy', tracks); os.rename('b.npy', 'a.npz')",
+       "np.save('b.npy', np.asfortranarray(swap(tracks))); os.rename('b.npy', 'a.npz')",
+       "np.save('b.npy', tracks[:, :, :1]); os.rename('b.npy', 'a.npz')",
+       "np.save('b.npy', tracks); os.truncate('b.npy', 200);"
+       "os.rename('b.npy', 'a.npz')"});
   for (const std::size_t i : {0u, 1u}) {
     const TrackSet tracks = saved.Read(i).tracks;
     ASSERT_EQ(tracks.observations().size(), 12u);

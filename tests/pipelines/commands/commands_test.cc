@@ -774,6 +774,7 @@ TEST_F(Commands, ImportNamesTheLineThatItCannotUse) {
   ExpectFailure(import("4,1,1,2\n4,1,1,2\n"), 1, AllOf(HasSubstr("a.csv"), HasSubstr("4")));
   ExpectFailure(import("0,0,1\n"), 1, HasSubstr("a.csv"));
   ExpectFailure(import("0,7,1,2\n"), 1, HasSubstr("frame 7 is not among the 3 frames"));
+  ExpectFailure(import("0,1,1,2\n0,3,1,2\n"), 1, HasSubstr("frames count from 0, not from 1"));
   WriteText(Path("a.csv"), "a,b\n1,2\n");
   ExpectFailure(
       RunCohort("import " + Path("a.csv") + " --images " + clip + " --out " + Path("b.tracks")),

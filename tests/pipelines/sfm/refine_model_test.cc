@@ -23,7 +23,7 @@ using testing::IsEmpty;
 using testing::SizeIs;
 using testing::ThrowsMessage;
 
-constexpr int kFrames = 16;
+constexpr int kFrames = 16;  // of the clip
 
 // A COLMAP model of the planes whose keypoints are a pixel off, whose cameras are shaken, and whose
 // ids, names and world are nobody's but its own: image 100 - i is frame i.
@@ -164,7 +164,7 @@ TEST_F(RefineModelOfPlanes, ACameraThatColmapFoundIsRefinedAndKeepsItsModel) {
 
   RefineModelOptions keep;
   keep.intrinsics = IntrinsicsMode::kKeep;
-  const RefinedModel kept = RefineModel(model_, "sparse", clip_, {}, keep);
+  const RefinedModel kept = RefineModel(model_, "sparse", clip_, keep);
   EXPECT_FALSE(kept.camera_refined);
   EXPECT_EQ(kept.model.cameras.at(7), guess);
 }
@@ -187,6 +187,15 @@ TEST_F(RefineModelOfPlanes, AModelOfTwoImagesIsRefused) {
           HasSubstr("sparse/0: none of its "),
           HasSubstr(
               "points is left after an adjustment of its 2 images: give COLMAP's largest model"))));
+}
+
+// As those of pictures that ffmpeg writes, beside a video's, which are named from 0.
+TEST_F(RefineModelOfPlanes, NamesThatCountFromOneAreRefused) {
+  for (auto& [id, image] : model_.images) image.name = std::to_string(101 - id) + ".png";
+  EXPECT_THAT([&] { RefineModel(model_, "sparse", clip_); },
+              ThrowsMessage<Error>(AllOf(HasSubstr("its image 2.png is not the frame of that name"),
+                                         HasSubstr("but frame 1"),
+                                         HasSubstr("counts from 1"))));
 }
 
 TEST_F(RefineModelOfPlanes, OtherPicturesAreRefused) {
@@ -233,7 +242,7 @@ TEST_F(RefineModelOfPlanes, PointsThatThePicturesContradictAreDropped) {
 
   RefineModelOptions keep;
   keep.drop_contradicted = false;
-  const RefinedModel kept = RefineModel(model_, "sparse", clip_, {}, keep);
+  const RefinedModel kept = RefineModel(model_, "sparse", clip_, keep);
   EXPECT_EQ(kept.contradicted, 0U);
   EXPECT_GT(count_wrong(kept.model), count_wrong(refined.model));
 }
