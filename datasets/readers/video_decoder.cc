@@ -460,9 +460,15 @@ cv::Mat VideoDecoder::StoredPicture() {
                            CV_8UC4,
                            bgra_->data[0],
                            static_cast<std::size_t>(bgra_->linesize[0]));
+  cv::Mat alpha;
+  cv::extractChannel(with_alpha, alpha, 3);
+  double least = 0.0;
+  double most = 0.0;
+  cv::minMaxLoc(alpha, &least, &most);
+  if (least == most) return stored;
   cv::Mat picture(stored.size(), CV_8UC4);
-  const cv::Mat from[] = {stored, with_alpha};
-  const int channels[] = {0, 0, 1, 1, 2, 2, 6, 3};
+  const cv::Mat from[] = {stored, alpha};
+  const int channels[] = {0, 0, 1, 1, 2, 2, 3, 3};
   cv::mixChannels(from, 2, &picture, 1, channels, 4);
   return picture;
 }

@@ -44,7 +44,7 @@ class VideoDecoder {
   // Decodes the next frame in display order; skips undecodable frames. Returns false at the end.
   bool Next();
 
-  // The frame that Next has decoded, CV_8UC3 (BGR) or, of a video with alpha, CV_8UC4, rotated and mirrored by the file's display
+  // The frame that Next has decoded, CV_8UC3 (BGR) or, with alpha that varies, CV_8UC4, rotated and mirrored by the file's display
   // matrix: a phone's portrait video is upright. Pixels that are not square are made square by the
   // width, as in players. Limited range is expanded to 0..255; the matrix is always BT.601's, so
   // that the picture's grey is the file's own luma. Throws Error if the frame's format cannot be

@@ -23,6 +23,13 @@ bool IsBlack(const cv::Mat& mask, const Eigen::Vector2d& xy) {
   return mask.at<std::uint8_t>(at) == 0;
 }
 
+bool IsBlackAround(const cv::Mat& mask, const Eigen::Vector2d& xy) {
+  const double left = std::floor(xy.x());
+  const double top = std::floor(xy.y());
+  return IsBlack(mask, {left, top}) && IsBlack(mask, {left + 1.0, top}) &&
+         IsBlack(mask, {left, top + 1.0}) && IsBlack(mask, {left + 1.0, top + 1.0});
+}
+
 bool HoldsFeature(const std::map<FrameIndex, std::set<FeatureId>>& by_frame,
                   FrameIndex frame,
                   FeatureId feature) {
@@ -60,6 +67,7 @@ void ModelPredictions::Mask(FrameIndex frame, const cv::Mat& mask) {
   has_mask_ = true;
   for (const Observation* o : file_.tracks.InFrame(frame)) {
     if (IsObserved(*o) && IsBlack(mask, o->xy)) masked_[frame].insert(o->feature);
+    if (IsBlackAround(mask, o->xy)) inside_mask_[frame].insert(o->feature);
   }
   if (!model_.cam_from_world.contains(frame)) return;
   for (const auto& [feature, middle] : middle_) {
@@ -109,6 +117,10 @@ std::optional<Eigen::Vector2d> ModelPredictions::InPicture(FeatureId feature,
   if (!xy || !model_.camera.Contains(*xy, kBorderPx)) return std::nullopt;
   if (HoldsFeature(hidden_, frame, feature)) return std::nullopt;
   return xy;
+}
+
+bool ModelPredictions::IsInsideMask(const Observation& observation) const {
+  return HoldsFeature(inside_mask_, observation.frame, observation.feature);
 }
 
 bool ModelPredictions::IsMasked(const Observation& observation) const {

@@ -33,6 +33,8 @@ class ModelPredictions {
   bool Knows(FeatureId feature, FrameIndex frame) const;
   bool HasMask() const { return has_mask_; }
   bool IsMasked(const Observation& observation) const;  // of the file
+  // Whether all pixels around it are: not one that was born at the edge of the same mask.
+  bool IsInsideMask(const Observation& observation) const;
   // The position of a feature that the model knows; nullopt off the picture or the mask.
   std::optional<Eigen::Vector2d> InPicture(FeatureId feature, FrameIndex frame) const;
 
@@ -47,6 +49,7 @@ class ModelPredictions {
   bool has_mask_ = false;
   // By frame: the observed features of the file, and the predicted ones, that the mask covers.
   std::map<FrameIndex, std::set<FeatureId>> masked_;
+  std::map<FrameIndex, std::set<FeatureId>> inside_mask_;  // of all of the file
   std::map<FrameIndex, std::set<FeatureId>> hidden_;
   std::map<FeatureId, FrameIndex> middle_;  // the template has its view
   std::map<FrameIndex, std::vector<FeatureId>> template_features_;

@@ -216,9 +216,8 @@ TrackSet MeasureWith(const TrackFile& file,
   std::erase_if(observations, [&](const auto& o) { return !replaced.contains(o.feature); });
   AddPredictions(file, predictions, observations);
   for (const Observation& o : file.tracks.observations()) {
-    if (!replaced.contains(o.feature) || !predictions.Knows(o.feature, o.frame)) {
-      observations.push_back(o);
-    }
+    const bool stays = !replaced.contains(o.feature) || !predictions.Knows(o.feature, o.frame);
+    if (stays && !predictions.IsInsideMask(o)) observations.push_back(o);
   }
   std::vector<TrackEnd> ends = EndsAfter(file, observations);
   return TrackSet::Build(std::move(observations), std::move(ends));

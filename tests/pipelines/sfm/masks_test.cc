@@ -229,7 +229,7 @@ TEST(MaskedSequence, SaysWhatIsWrongWithMasks) {
   EXPECT_THAT([&] { read("two"); },
               ThrowsMessage<Error>(HasSubstr("several masks of the frame 0")));
   WriteBytes(dir / "transforms.json", R"({"frames": [{"file_path": "0.png"}]})");
-  EXPECT_THAT([&] { read("transforms.json"); }, ThrowsMessage<Error>(HasSubstr("no mask_path")));
+  EXPECT_THAT([&] { read("transforms.json"); }, ThrowsMessage<Error>(HasSubstr("no frame has a mask_path")));
 }
 
 TEST(FingerprintOfMasks, ChangesWithAnyOfThem) {

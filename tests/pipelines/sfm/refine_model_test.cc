@@ -5,7 +5,9 @@
 
 #include <algorithm>
 #include <map>
+#include <opencv2/imgproc.hpp>
 #include <set>
+#include <vector>
 
 #include "backend/colmap/camera_model.h"
 #include "frontend/core/random_stream.h"
@@ -191,7 +193,20 @@ TEST_F(RefineModelOfPlanes, AModelOfTwoImagesIsRefused) {
 
 // As those of pictures that ffmpeg writes, beside a video's, which are named from 0.
 TEST_F(RefineModelOfPlanes, NamesThatCountFromOneAreRefused) {
-  for (auto& [id, image] : model_.images) image.name = std::to_string(101 - id) + ".png";
+  // Points that a detector chose; those of the grid lie anywhere.
+  model_.points.clear();
+  for (auto& [id, image] : model_.images) {
+    image.points2d.clear();
+    image.cam_from_world = TransformPose(
+        world_from_truth_, test::PlaneScene::CamFromWorld(100 - static_cast<int>(id)));
+  }
+  std::vector<cv::Point2f> corners;
+  cv::goodFeaturesToTrack(clip_.Picture(kFrames / 2), corners, 150, 0.01, 8.0);
+  std::uint64_t id = 500;
+  for (const cv::Point2f& corner : corners) AddPoint(++id, Eigen::Vector2d(corner.x, corner.y));
+  EXPECT_NO_THROW(RefineModel(model_, "sparse", clip_));
+  for (auto& [image_id, image] : model_.images)
+    image.name = std::to_string(101 - image_id) + ".png";
   EXPECT_THAT([&] { RefineModel(model_, "sparse", clip_); },
               ThrowsMessage<Error>(AllOf(HasSubstr("its image 2.png is not the frame of that name"),
                                          HasSubstr("but frame 1"),

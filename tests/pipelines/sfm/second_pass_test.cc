@@ -219,7 +219,9 @@ TEST_F(SecondPassOfPlanes, MeasuresNothingBehindTheMaskOfAFrame) {
   std::size_t above = 0;
   for (const Observation& o : second.file.tracks.observations()) {
     if (o.xy.y() < 118.0) ++above;
-    if (o.frame == kMasked) EXPECT_GT(o.xy.y(), 118.0);
+    if (o.frame == kMasked) {
+      EXPECT_GT(o.xy.y(), 118.0);
+    }
   }
   EXPECT_GT(above, 100u);
 }
