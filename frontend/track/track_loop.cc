@@ -39,9 +39,9 @@ std::optional<LossReason> TrackLoop::ReasonToEnd(const Move& move, int unconfirm
 }
 
 FrameResult TrackLoop::Track(const Frame& frame) {
-  CheckSize(frame.gray.size());
-  CheckMask(frame.mask, size_);
+  CheckMask(frame.mask, frame.gray.size());
   mask_ = frame.mask;
+  CheckSize(frame.gray.size());
   Pyramid pyramid = BuildPyramid(frame.gray);
   const LightChange& light = exposure_.Follow(pyramid);
   if (!light.IsNone()) pyramid = BuildPyramid(WithoutLight(frame, light));
