@@ -442,11 +442,11 @@ cv::Mat VideoDecoder::StoredPicture() {
   MakeConverter();
   sws_scale(
       converter_.get(), frame_->data, frame_->linesize, 0, height_px_, bgr_->data, bgr_->linesize);
-  const cv::Mat stored(bgr_->height,
-                       bgr_->width,
-                       CV_8UC3,
-                       bgr_->data[0],
-                       static_cast<std::size_t>(bgr_->linesize[0]));
+  cv::Mat stored(bgr_->height,
+                 bgr_->width,
+                 CV_8UC3,
+                 bgr_->data[0],
+                 static_cast<std::size_t>(bgr_->linesize[0]));
   if (bgra_ == nullptr) return stored;
   sws_scale(alpha_converter_.get(),
             frame_->data,
@@ -474,7 +474,7 @@ cv::Mat VideoDecoder::StoredPicture() {
 }
 
 cv::Mat VideoDecoder::Picture() {
-  const cv::Mat stored = StoredPicture();
+  cv::Mat stored = StoredPicture();
   cv::Mat picture;
   if (orientation_.transposed) {
     cv::transpose(stored, picture);

@@ -141,7 +141,8 @@ TrackFigures RunTrackJob(const TrackJobOptions& options) {
   file.meta.warning = WarningOfClip(*sequence, file, options.input.input);
   if (!file.meta.warning.empty()) spdlog::warn("{}", file.meta.warning);
   if (const std::string coverage = sequence->Coverage(); !coverage.empty()) {
-    spdlog::info("{}", coverage);
+    spdlog::log(
+        sequence->CoverTooMuch() ? spdlog::level::warn : spdlog::level::info, "{}", coverage);
   }
   if (WantsSecondPass(options.second_pass.mode, options.tracker)) {
     const Stopwatch stopwatch;

@@ -323,10 +323,21 @@ void MaskedSequence::Join(const std::string& warning) {
   warning_ = warning + (both ? "; " : "") + warning_of_masks_;
 }
 
+double MaskedSequence::CoveredShare() const {
+  if (!of_clip_ || of_clip_->frames == 0) return 0.0;
+  return of_clip_->covered / static_cast<double>(of_clip_->frames);
+}
+
+bool MaskedSequence::CoverTooMuch() const {
+  // What is cut out by alpha may be small, and no-one exchanges it.
+  constexpr double kMost = 0.85;
+  return masks_.AreGiven() && CoveredShare() > kMost;
+}
+
 std::string MaskedSequence::Coverage() const {
   if (!of_clip_ || of_clip_->covered == 0.0) return "";
   const std::string& name = masks_.name();
-  const double covered = of_clip_->covered / static_cast<double>(of_clip_->frames);
+  const double covered = CoveredShare();
   const std::string what = !masks_.AreGiven()        ? "alpha covers"
                            : masks_.AreOnePerFrame() ? fmt::format("the masks of {} cover", name)
                                                      : fmt::format("the mask {} covers", name);

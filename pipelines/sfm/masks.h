@@ -73,6 +73,8 @@ class MaskedSequence final : public Sequence {
   // A sentence on what the masks and alpha cover; empty if there is neither, or before the end of
   // the clip was reached once.
   std::string Coverage() const;
+  // Whether the masks cover so much that black and white are probably exchanged.
+  bool CoverTooMuch() const;
 
   bool AnyThreadMayRead() const override { return sequence_->AnyThreadMayRead(); }
   std::string Name() const override { return sequence_->Name(); }
@@ -106,6 +108,7 @@ class MaskedSequence final : public Sequence {
   void AddMask(Frame& frame);
   void End();
   void Join(const std::string& warning);
+  double CoveredShare() const;  // of the whole clip
 
   std::unique_ptr<Sequence> sequence_;
   ClipMasks masks_;

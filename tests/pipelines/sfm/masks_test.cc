@@ -171,6 +171,7 @@ TEST(MaskedSequence, EachFrameHasItsOwnMask) {
     EXPECT_EQ(CoveredOf(clip), (std::vector<int>{8, 16, 24}));
     EXPECT_EQ(clip.Warning(), "");
     EXPECT_THAT(clip.Coverage(), HasSubstr("cover 25 %"));
+    EXPECT_FALSE(clip.CoverTooMuch());
     clip.Rewind();
   }
 }
@@ -197,6 +198,13 @@ TEST(MaskedSequence, SaysWhatIsWrongWithMasks) {
     CoveredOf(clip);
     return clip.Warning();
   };
+  // Black and white exchanged.
+  WriteMask(dir / "inverted.png", kWidth - 4);
+  MaskedSequence inverted(ClipOf(dir, names), ClipMasks(dir / "inverted.png"));
+  CoveredOf(inverted);
+  EXPECT_TRUE(inverted.CoverTooMuch());
+  EXPECT_THAT(inverted.Coverage(), HasSubstr("covers 94 % of the pictures"));
+  EXPECT_THAT(inverted.Coverage(), HasSubstr("exchange black and white"));
   // Other frames.
   WriteMask(dir / "others/a.png", 8);
   EXPECT_THAT([&] { read("others"); },
@@ -229,7 +237,8 @@ TEST(MaskedSequence, SaysWhatIsWrongWithMasks) {
   EXPECT_THAT([&] { read("two"); },
               ThrowsMessage<Error>(HasSubstr("several masks of the frame 0")));
   WriteBytes(dir / "transforms.json", R"({"frames": [{"file_path": "0.png"}]})");
-  EXPECT_THAT([&] { read("transforms.json"); }, ThrowsMessage<Error>(HasSubstr("no frame has a mask_path")));
+  EXPECT_THAT([&] { read("transforms.json"); },
+              ThrowsMessage<Error>(HasSubstr("no frame has a mask_path")));
 }
 
 TEST(FingerprintOfMasks, ChangesWithAnyOfThem) {
