@@ -89,7 +89,8 @@ TEST_F(Sfm, MasksGoIntoTheScene) {
   EXPECT_THAT(end.err, HasSubstr("no mask of 12 of the 24 frames"));
   EXPECT_EQ(Validate(scene).exit_code, 0);
   int masked = 0;
-  for (const auto& frame : Json(scene / "transforms.json").at("frames")) {
+  const nlohmann::json transforms = Json(scene / "transforms.json");
+  for (const auto& frame : transforms.at("frames")) {
     const fs::path mask = scene / frame.at("mask_path").get<std::string>();
     EXPECT_EQ(mask.filename(), fs::path(frame.at("file_path")).filename().string() + ".png");
     const cv::Mat read = cv::imread(mask.string(), cv::IMREAD_UNCHANGED);
@@ -116,7 +117,8 @@ TEST_F(Sfm, MakesASceneThatOpens) {
   const test::ProgramEnd valid = Validate(scene);
   EXPECT_EQ(valid.exit_code, 0) << valid.out << valid.err;
   // Of so short a way in the dark the cameras are uncertain, and that is all there is to say.
-  for (const auto& reason : Json(scene / "summary.json").at("reasons")) {
+  const nlohmann::json summary = Json(scene / "summary.json");  // outlives the loop over its part
+  for (const auto& reason : summary.at("reasons")) {
     EXPECT_EQ(reason.at("code"), "cameras-uncertain");
   }
 
