@@ -31,11 +31,13 @@ struct ExtentOfTracks {
   std::size_t observed = 0;
   std::size_t outside = 0;
   std::size_t outside_exchanged = 0;
+  std::size_t within_one = 0;  // between -1 and 1
 
   void Add(const Eigen::Vector2d& xy, int width_px, int height_px) {
     ++observed;
     if (!IsInPicture(xy, width_px, height_px)) ++outside;
     if (!IsInPicture({xy.y(), xy.x()}, width_px, height_px)) ++outside_exchanged;
+    if (xy.lpNorm<Eigen::Infinity>() <= 1.1) ++within_one;
   }
   // Whether x and y are probably exchanged: some positions lie outside, and hardly any would.
   bool FitsExchanged() const { return 50 * outside > observed && 10 * outside_exchanged < outside; }

@@ -369,7 +369,9 @@ ImportedTracks ReadTracksNpz(const fs::path& path,
                             extent.observed,
                             width_px,
                             height_px,
-                            result.fits_exchanged
+                            10 * extent.within_one > 9 * extent.observed
+                                ? "gives shares from -1 to 1, give --npz.units minus-one-to-one"
+                            : result.fits_exchanged
                                 ? "gives y before x, give --npz.axes yx"
                                 : "saw pictures of another size, give that size by --npz.size"));
   }

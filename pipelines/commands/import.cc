@@ -118,20 +118,8 @@ ImportedTracks ReadTracks(TracksForm form,
     case TracksForm::kAuto:
     case TracksForm::kCsv:
       return ReadCsv(options, file);
-    case TracksForm::kNpz: {
-      ImportedTracks imported =
-          ReadTracksNpz(options.tracks, file.frames, file.width_px, file.height_px, options.npz);
-      if (imported.left_out > 0) {
-        spdlog::warn("{}: {} visible positions lie outside the picture and count as predicted{}",
-                     options.tracks,
-                     imported.left_out,
-                     imported.fits_exchanged
-                         ? "; they lie inside if x and y are exchanged: if the tracker gives y "
-                           "before x, give --npz.axes yx"
-                         : "");
-      }
-      return imported;
-    }
+    case TracksForm::kNpz:
+      return ReadTracksNpz(options.tracks, file.frames, file.width_px, file.height_px, options.npz);
     case TracksForm::kOpensfm:
       return ReadOpenSfmTracks(options.tracks, file.frames, file.width_px, file.height_px);
     case TracksForm::kColmap:
@@ -176,6 +164,15 @@ void RunImport(const ImportCommandOptions& options) {
   TellFocalGuess(file);
   if (form == TracksForm::kCsv || form == TracksForm::kNpz) {  // the others record their size
     WarnOf(DoubtOfUnits(file, options.tracks, imported.tracks, form == TracksForm::kNpz));
+  }
+  if (form == TracksForm::kNpz && imported.left_out > 0) {
+    spdlog::warn("{}: {} visible positions lie outside the picture and count as predicted{}",
+                 options.tracks,
+                 imported.left_out,
+                 imported.fits_exchanged
+                     ? "; they lie inside if x and y are exchanged: if the tracker gives y before "
+                       "x, give --npz.axes yx"
+                     : "");
   }
   WarnOf(PredictOutside(file, options.tracks, options.input.input, imported.tracks));
   const auto observations = imported.tracks.observations();

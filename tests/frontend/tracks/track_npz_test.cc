@@ -203,6 +203,11 @@ TEST(TracksNpz, UnitsAndAxesAreBroughtToOurs) {
   }
 }
 
+TEST(TracksNpz, SaysThatPositionsAreProbablyShares) {
+  EXPECT_THAT([] { Saved({"np.savez('a.npz', tracks=tracks / 60 - 1)"}).Read(0); },
+              ThrowsMessage<Error>(HasSubstr("--npz.units minus-one-to-one")));
+}
+
 // In pictures of 64 x 48, x up to 47 and y up to 63.
 TEST(TracksNpz, SaysThatXAndYAreProbablyExchanged) {
   const std::string spread =

@@ -775,6 +775,11 @@ TEST_F(Commands, ImportNamesTheLineThatItCannotUse) {
   ExpectFailure(import("0,0,1\n"), 1, HasSubstr("a.csv"));
   ExpectFailure(import("0,7,1,2\n"), 1, HasSubstr("frame 7 is not among the 3 frames"));
   ExpectFailure(import("0,1,1,2\n0,3,1,2\n"), 1, HasSubstr("frames count from 0, not from 1"));
+  std::string shares;
+  for (int i = 0; i < 40; ++i) shares += fmt::format("{},0,{},{}\n", i, i / 40.0, 1.0 - i / 40.0);
+  ExpectFailure(import(shares),
+                1,
+                AllOf(HasSubstr("between 0 and 1, not in pixels"), HasSubstr("multiply x")));
   WriteText(Path("a.csv"), "a,b\n1,2\n");
   ExpectFailure(
       RunCohort("import " + Path("a.csv") + " --images " + clip + " --out " + Path("b.tracks")),
