@@ -105,8 +105,8 @@ double LastDigitOf(const std::string& number) {
   return std::pow(10.0, static_cast<double>(point + 1) - static_cast<double>(number.size()));
 }
 
-// Words equal, numbers alike: errors of a single clip may halve or double with a small change of the
-// code; beyond that the document is out of date. Those in "19 of 20" are within a tenth.
+// Words equal, numbers alike: errors of a single clip may halve or double with a small change of
+// the code; beyond that the document is out of date. Those in "19 of 20" are within a tenth.
 void ExpectAlike(const std::string& shown, const std::string& printed) {
   const std::vector<std::string> a = WordsOf(shown);
   const std::vector<std::string> b = WordsOf(printed);

@@ -1,5 +1,5 @@
-// The site that docs/mkdocs.yml makes of the pages: complete, without a dead link, without a network,
-// and readable on a phone.
+// The site that docs/mkdocs.yml makes of the pages: complete, without a dead link, without a
+// network, and readable on a phone.
 
 #include <fmt/format.h>
 #include <gmock/gmock.h>

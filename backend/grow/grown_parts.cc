@@ -12,8 +12,8 @@ namespace {
 
 // Have all keyframes a pose in one part, which explains most of the parallax?
 bool IsSure(const GrownParts& grown, const std::vector<int>& keyframes) {
-  // Of a hand that turns the camera fast, where half the tracks made a model of twice the error, they
-  // left 0.5 to 0.7; of other clips, 0.01 to 0.26.
+  // Of a hand that turns the camera fast, where half the tracks made a model of twice the error,
+  // they left 0.5 to 0.7; of other clips, 0.01 to 0.26.
   constexpr double kMostUnexplained = 0.4;
   if (grown.parts.size() != 1) return false;
   const WorkingModel& model = grown.parts.front();

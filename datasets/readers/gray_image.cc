@@ -1,5 +1,6 @@
 #include "datasets/readers/gray_image.h"
 
+#include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
 #include <string>
 #include <string_view>
@@ -20,8 +21,20 @@ cv::Mat ToGray(const cv::Mat& picture, std::string_view what) {
   return gray;
 }
 
+cv::Mat MaskOfAlpha(const cv::Mat& picture) {
+  if (picture.channels() != 4) return {};
+  cv::Mat alpha;
+  cv::extractChannel(picture, alpha, 3);
+  double least = 0.0;
+  double most = 0.0;
+  cv::minMaxLoc(alpha, &least, &most);
+  if (least == most) return {};
+  return alpha >= (picture.depth() == CV_16U ? 32768.0 : 128.0);
+}
+
 void SetPicture(cv::Mat picture, std::string_view what, Frame& frame) {
   frame.gray = ToGray(picture, what);
+  frame.mask = MaskOfAlpha(picture);
   frame.color = picture.channels() >= 3 ? std::move(picture) : cv::Mat();
 }
 

@@ -11,7 +11,11 @@ namespace cohort {
 // Throws Error naming `what` on any other kind.
 cv::Mat ToGray(const cv::Mat& picture, std::string_view what);
 
-// Moves a decoded picture into a frame: as grey, and in colour if it has any.
+// CV_8UC1, 0 where a BGRA picture is less than half opaque; empty if it has no alpha, or one alpha
+// everywhere: some programs write 32 bits for every pixel and leave the last eight at 0 or 255.
+cv::Mat MaskOfAlpha(const cv::Mat& picture);
+
+// Moves a decoded picture into a frame: as grey, in colour if it has any, and with alpha as a mask.
 void SetPicture(cv::Mat picture, std::string_view what, Frame& frame);
 
 // Throws Error naming `what` and both sizes unless they are equal.

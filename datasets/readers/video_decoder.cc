@@ -379,6 +379,7 @@ bool VideoDecoder::Next() {
   tone_mapped_current_ = false;
   color_.current = false;
   luma_.current = false;
+  alpha_.current = false;
   if (!(deinterlaced_ ? Deinterlace() : Decode())) return false;
   Stamp();
   return true;
@@ -488,7 +489,7 @@ void VideoDecoder::MakeConverter(const AVFrame& frame, int matrix, Converter& co
   }
   converter.bgr.reset(Allocated(av_frame_alloc()));
   AVFrame& bgr = *converter.bgr;
-  bgr.format = AV_PIX_FMT_BGR24;
+  bgr.format = converter.with_alpha ? AV_PIX_FMT_BGRA : AV_PIX_FMT_BGR24;
   bgr.width = ShownWidth(frame.width);
   bgr.height = frame.height;
   CheckMemory(av_frame_get_buffer(&bgr, 0), name_);
@@ -500,7 +501,7 @@ void VideoDecoder::MakeConverter(const AVFrame& frame, int matrix, Converter& co
                                       std::pair("src_range", full_range ? 1 : 0),
                                       std::pair("dstw", bgr.width),
                                       std::pair("dsth", frame.height),
-                                      std::pair("dst_format", int{AV_PIX_FMT_BGR24}),
+                                      std::pair("dst_format", bgr.format),
                                       std::pair("sws_flags", SWS_BICUBIC)}) {
     av_opt_set_int(context, option, value, 0);
   }
@@ -554,12 +555,38 @@ cv::Mat VideoDecoder::Convert(const AVFrame& frame, int matrix, Converter& conve
     converter.current = true;
   }
   const AVFrame& bgr = *converter.bgr;
-  return {bgr.height, bgr.width, CV_8UC3, bgr.data[0], static_cast<std::size_t>(bgr.linesize[0])};
+  return {bgr.height,
+          bgr.width,
+          converter.with_alpha ? CV_8UC4 : CV_8UC3,
+          bgr.data[0],
+          static_cast<std::size_t>(bgr.linesize[0])};
 }
 
 cv::Mat VideoDecoder::Picture() {
   const AVFrame& frame = Shown();
-  return Upright(Convert(frame, MatrixOf(frame), color_));
+  const cv::Mat color = Convert(frame, MatrixOf(frame), color_);
+  const cv::Mat alpha = Alpha(frame);
+  if (alpha.empty()) return Upright(color);
+  cv::Mat picture(color.size(), CV_8UC4);
+  const cv::Mat from[] = {color, alpha};
+  const int channels[] = {0, 0, 1, 1, 2, 2, 3, 3};
+  cv::mixChannels(from, 2, &picture, 1, channels, 4);
+  return Upright(picture);
+}
+
+// Apart from the colours, which are then the same as without alpha, to the last bit.
+cv::Mat VideoDecoder::Alpha(const AVFrame& frame) {
+  const AVPixFmtDescriptor* const kind =
+      av_pix_fmt_desc_get(static_cast<AVPixelFormat>(frame.format));
+  if (kind == nullptr || (kind->flags & AV_PIX_FMT_FLAG_ALPHA) == 0) return {};
+  alpha_.with_alpha = true;
+  cv::Mat alpha;
+  cv::extractChannel(Convert(frame, SWS_CS_DEFAULT, alpha_), alpha, 3);
+  double least = 0.0;
+  double most = 0.0;
+  cv::minMaxLoc(alpha, &least, &most);
+  if (least == most) return {};
+  return alpha;
 }
 
 // OpenCV makes grey with the weights of BT.601: by this matrix every frame's grey is its luma.

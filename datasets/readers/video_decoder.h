@@ -50,7 +50,8 @@ class VideoDecoder {
   // Decodes the next frame in display order; skips undecodable frames. Returns false at the end.
   bool Next();
 
-  // The frame that Next has decoded, CV_8UC3 (BGR), with the colours of the program ffmpeg: by the
+  // The frame that Next has decoded, CV_8UC3 (BGR), or CV_8UC4 if it has alpha that is not the same
+  // everywhere, with the colours of the program ffmpeg: by the
   // matrix and range that the file states, BT.601 and limited if it states none. HDR is tone-mapped
   // to sRGB. Rotated and mirrored by the file's display matrix: a phone's portrait video is
   // upright. Pixels that are not square are made square by the width, as in players. Throws Error
@@ -122,8 +123,9 @@ class VideoDecoder {
   struct Converter {
     Owned<SwsContext> context;
     Owned<AVFrame> bgr;
-    bool current = false;  // bgr is the frame that Next has decoded
-    int width_px = 0;      // the input
+    bool with_alpha = false;  // bgr is BGRA
+    bool current = false;     // bgr is the frame that Next has decoded
+    int width_px = 0;         // the input
     int height_px = 0;
     int pixel_format = -1;
     bool full_range = false;
@@ -145,6 +147,8 @@ class VideoDecoder {
   // The frame in BGR by this matrix, as it is stored. Valid until the next frame.
   cv::Mat Convert(const AVFrame& frame, int matrix, Converter& converter) const;
   cv::Mat Upright(const cv::Mat& stored) const;
+  // The frame's alpha, as it is stored; empty if it has none, or one alpha everywhere.
+  cv::Mat Alpha(const AVFrame& frame);
 
   std::string name_;
   Source source_;
@@ -161,6 +165,7 @@ class VideoDecoder {
   std::optional<FieldOrder> deinterlaced_;
   Converter color_;
   Converter luma_;
+  Converter alpha_;
   int stream_ = -1;
   Orientation orientation_;
   double pixel_aspect_ = 1.0;

@@ -107,7 +107,7 @@ class VideoSequence final : public Sequence {
     const auto frame_index = static_cast<FrameIndex>(index);
     Frame frame{
         frame_index, std::llround(decoder_->Seconds() * 1e9), NumberedFrameName(frame_index), {}};
-    frame.color = decoder_->Picture();
+    SetPicture(decoder_->Picture(), file_, frame);
     frame.gray = decoder_->Gray();
     return frame;
   }

@@ -11,6 +11,7 @@
 #include <cmath>
 #include <cstring>
 #include <deque>
+#include <fstream>
 #include <functional>
 #include <limits>
 #include <optional>
@@ -223,9 +224,11 @@ std::string ZipErrorText(int code) {
   return text;
 }
 
-// One NAME.npy, read from its start.
+// One NAME.npy, in an archive or as a file of its own, read from its start.
 class Member {
  public:
+  Member(std::ifstream file, std::string what, std::uint64_t file_bytes)
+      : what_(std::move(what)), file_(std::move(file)), bytes_left_(file_bytes) {}
   Member(zip_t* archive, std::string what, const std::string& file, std::uint64_t archive_bytes)
       : what_(std::move(what)) {
     zip_stat_t stat;
@@ -248,7 +251,7 @@ class Member {
   void Read(char* bytes, std::size_t size) {
     if (size > bytes_left_) Fail("it is truncated");
     for (std::size_t at = 0; at < size;) {
-      const zip_int64_t n = zip_fread(member_.get(), bytes + at, size - at);
+      const zip_int64_t n = ReadSome(bytes + at, size - at);
       if (n <= 0) Fail(n < 0 ? zip_file_strerror(member_.get()) : "it is truncated");
       at += static_cast<std::size_t>(n);
     }
@@ -257,7 +260,7 @@ class Member {
   // Reading to the end also verifies the archive's checksum.
   void ExpectEnd() {
     char byte = 0;
-    if (const zip_int64_t n = zip_fread(member_.get(), &byte, 1); n != 0) {
+    if (const zip_int64_t n = ReadSome(&byte, 1); n != 0) {
       Fail(n < 0 ? zip_file_strerror(member_.get()) : "it is longer than the archive says");
     }
   }
@@ -265,8 +268,16 @@ class Member {
   [[noreturn]] void Fail(const std::string& why) const { ThrowError("{}: {}", what_, why); }
 
  private:
+  // How many bytes were read; negative: the archive is damaged.
+  zip_int64_t ReadSome(char* bytes, std::size_t size) {
+    if (member_ != nullptr) return zip_fread(member_.get(), bytes, size);
+    file_.read(bytes, static_cast<std::streamsize>(size));
+    return file_.gcount();
+  }
+
   std::string what_;
   std::unique_ptr<zip_file_t, CloseMember> member_;
+  std::ifstream file_;  // without a member
   std::uint64_t bytes_left_ = 0;
 };
 
@@ -328,6 +339,12 @@ NpzReader::NpzReader(const fs::path& path) : impl_(std::make_unique<Impl>()) {
   std::error_code error;
   impl_->bytes = fs::file_size(path, error);
   if (error) ThrowError("cannot read {}: {}", path.string(), error.message());
+  std::string start(kMagic.size(), '\0');
+  OpenInputFile(path).read(start.data(), static_cast<std::streamsize>(start.size()));
+  if (start == kMagic) {
+    impl_->names.emplace_back(kPlainArray);
+    return;
+  }
   int code = 0;
   impl_->archive.reset(zip_open(path.c_str(), ZIP_RDONLY | ZIP_CHECKCONS, &code));
   if (impl_->archive == nullptr) {
@@ -353,6 +370,7 @@ bool NpzReader::Has(std::string_view name) const {
 }
 
 Member NpzReader::Impl::Open(const std::string& name) const {
+  if (archive == nullptr) return {OpenInputFile(path), path.string(), bytes};
   return {archive.get(),
           fmt::format("{}, array {}", path.string(), name),
           name + std::string(kSuffix),

@@ -17,6 +17,7 @@ namespace cohort {
 
 enum class NpzKind { kBool, kInteger, kReal };
 
+inline constexpr std::string_view kPlainArray = "tracks";           // of a .npy, which has no name
 inline constexpr std::size_t kMaxNpzValues = std::size_t{1} << 30;  // per array: 8 GB in memory
 
 struct NpzArray {
@@ -28,9 +29,9 @@ struct NpzArray {
 // "30 x 1000 x 2"; "1" for a single number.
 std::string ShapeText(std::span<const std::size_t> shape);
 
-// Reads arrays of bool, integers and floats of 2 to 8 bytes, little-endian, in C or Fortran order.
-// Never trusts the sizes that a file states, and never unpickles. Throws Error naming path and
-// array.
+// Reads .npz, or one .npy, as np.save writes it: an array named kPlainArray. Reads arrays of bool,
+// integers and floats of 2 to 8 bytes, little-endian, in C or Fortran order. Never trusts the sizes
+// that a file states, and never unpickles. Throws Error naming path and array.
 class NpzReader {
  public:
   explicit NpzReader(const std::filesystem::path& path);

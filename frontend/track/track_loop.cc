@@ -20,10 +20,8 @@ constexpr int kBirthBorderPx = 16;
 
 }  // namespace
 
-TrackLoop::TrackLoop(const TrackerOptions& options,
-                     cv::Mat mask,
-                     std::unique_ptr<FeatureMover> mover)
-    : options_(options), mask_(std::move(mask)), mover_(std::move(mover)) {}
+TrackLoop::TrackLoop(const TrackerOptions& options, std::unique_ptr<FeatureMover> mover)
+    : options_(options), mover_(std::move(mover)) {}
 
 std::optional<LossReason> TrackLoop::ReasonToEnd(const Move& move, int unconfirmed_frames) const {
   if (move.loss) return move.loss;
@@ -41,6 +39,8 @@ std::optional<LossReason> TrackLoop::ReasonToEnd(const Move& move, int unconfirm
 }
 
 FrameResult TrackLoop::Track(const Frame& frame) {
+  CheckMask(frame.mask, frame.gray.size());
+  mask_ = frame.mask;
   CheckSize(frame.gray.size());
   Pyramid pyramid = BuildPyramid(frame.gray);
   const LightChange& light = exposure_.Follow(pyramid);
@@ -73,10 +73,7 @@ FrameResult TrackLoop::Track(const Frame& frame) {
 }
 
 void TrackLoop::CheckSize(const cv::Size& size) {
-  if (!previous_frame_) {
-    size_ = size;
-    CheckMask(mask_, size_);
-  }
+  if (!previous_frame_) size_ = size;
   Check(size == size_, "all frames of a sequence have one size");
 }
 

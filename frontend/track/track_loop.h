@@ -21,8 +21,7 @@ std::unique_ptr<FeatureMover> MakeMover(const TrackerOptions& options);
 // mask, the limit of unconfirmed frames, and the end of all features at a cut.
 class TrackLoop final : public Tracker {
  public:
-  // `mask`: empty, or CV_8UC1 of the frames' size, 0 where features may neither be born nor stay.
-  TrackLoop(const TrackerOptions& options, cv::Mat mask, std::unique_ptr<FeatureMover> mover);
+  TrackLoop(const TrackerOptions& options, std::unique_ptr<FeatureMover> mover);
 
   FrameResult Track(const Frame& frame) override;
 
@@ -43,7 +42,7 @@ class TrackLoop final : public Tracker {
   std::optional<LossReason> ReasonToEnd(const Move& move, int unconfirmed_frames) const;
 
   TrackerOptions options_;
-  cv::Mat mask_;
+  cv::Mat mask_;  // of the current frame
   std::unique_ptr<FeatureMover> mover_;
   Exposure exposure_;
   SceneWatch watch_;

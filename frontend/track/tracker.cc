@@ -56,9 +56,9 @@ std::unique_ptr<FeatureMover> MakeMover(const TrackerOptions& options) {
 
 std::set<std::string> OptionGroupsOf(TrackerKind kind) { return Find(kind).groups; }
 
-std::unique_ptr<Tracker> MakeTracker(const TrackerOptions& options, const cv::Mat& mask) {
+std::unique_ptr<Tracker> MakeTracker(const TrackerOptions& options) {
   ValidateOptions(options);
-  return std::make_unique<TrackLoop>(options, mask, MakeMover(options));
+  return std::make_unique<TrackLoop>(options, MakeMover(options));
 }
 
 }  // namespace cohort

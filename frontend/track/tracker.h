@@ -34,8 +34,8 @@ class Tracker {
 // The groups of TrackerOptions that this tracker reads, beside the detector's.
 std::set<std::string> OptionGroupsOf(TrackerKind kind);
 
-// `mask`: empty, or CV_8UC1 of the frames' size, 0 where features may neither be born nor stay.
-// Throws UsageError if an option is out of range.
-std::unique_ptr<Tracker> MakeTracker(const TrackerOptions& options, const cv::Mat& mask = {});
+// Features are neither born nor stay where a frame's mask is 0. Throws UsageError if an option is
+// out of range.
+std::unique_ptr<Tracker> MakeTracker(const TrackerOptions& options);
 
 }  // namespace cohort

@@ -1,6 +1,9 @@
 #include "frontend/tracks/imported_tracks.h"
 
+#include <charconv>
+#include <cstdint>
 #include <filesystem>
+#include <utility>
 
 #include "frontend/core/error.h"
 
@@ -40,6 +43,23 @@ std::optional<FrameIndex> FrameNames::Find(const std::string& name) {
     return found->second;
   }
   return std::nullopt;
+}
+
+bool CountsFromOne(const std::string& unknown_name,
+                   const TrackSet& tracks,
+                   std::span<const FrameInfo> frames) {
+  if (frames.empty() || !tracks.InFrame(frames.front().index).empty()) return false;
+  // The prefix of a name, and the number at its end.
+  const auto split = [](const std::string& name) {
+    const std::string stem = fs::path(name).stem().string();
+    const std::size_t digits = stem.find_last_not_of("0123456789") + 1;
+    std::uint64_t number = 0;
+    std::from_chars(stem.data() + digits, stem.data() + stem.size(), number);
+    return std::pair(stem.substr(0, digits), number);
+  };
+  const auto [prefix, number] = split(unknown_name);
+  const auto [last_prefix, last] = split(frames.back().name);
+  return prefix == last_prefix && number == last + 1;
 }
 
 void CheckSomeImageKnown(const ImportedTracks& imported,

@@ -87,7 +87,9 @@ class TracksReader {
   std::size_t track_count() const { return track_count_; }
   FrameIndex Frame(std::size_t t) const { return frames_[t]; }
   Eigen::Vector2d Position(std::size_t t, std::size_t n) const {
-    return {tracks_[2 * Cell(t, n)], tracks_[2 * Cell(t, n) + 1]};
+    const std::size_t at = 2 * Cell(t, n);
+    if (options_.axes == NpzAxes::kYx) return {tracks_[at + 1], tracks_[at]};
+    return {tracks_[at], tracks_[at + 1]};
   }
   std::size_t Cell(std::size_t t, std::size_t n) const {
     return frames_first_ ? t * track_count_ + n : n * frames_.size() + t;
@@ -164,8 +166,13 @@ class TracksReader {
       for (const double index : indices.values) {
         const bool fits = index >= 0 && index <= std::numeric_limits<std::uint32_t>::max();
         if (!fits || !known.contains(FrameIndex{static_cast<std::uint32_t>(index)})) {
+          const bool from_one = index == static_cast<double>(frames.size()) &&
+                                std::ranges::find(indices.values, 0.0) == indices.values.end();
           Fail(name,
-               fmt::format("frame {} is not among the {} of the input", index, frames.size()));
+               fmt::format("frame {} is not among the {} of the input{}",
+                           index,
+                           frames.size(),
+                           from_one ? ": frames count from 0, not from 1" : ""));
         }
         frames_.push_back(FrameIndex{static_cast<std::uint32_t>(index)});
       }
@@ -302,10 +309,17 @@ ImportedTracks ReadTracksNpz(const fs::path& path,
   ValidateOptions(options);
   const Size size{static_cast<double>(width_px), static_cast<double>(height_px)};
   const Size made_on = options.size.empty() ? size : ParseSize(options.size);
+  const Eigen::Array2d picture(made_on.width, made_on.height);  // [px] of the tracker's pictures
   const Eigen::Array2d scale(size.width / made_on.width, size.height / made_on.height);
+  const Eigen::Array2d unit = options.units == NpzUnits::kPixels      ? Eigen::Array2d(1.0, 1.0)
+                              : options.units == NpzUnits::kZeroToOne ? picture
+                                                                      : (picture / 2.0).eval();
+  const Eigen::Array2d zero =
+      options.units == NpzUnits::kMinusOneToOne ? (picture / 2.0).eval() : Eigen::Array2d(0.0, 0.0);
   // Distance of the file's (0, 0) from the corner of the top-left pixel.
   const double shift = options.origin == NpzOrigin::kPixelCentre ? 0.5 : 0.0;
-  const bool as_it_is = options.origin == NpzOrigin::kPixelCentre && (scale == 1.0).all();
+  const bool as_it_is = options.origin == NpzOrigin::kPixelCentre && (scale == 1.0).all() &&
+                        options.units == NpzUnits::kPixels;
 
   TracksReader reader(path, frames, options);
   const std::vector<bool> visible = ReadVisible(reader, options);
@@ -318,7 +332,7 @@ ImportedTracks ReadTracksNpz(const fs::path& path,
   ImportedTracks result;
   std::vector<Observation> observations;
   observations.reserve(reader.PositionCount());  // growing would hold them twice in memory
-  std::size_t observed = 0;
+  ExtentOfTracks extent;
   for (std::size_t n = 0; n < reader.track_count(); ++n) {
     for (std::size_t t = 0; t < reader.frame_count(); ++t) {
       const std::size_t cell = reader.Cell(t, n);
@@ -334,25 +348,32 @@ ImportedTracks ReadTracksNpz(const fs::path& path,
                                 xy.y()));
       }
       Observation o{.feature = ids[n], .frame = reader.Frame(t)};
-      o.xy = as_it_is ? xy : ((xy.array() + shift) * scale - 0.5).matrix();
+      o.xy = as_it_is ? xy : ((xy.array() * unit + zero + shift) * scale - 0.5).matrix();
       const bool inside = IsInPicture(o.xy, width_px, height_px);
-      if (is_visible) ++observed;
+      if (is_visible) extent.Add(o.xy, width_px, height_px);
       if (is_visible && !inside) ++result.left_out;
       if (!is_visible || !inside) o.state = ObservationState::kPredicted;
       if (!residuals.empty() && std::isfinite(residuals[cell])) o.residual = residuals[cell];
-      if (!covariances.empty()) o.covariance = CovarianceOf(reader, covariances, cell, scale);
+      if (!covariances.empty())
+        o.covariance = CovarianceOf(reader, covariances, cell, unit * scale);
       observations.push_back(o);
     }
   }
   if (observations.empty()) reader.Fail(reader.tracks_name(), "it has no position");
-  if (2 * result.left_out > observed) {
+  result.fits_exchanged = extent.FitsExchanged();
+  if (2 * result.left_out > extent.observed) {
     reader.Fail(reader.tracks_name(),
                 fmt::format("{} of {} visible positions lie outside the picture of {} x {}: if the "
-                            "tracker saw pictures of another size, give that size by --npz.size",
+                            "tracker {}",
                             result.left_out,
-                            observed,
+                            extent.observed,
                             width_px,
-                            height_px));
+                            height_px,
+                            10 * extent.within_one > 9 * extent.observed
+                                ? "gives shares from -1 to 1, give --npz.units minus-one-to-one"
+                            : result.fits_exchanged
+                                ? "gives y before x, give --npz.axes yx"
+                                : "saw pictures of another size, give that size by --npz.size"));
   }
   result.tracks = TrackSet::Build(std::move(observations));
   return result;

@@ -22,9 +22,23 @@ enum class NpzOrigin { kPixelCentre, kPixelCorner };
 inline constexpr ChoiceNames<NpzOrigin, 2> kNpzOriginNames{
     {{"pixel-centre", NpzOrigin::kPixelCentre}, {"pixel-corner", NpzOrigin::kPixelCorner}}};
 
+// The unit of the positions: pixels, or shares of the picture's width and height.
+enum class NpzUnits { kPixels, kZeroToOne, kMinusOneToOne };
+inline constexpr ChoiceNames<NpzUnits, 3> kNpzUnitsNames{
+    {{"pixels", NpzUnits::kPixels},
+     {"zero-to-one", NpzUnits::kZeroToOne},
+     {"minus-one-to-one", NpzUnits::kMinusOneToOne}}};
+
+// The order of a position's two numbers.
+enum class NpzAxes { kXy, kYx };
+inline constexpr ChoiceNames<NpzAxes, 2> kNpzAxesNames{
+    {{"xy", NpzAxes::kXy}, {"yx", NpzAxes::kYx}}};
+
 struct NpzTracksOptions {
   NpzLayout layout = NpzLayout::kAuto;
   NpzOrigin origin = NpzOrigin::kPixelCentre;
+  NpzUnits units = NpzUnits::kPixels;
+  NpzAxes axes = NpzAxes::kXy;
   std::string size = {};
   double min_visibility = 0.5;
   double min_confidence = 0.5;
@@ -44,6 +58,17 @@ struct NpzTracksOptions {
              kNpzOriginNames,
              "The position of (0, 0) in a .npz: the centre of the top-left pixel (CoTracker, "
              "VGGSfM, OpenCV), or its outer corner (TAPIR, TAPNext, COLMAP).",
+             Tier::kCommon);
+    v.Choice("units",
+             o.units,
+             kNpzUnitsNames,
+             "The unit of the positions in a .npz: pixels, or shares of the picture's width and "
+             "height from 0 to 1 or from -1 to 1.",
+             Tier::kCommon);
+    v.Choice("axes",
+             o.axes,
+             kNpzAxesNames,
+             "The order of the two numbers of a position in a .npz.",
              Tier::kCommon);
     v.Text(
         "size",
@@ -74,8 +99,8 @@ struct NpzTracksOptions {
   }
 };
 
-// Tracks as point trackers save them by np.savez, T x N or N x T, with or without a first axis of
-// 1:
+// Tracks as point trackers save them by np.savez, or by np.save the positions alone, T x N or N x
+// T, with or without a first axis of 1:
 //   tracks, pred_tracks                                   T x N x 2, pixels x, y
 //   visibility, visibles, vis ... or occluded ...         T x N, bool or 0..1; without: all visible
 //   confidence, conf, score ...                           T x N, optional

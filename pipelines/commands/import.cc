@@ -48,11 +48,14 @@ void CheckFramesKnown(const TrackSet& tracks,
   for (const FrameIndex frame : tracks.frames()) {
     while (known != file.frames.end() && known->index < frame) ++known;
     if (known == file.frames.end() || known->index != frame) {
-      ThrowError("{}: frame {} is not among the {} frames read from {}",
+      const bool from_one = ToInt(frame) == ToInt(file.frames.back().index) + 1 &&
+                            tracks.InFrame(file.frames.front().index).empty();
+      ThrowError("{}: frame {} is not among the {} frames read from {}{}",
                  csv,
                  ToInt(frame),
                  file.frames.size(),
-                 input);
+                 input,
+                 from_one ? ": frames count from 0, not from 1" : "");
     }
   }
 }
@@ -64,7 +67,7 @@ TracksForm FormOf(const std::string& path) {
   std::ifstream in = OpenInputFile(path);
   in.read(start.data(), start.size());
   const std::string_view text(start.data(), static_cast<std::size_t>(in.gcount()));
-  if (text.starts_with("PK\x03\x04")) return TracksForm::kNpz;
+  if (text.starts_with("PK\x03\x04") || text.starts_with("\x93NUMPY")) return TracksForm::kNpz;
   if (text.starts_with("SQLite format 3")) return TracksForm::kColmap;
   const std::string_view first_line = text.substr(0, text.find('\n'));
   const bool opensfm = first_line.starts_with("OPENSFM_TRACKS_VERSION") ||
@@ -115,16 +118,8 @@ ImportedTracks ReadTracks(TracksForm form,
     case TracksForm::kAuto:
     case TracksForm::kCsv:
       return ReadCsv(options, file);
-    case TracksForm::kNpz: {
-      ImportedTracks imported =
-          ReadTracksNpz(options.tracks, file.frames, file.width_px, file.height_px, options.npz);
-      if (imported.left_out > 0) {
-        spdlog::warn("{}: {} visible positions lie outside the picture and count as predicted",
-                     options.tracks,
-                     imported.left_out);
-      }
-      return imported;
-    }
+    case TracksForm::kNpz:
+      return ReadTracksNpz(options.tracks, file.frames, file.width_px, file.height_px, options.npz);
     case TracksForm::kOpensfm:
       return ReadOpenSfmTracks(options.tracks, file.frames, file.width_px, file.height_px);
     case TracksForm::kColmap:
@@ -144,6 +139,16 @@ void RunImport(const ImportCommandOptions& options) {
   CheckOutputsGiven({options.out});
   TrackFile file = ReadFrames(options.input);
   ImportedTracks imported = ReadTracks(form, options, file);
+  if (imported.unknown_images == 1 &&
+      CountsFromOne(imported.an_unknown_image, imported.tracks, file.frames)) {
+    ThrowError(
+        "{}: its images count from 1, to {}, but the frames of {} from 0: give the pictures that "
+        "it "
+        "was made from",
+        options.tracks,
+        imported.an_unknown_image,
+        options.input.input);
+  }
   if (imported.unknown_images > 0) {
     spdlog::warn("{}: {} of its images are not frames of {} and are left out, such as {}",
                  options.tracks,
@@ -157,6 +162,18 @@ void RunImport(const ImportCommandOptions& options) {
     NoteCamera(imported.camera, file);
   }
   TellFocalGuess(file);
+  if (form == TracksForm::kCsv || form == TracksForm::kNpz) {  // the others record their size
+    WarnOf(DoubtOfUnits(file, options.tracks, imported.tracks, form == TracksForm::kNpz));
+  }
+  if (form == TracksForm::kNpz && imported.left_out > 0) {
+    spdlog::warn("{}: {} visible positions lie outside the picture and count as predicted{}",
+                 options.tracks,
+                 imported.left_out,
+                 imported.fits_exchanged
+                     ? "; they lie inside if x and y are exchanged: if the tracker gives y before "
+                       "x, give --npz.axes yx"
+                     : "");
+  }
   WarnOf(PredictOutside(file, options.tracks, options.input.input, imported.tracks));
   const auto observations = imported.tracks.observations();
   if (std::none_of(observations.begin(), observations.end(), IsObserved)) {

@@ -25,7 +25,7 @@ struct ImportCommandOptions {
     v.Text("tracks",
            o.tracks,
            "The tracks: a CSV file with columns track_id,frame,x,y[,observed][,residual], a NumPy "
-           ".npz as point trackers save it, OpenSfM's tracks.csv, a COLMAP database with "
+           ".npz or .npy as point trackers save it, OpenSfM's tracks.csv, a COLMAP database with "
            "verified matches, or the folder of a COLMAP model.",
            Tier::kCommon);
     v.Choice("from",

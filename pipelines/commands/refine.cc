@@ -42,13 +42,15 @@ void RefineTracks(const RefineCommandOptions& options) {
     ThrowError("{}: the model has no points to measure: reconstruct first", options.model);
   }
   WarnIfModelOfOthers(model, options.model, file, options.tracks);
-  const auto sequence =
-      options.images.empty() ? OpenSource(file, options.tracks) : OpenSequence(options.images);
-  if (options.images.empty()) WarnIfClipChanged(file, options.tracks, *sequence);
   const std::string mask = options.mask.empty() ? file.meta.mask : options.mask;
+  MaskedSequence sequence(
+      options.images.empty() ? OpenSource(file, options.tracks) : OpenSequence(options.images),
+      ClipMasks(mask),
+      !options.images.empty() || file.meta.frames.empty());
+  if (options.images.empty()) WarnIfClipChanged(file, options.tracks, sequence);
   if (options.mask.empty()) WarnOf(DoubtOfMask(file, options.tracks));
-  SecondPass second = MeasureAgain(
-      file, model, *sequence, ReadMask(mask), options.of_model.second_pass, ProgressBars());
+  SecondPass second =
+      MeasureAgain(file, model, sequence, options.of_model.second_pass, ProgressBars());
   if (second.figures.replaced + second.figures.left == 0 && second.figures.masked > 0) {
     ThrowError(
         "the mask {} covers all {} tracks that have a point: give one that is white where they are",
@@ -90,11 +92,11 @@ void RefineColmapModel(const RefineCommandOptions& options) {
         "refining a COLMAP model needs its pictures: give --images INPUT, or the .tracks file that "
         "the model was made from");
   }
-  const auto sequence = OpenSequence(options.images);
+  MaskedSequence sequence(OpenSequence(options.images), ClipMasks(options.mask));
   AddModelToInputs(options.model);
   CheckOutputsGiven({options.json});
   const RefinedModel refined = RefineModelIntoFolder(options.model,
-                                                     *sequence,
+                                                     sequence,
                                                      options.images,
                                                      options.mask,
                                                      options.of_model,

@@ -40,8 +40,8 @@ struct RefineCommandOptions {
            Tier::kCommon);
     v.Text("mask",
            o.mask,
-           "A mask of the frames' size, black where nothing is measured. The default is the mask "
-           "of the tracks.",
+           "A mask of the frames' size, black where nothing is measured, or a folder with one for "
+           "each frame, as for `cohort track`. The default is the mask of the tracks.",
            Tier::kCommon);
     v.Text("json", o.json, "Also write the figures of the run to this file.", Tier::kCommon);
     RefineModelOptions::Visit(o.of_model, v);

@@ -101,11 +101,10 @@ TrackFile MakeCeilingTracks(Sequence& clip,
                             Sequence& dark,
                             TrackTruth& truth,
                             const DegradeOptions& degrade,
-                            const TrackerOptions& tracking,
-                            const cv::Mat& mask) {
+                            const TrackerOptions& tracking) {
   auto owned = std::make_unique<TruthMover>(truth, degrade);
   TruthMover& mover = *owned;
-  TrackLoop loop(tracking, mask, std::move(owned));
+  TrackLoop loop(tracking, std::move(owned));
   TrackFile file;
   std::vector<Observation> observations;
   while (const auto frame = dark.Next()) {

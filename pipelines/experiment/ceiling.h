@@ -16,15 +16,12 @@ namespace cohort {
 // information from other features and frames, can exceed it. A feature is observed if it is truly
 // visible and its bound is at most 3 px; hidden features are predicted at their true positions, and
 // end as every tracker's. The first position of a track has no noise: it defines what it follows.
-//
-// `clip` gives the frames that `degrade` was applied to, `dark` its result; `truth` is of `dark`.
-// Both run over the same frames. Fills frames and tracks of the result.
-TrackFile MakeCeilingTracks(
-    Sequence& clip,
-    Sequence& dark,
-    TrackTruth& truth,
-    const DegradeOptions& degrade,
-    const TrackerOptions& tracking,
-    const cv::Mat& mask);  // CV_8UC1, no feature where it is 0; may be empty
+// `clip` gives the frames that `degrade` was applied to, `dark` its result, with the masks; `truth`
+// is of `dark`. Both run over the same frames. Fills frames and tracks of the result.
+TrackFile MakeCeilingTracks(Sequence& clip,
+                            Sequence& dark,
+                            TrackTruth& truth,
+                            const DegradeOptions& degrade,
+                            const TrackerOptions& tracking);
 
 }  // namespace cohort

@@ -61,14 +61,10 @@ Json TrackCeiling(const ExperimentOptions& options, const TrackCell& cell) {
   if (!cell.condition.clip.has_track_truth) return NotAvailable("no truth of tracks");
   const auto clip = OpenInput(ClipInput(options, cell.condition));
   const InputOptions frames = cell.frames;
-  const auto dark = OpenInput(frames);
+  const auto dark = OpenInput(frames, options.mask);
   const auto truth = OpenTrackTruth(*dark, frames.input);
-  TrackFile file = MakeCeilingTracks(*clip,
-                                     *dark,
-                                     *truth,
-                                     DegradationOf(cell.condition),
-                                     cell.tracker.options,
-                                     ReadMask(options.mask));
+  TrackFile file =
+      MakeCeilingTracks(*clip, *dark, *truth, DegradationOf(cell.condition), cell.tracker.options);
   DescribeInput(frames, *dark, file);
   file.meta = {.tracker = cell.tracker.name};
   WriteTrackFile(cell.Tracks(), file);
@@ -83,10 +79,10 @@ Json RunPaperProtocol(const InputOptions& clip_input,
                       const InputOptions& frames_input,
                       const TrackerOptions& tracker,
                       const PaperProtocolOptions& options,
-                      const cv::Mat& mask) {
-  const auto clip = OpenInput(clip_input);
+                      const std::string& mask) {
+  const auto clip = OpenInput(clip_input, mask);
   const auto truth = OpenTrackTruth(*clip, clip_input.input);
-  const auto points = ChoosePoints(*clip, *truth, tracker.detector, options, mask);
+  const auto points = ChoosePoints(*clip, *truth, tracker.detector, options);
   const auto frames = OpenInput(frames_input);
   const auto next = [&frames] { return frames->Next(); };
   const Stopwatch stopwatch;
@@ -199,12 +195,10 @@ TrackFile TracksToHalve(const ExperimentOptions& options, const TrackCell& cell)
   if (!HasSecondPass(cell.tracker)) return ReadTrackFile(cell.Tracks());
   const TrackJobOptions track = TrackOf(options, cell);
   cv::setNumThreads(track.threads == 0 ? -1 : track.threads);
-  const auto sequence = OpenInput(track.input);
-  TrackFile file = TrackFirstPass(*sequence,
-                                  {.tracker = track.tracker,
-                                   .second_pass = track.second_pass,
-                                   .mask = ReadMask(track.mask),
-                                   .source = track.input.input});
+  const auto sequence = OpenInput(track.input, track.mask);
+  TrackFile file = TrackFirstPass(
+      *sequence,
+      {.tracker = track.tracker, .second_pass = track.second_pass, .source = track.input.input});
   DescribeInput(track.input, *sequence, file);
   return file;
 }
@@ -234,7 +228,7 @@ Json FollowCell(const ExperimentOptions& options, const TrackCell& cell) {
                           cell.frames,
                           WithoutGivingUp(cell.tracker.options),
                           options.paper,
-                          ReadMask(options.mask));
+                          options.mask);
 }
 
 Json ReconstructCell(const ExperimentOptions& options, const TrackCell& cell, GridBackend backend) {
@@ -264,8 +258,8 @@ Json CompareHalvesOfCell(const ExperimentOptions& options,
     TrackFile half = file;
     half.tracks = halves[i];
     if (HasSecondPass(cell.tracker)) {
-      const auto frames = OpenInput(cell.frames);
-      half = RunSecondPass(std::move(half), *frames, ReadMask(options.mask), options.second_pass);
+      const auto frames = OpenInput(cell.frames, options.mask);
+      half = RunSecondPass(std::move(half), *frames, options.second_pass);
     }
     WriteTrackFile(tracks, half);
     const ReconstructionSummary summary = MakeModel(options, cell, backend, tracks, out);

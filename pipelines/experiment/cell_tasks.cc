@@ -43,7 +43,7 @@ Json DependenciesOf(const ExperimentOptions& options, const TrackCell& cell) {
     depends_on["second_pass"] = ToJson(options.second_pass);
   }
   if (!options.mask.empty()) {
-    depends_on["mask"] = {CanonicalPath(options.mask), FingerprintOfBytes(options.mask)};
+    depends_on["mask"] = {CanonicalPath(options.mask), FingerprintOfMasks(options.mask)};
   }
   return depends_on;
 }

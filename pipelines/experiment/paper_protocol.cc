@@ -34,8 +34,7 @@ FollowedPoint Follow(TrackTruth& truth,
 std::vector<FollowedPoint> ChoosePoints(Sequence& clip,
                                         TrackTruth& truth,
                                         DetectorOptions detector,
-                                        const PaperProtocolOptions& options,
-                                        const cv::Mat& mask) {
+                                        const PaperProtocolOptions& options) {
   // This determines the share of each cell of the detector's grid.
   detector.max_features = options.features;
   std::vector<FrameIndex> frames;
@@ -56,8 +55,12 @@ std::vector<FollowedPoint> ChoosePoints(Sequence& clip,
     const int missing = options.features - static_cast<int>(occupied.size());
     if (missing <= 0 || birth + window >= frames.size()) continue;
     const cv::Mat gray = BuildPyramid(starts[s].gray, 1).levels.front();
-    for (const Eigen::Vector2d& xy : DetectCorners(
-             gray, occupied, mask, static_cast<int>(options.border_px), missing, detector)) {
+    for (const Eigen::Vector2d& xy : DetectCorners(gray,
+                                                   occupied,
+                                                   starts[s].mask,
+                                                   static_cast<int>(options.border_px),
+                                                   missing,
+                                                   detector)) {
       if (truth.IsOnDepthEdge(frames[birth], xy, options.edge_px)) continue;
       FollowedPoint point = Follow(truth, frames, birth, xy, gray.size(), options.border_px);
       if (point.xy.size() > window) points.push_back(std::move(point));

@@ -65,13 +65,11 @@ struct FollowedPoint {
 // The points of a clip before degradation, as in the paper: corners of the common detector in its
 // frames 0, w, 2w, ... (w: window_frames), in the later ones as many as are missing from
 // `features`. A corner is used if it lies on a surface, with no depth jump nearby, and stays
-// visible and off the border for w more frames. No corner is where the mask (CV_8UC1; may be empty)
-// is 0.
+// visible and off the border for w more frames. No corner is where the frame's mask is 0.
 std::vector<FollowedPoint> ChoosePoints(Sequence& clip,
                                         TrackTruth& truth,
                                         DetectorOptions detector,
-                                        const PaperProtocolOptions& options,
-                                        const cv::Mat& mask = {});
+                                        const PaperProtocolOptions& options);
 
 // The next frame of a clip; nullopt at the end.
 using FrameSource = std::function<std::optional<Frame>()>;

@@ -147,7 +147,9 @@ std::vector<GridClip> ProbeClips(const ExperimentOptions& options, const Experim
   std::string shard_suffix = options.shard.empty() ? "" : "_shard_" + options.shard;
   std::replace(shard_suffix.begin(), shard_suffix.end(), '/', '_');
   // Checked now, because otherwise all cells would fail, hours later.
-  ReadMask(options.mask);
+  if (const ClipMasks masks(options.mask); masks.AreGiven() && masks.AreOnePerFrame()) {
+    ThrowError("--mask {}: compare takes one mask for all frames: give a picture", options.mask);
+  }
   GivenCamera(ClipInput(options, {}), 0, 0);
   std::vector<Task> tasks;
   for (std::size_t i = 0; i < options.inputs.size(); ++i) {

@@ -48,7 +48,7 @@ Json SceneMadeOf(SfmJobOptions options, const Sequence& sequence) {
                {"input", CanonicalPath(input)},
                {"fingerprint", FingerprintOfFrames(sequence)},
                {"options", ToJson(options)}};
-  if (!options.mask.empty()) made_of["mask_fingerprint"] = FingerprintOfBytes(options.mask);
+  if (!options.mask.empty()) made_of["mask_fingerprint"] = FingerprintOfMasks(options.mask);
   if (const auto camera = sequence.KnownCamera()) made_of["calibration"] = WordsOfCamera(*camera);
   // In the form in which it is read again, also with names that are not UTF-8.
   return Json::parse(JsonLine(made_of));
@@ -225,7 +225,7 @@ SfmFigures FiguresOfSummary(const fs::path& folder) {
 SfmFigures RunSfmJob(const SfmJobOptions& options) {
   const fs::path folder = options.out;
   const fs::path summary = folder / "summary.json";
-  const auto sequence = OpenInput(options.input);
+  const auto sequence = OpenInput(options.input, options.mask);
   const Json made_of = SceneMadeOf(options, *sequence);
   const Json model_made_of = ModelMadeOf(made_of);
   if (options.reconstruct.backend == BackendKind::kColmap &&
@@ -266,7 +266,9 @@ SfmFigures RunSfmJob(const SfmJobOptions& options) {
     figures.images = scene.images.size();
     figures.points = scene.points;
     brightness = scene.brightness;
-    files = FingerprintsOfOutputs(folder, {kSceneOutputs.begin(), kSceneOutputs.end()});
+    std::vector<std::string> outputs(kSceneOutputs.begin(), kSceneOutputs.end());
+    std::erase_if(outputs, [&folder](const auto& name) { return !fs::exists(folder / name); });
+    files = FingerprintsOfOutputs(folder, outputs);
   } else {
     RemoveScene(folder);  // a scene of an earlier run would not belong to these tracks
     brightness = BrightnessOfFrames(file, *sequence, ProgressBars());

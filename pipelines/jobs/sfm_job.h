@@ -35,7 +35,8 @@ struct SfmJobOptions {
     v.Text("mask",
            o.mask,
            "A mask of the frames' size, black where no features are allowed, such as on the bonnet "
-           "of a car.",
+           "of a car; or a folder with a mask for each frame, NAME.png or NAME.jpg.png for the "
+           "frame NAME.jpg, or Nerfstudio's transforms.json with their paths.",
            Tier::kCommon);
     v.Flag("resume",
            o.resume,

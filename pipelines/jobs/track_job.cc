@@ -77,11 +77,10 @@ void TellCuts(const TrackFile& file) {
       stride > 1 ? fmt::format(":{}", stride) : "");
 }
 
-SequenceTracker TrackerOf(const TrackJobOptions& options, Sequence& sequence, const cv::Mat& mask) {
+SequenceTracker TrackerOf(const TrackJobOptions& options, Sequence& sequence) {
   return {sequence,
           {.tracker = options.tracker,
            .second_pass = options.second_pass,
-           .mask = mask,
            .source = options.input.input}};
 }
 
@@ -111,11 +110,8 @@ void WarnAgain(const TrackFile& tracks) {
   spdlog::warn("{}; without --resume it is made anew", tracks.meta.warning);
 }
 
-TrackFile RunSecondPass(TrackFile file,
-                        Sequence& sequence,
-                        const cv::Mat& mask,
-                        const SecondPassOptions& options) {
-  SecondPass second = WithSecondPass(std::move(file), sequence, mask, options, ProgressBars());
+TrackFile RunSecondPass(TrackFile file, Sequence& sequence, const SecondPassOptions& options) {
+  SecondPass second = WithSecondPass(std::move(file), sequence, options, ProgressBars());
   if (second.none_because.empty()) {
     spdlog::info("second pass: {}", second.figures.Brief());
   } else {
@@ -127,10 +123,9 @@ TrackFile RunSecondPass(TrackFile file,
 TrackFigures RunTrackJob(const TrackJobOptions& options) {
   cv::setNumThreads(options.threads == 0 ? -1 : options.threads);
   CheckDistinctOutputs({{"--out", options.out}, {"--json", options.json}});
-  const auto sequence = OpenInput(options.input);
+  const auto sequence = OpenInput(options.input, options.mask);
   CheckOutputsGiven({options.out, options.json});
-  const cv::Mat mask = ReadMask(options.mask);
-  SequenceTracker tracker = TrackerOf(options, *sequence, mask);
+  SequenceTracker tracker = TrackerOf(options, *sequence);
   TrackFile header = DescribeJob(options, *sequence, tracker);
   WarnIfCameraDoubtful(header.camera);
   TellFocalGuess(header);
@@ -145,9 +140,13 @@ TrackFigures RunTrackJob(const TrackJobOptions& options) {
   figures.track_ms = tracker.track_ms();
   file.meta.warning = WarningOfClip(*sequence, file, options.input.input);
   if (!file.meta.warning.empty()) spdlog::warn("{}", file.meta.warning);
+  if (const std::string coverage = sequence->Coverage(); !coverage.empty()) {
+    spdlog::log(
+        sequence->CoverTooMuch() ? spdlog::level::warn : spdlog::level::info, "{}", coverage);
+  }
   if (WantsSecondPass(options.second_pass.mode, options.tracker)) {
     const Stopwatch stopwatch;
-    file = RunSecondPass(std::move(file), *sequence, mask, options.second_pass);
+    file = RunSecondPass(std::move(file), *sequence, options.second_pass);
     figures.second_pass_ms = stopwatch.Milliseconds();
   }
   const Stopwatch stopwatch;
@@ -161,8 +160,8 @@ TrackFigures RunTrackJob(const TrackJobOptions& options) {
 bool HasTracksOfJob(const TrackJobOptions& options) {
   if (!fs::exists(options.out)) return false;
   const TrackFile file = ReadTrackFile(options.out);
-  const auto sequence = OpenInput(options.input);
-  const SequenceTracker tracker = TrackerOf(options, *sequence, ReadMask(options.mask));
+  const auto sequence = OpenInput(options.input, options.mask);
+  const SequenceTracker tracker = TrackerOf(options, *sequence);
   if (!IsOfJob(file, DescribeJob(options, *sequence, tracker))) {
     ThrowError(
         "cannot resume {}: it was made from another input or with other options; without --resume "

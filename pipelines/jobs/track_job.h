@@ -26,7 +26,8 @@ struct TrackJobOptions {
     v.Text("mask",
            o.mask,
            "A mask of the frames' size, black where no features are allowed, such as on the bonnet "
-           "of a car.",
+           "of a car; or a folder with a mask for each frame, NAME.png or NAME.jpg.png for the "
+           "frame NAME.jpg, or Nerfstudio's transforms.json with their paths.",
            Tier::kCommon);
     v.Number("threads",
              o.threads,
@@ -69,9 +70,6 @@ void WarnAgain(const TrackFile& tracks);
 bool HasTracksOfJob(const TrackJobOptions& options);
 
 // WithSecondPass, with a progress bar and its outcome in the log.
-TrackFile RunSecondPass(TrackFile file,
-                        Sequence& sequence,
-                        const cv::Mat& mask,
-                        const SecondPassOptions& options);
+TrackFile RunSecondPass(TrackFile file, Sequence& sequence, const SecondPassOptions& options);
 
 }  // namespace cohort

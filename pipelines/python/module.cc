@@ -168,12 +168,12 @@ std::unique_ptr<Sequence> OpenArrays(const ClipArgument& clip, bool rgb, bool ke
   return frames == nullptr ? nullptr : SequenceOfArrays(*frames, rgb, keep);
 }
 
-cv::Mat MaskOf(const std::optional<py::object>& array, const std::string& path) {
-  if (!array) return ReadMask(path);
+ClipMasks MasksOf(const std::optional<py::object>& array, const std::string& path) {
+  if (!array) return ClipMasks(path);
   cv::Mat mask = GrayOfArray(*array, false, "the mask");
   if (mask.depth() != CV_8U) mask = mask > 0;
   CheckMaskIsOpen(mask, "the mask");
-  return mask;
+  return {mask, "array"};
 }
 
 TrackFile Track(const ClipArgument& clip,
@@ -188,7 +188,7 @@ TrackFile Track(const ClipArgument& clip,
     ThrowUsageError("a Camera and another camera, as text or a prior, are given: give one of them");
   }
   const bool second_pass = WantsSecondPass(arguments.second_pass.mode, arguments.tracker);
-  const cv::Mat mask = MaskOf(mask_array, arguments.mask);
+  ClipMasks masks = MasksOf(mask_array, arguments.mask);
   std::unique_ptr<Sequence> sequence = OpenArrays(clip, rgb, second_pass);
   const StageProgress progress = ProgressTo(callback);
 
@@ -196,26 +196,26 @@ TrackFile Track(const ClipArgument& clip,
   const InterruptionCheck interruption(RaiseOfSignals);
   const ThreadsOfOpenCv threads(arguments.threads);
   // Destroyed without the GIL, for which the thread that reads ahead may be waiting.
-  const std::unique_ptr<Sequence> opened = [&] {
+  std::unique_ptr<Sequence> opened = [&] {
     if (sequence) return std::move(sequence);
     arguments.input.input = std::get<fs::path>(clip).string();
     return OpenInput(arguments.input);
   }();
-  TrackFile file = TrackFirstPass(*opened,
+  MaskedSequence masked(std::move(opened), std::move(masks), arguments.input.frames.empty());
+  TrackFile file = TrackFirstPass(masked,
                                   {.tracker = arguments.tracker,
                                    .second_pass = arguments.second_pass,
                                    .camera = camera,
-                                   .mask = mask,
                                    .source = arguments.input.input},
                                   progress);
-  DescribeInput(arguments.input, *opened, file);
+  DescribeInput(arguments.input, masked, file);
   file.meta.program = fmt::format("cohort {}", kVersion);
   NoteMask(arguments.mask, file);
   if (camera) NoteCamera(camera, file);  // instead of the clip's own
   if (second_pass) {
-    file = WithSecondPass(std::move(file), *opened, mask, arguments.second_pass, progress).file;
+    file = WithSecondPass(std::move(file), masked, arguments.second_pass, progress).file;
   }
-  file.meta.warning = WarningOfClip(*opened, file, arguments.input.input);
+  file.meta.warning = WarningOfClip(masked, file, arguments.input.input);
   return file;
 }
 
@@ -232,19 +232,21 @@ std::pair<TrackFile, std::vector<std::string>> Refine(const TrackFile& file,
   const auto arguments = FromJsonText<RefineArguments>(options, "refine()");
   const bool as_before = mask_path.empty();
   const std::string mask_name = as_before ? file.meta.mask : mask_path.string();
-  const cv::Mat mask = MaskOf(mask_array, mask_name);
+  ClipMasks masks = MasksOf(mask_array, mask_name);
   std::unique_ptr<Sequence> sequence = clip ? OpenArrays(*clip, rgb, true) : nullptr;
   const StageProgress progress = ProgressTo(callback);
 
   const CallWithoutGil no_gil;
   const InterruptionCheck interruption(RaiseOfSignals);
   std::vector<std::string> doubts = {DoubtOfModel(model, "this Reconstruction", file, kTracks)};
-  const std::unique_ptr<Sequence> opened = sequence ? std::move(sequence)
-                                           : clip   ? OpenSequence(std::get<fs::path>(*clip))
-                                                    : OpenSource(file, kTracks);
-  if (!clip) doubts.push_back(DoubtOfClip(file, kTracks, *opened));
+  MaskedSequence opened(sequence ? std::move(sequence)
+                        : clip   ? OpenSequence(std::get<fs::path>(*clip))
+                                 : OpenSource(file, kTracks),
+                        std::move(masks),
+                        clip || file.meta.frames.empty());
+  if (!clip) doubts.push_back(DoubtOfClip(file, kTracks, opened));
   if (!mask_array && as_before) doubts.push_back(DoubtOfMask(file, kTracks));
-  SecondPass second = MeasureAgain(file, model, *opened, mask, arguments.second_pass, progress);
+  SecondPass second = MeasureAgain(file, model, opened, arguments.second_pass, progress);
   doubts.push_back(DoubtOfMeasuring(second.figures));
   std::erase(doubts, "");
   if (!mask_array) NoteMask(mask_name, second.file);

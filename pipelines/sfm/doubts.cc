@@ -72,7 +72,7 @@ std::string DoubtOfClip(const TrackFile& file,
 std::string DoubtOfMask(const TrackFile& file, const std::string& tracks_name) {
   const std::string& mask = file.meta.mask;
   if (mask.empty() || file.meta.mask_fingerprint.empty()) return "";
-  if (FingerprintOfBytes(mask) == file.meta.mask_fingerprint) return "";
+  if (FingerprintOfMasks(mask) == file.meta.mask_fingerprint) return "";
   return fmt::format("the mask {} has changed since {} was made with it", mask, tracks_name);
 }
 

@@ -135,6 +135,14 @@ std::string FingerprintOfBytes(const fs::path& file) {
   return digits;
 }
 
+std::string FingerprintOfBytes(const std::vector<fs::path>& files) {
+  Fnv1a hash;
+  for (const fs::path& file : files) {
+    hash << fmt::format("{} {}\n", file.filename().string(), FingerprintOfBytes(file));
+  }
+  return hash.Digits();
+}
+
 bool AreStillThere(const fs::path& folder, const std::map<std::string, std::string>& fingerprints) {
   return std::all_of(fingerprints.begin(), fingerprints.end(), [&folder](const auto& output) {
     return FingerprintOfFile(folder / output.first) == output.second;

@@ -26,6 +26,8 @@ std::string FingerprintOfClip(const Sequence& sequence,
 
 // Covers all bytes. Throws Error naming a file that cannot be read.
 std::string FingerprintOfBytes(const std::filesystem::path& file);
+// The same of several files, with their names.
+std::string FingerprintOfBytes(const std::vector<std::filesystem::path>& files);
 
 // The fingerprints of a run's outputs, of all bytes, by their names in `folder`: `names` are files,
 // or folders whose files all count.

@@ -9,9 +9,9 @@
 #include <vector>
 
 #include "datasets/readers/gray_image.h"
+#include "frontend/core/statistics.h"
 #include "frontend/geometry/camera_fault.h"
 #include "frontend/geometry/camera_text.h"
-#include "frontend/image/read_image.h"
 #include "frontend/tracks/imported_tracks.h"
 #include "pipelines/sfm/fingerprint.h"
 
@@ -75,6 +75,11 @@ std::unique_ptr<Sequence> OpenInput(const InputOptions& options) {
   return OpenSequence(options.input,
                       options.layout,
                       options.frames.empty() ? FrameRange{} : FrameRange::Parse(options.frames));
+}
+
+std::unique_ptr<MaskedSequence> OpenInput(const InputOptions& options, const std::string& mask) {
+  return std::make_unique<MaskedSequence>(
+      OpenInput(options), ClipMasks(mask), options.frames.empty());
 }
 
 std::unique_ptr<Sequence> OpenSource(const TrackFile& file, const std::string& tracks) {
@@ -150,7 +155,7 @@ void DescribeInput(const InputOptions& options, const Sequence& sequence, TrackF
 
 void NoteMask(const std::string& mask, TrackFile& file) {
   file.meta.mask = AbsolutePath(mask);
-  file.meta.mask_fingerprint = mask.empty() ? "" : FingerprintOfBytes(mask);
+  file.meta.mask_fingerprint = FingerprintOfMasks(mask);
 }
 
 void NoteSensorRows(const Sequence& sequence, TrackFile& file) {
@@ -183,6 +188,54 @@ void CheckPictureSize(const TrackFile& file, const Frame& frame, const std::stri
       file.height_px);
 }
 
+std::string DoubtOfUnits(const TrackFile& file,
+                         const std::string& name,
+                         const TrackSet& tracks,
+                         bool is_npz) {
+  // Fewer say little about where the others would be.
+  constexpr std::size_t kLeast = 20;
+  std::vector<double> x;
+  std::vector<double> y;
+  for (const Observation& o : tracks.observations()) {
+    if (!IsObserved(o)) continue;
+    x.push_back(o.xy.x());
+    y.push_back(o.xy.y());
+  }
+  if (x.size() < kLeast) return "";
+  // Without the outliers of a tracker.
+  constexpr double kFew = 0.02;
+  const double right = Quantile(x, 1.0 - kFew);
+  const double bottom = Quantile(y, 1.0 - kFew);
+  const double least = std::min(Quantile(x, kFew), Quantile(y, kFew));
+  constexpr double kOne = 1.1;
+  if (least >= -kOne && std::max(right, bottom) <= kOne &&
+      std::min(file.width_px, file.height_px) > 16) {
+    const bool is_signed = least < -0.1;
+    ThrowError("{}: its positions lie between {} and 1, not in pixels: {}",
+               name,
+               is_signed ? -1 : 0,
+               !is_npz ? fmt::format("multiply x by the width and y by the height, {} and {}{}",
+                                     file.width_px,
+                                     file.height_px,
+                                     is_signed ? ", after mapping them to 0..1" : "")
+                       : fmt::format("if they are shares of the picture, give --npz.units {}",
+                                     is_signed ? "minus-one-to-one" : "zero-to-one"));
+  }
+  // Tracks of pictures of half the size end here. Features may be in one quarter of the picture
+  // alone, hence a warning.
+  constexpr double kPart = 0.6;
+  if (right > kPart * file.width_px || bottom > kPart * file.height_px) return "";
+  return fmt::format(
+      "{}: its positions lie in the top-left {:.0f} x {:.0f} px of pictures of {} x {}: if the "
+      "tracker saw smaller pictures, {}",
+      name,
+      right,
+      bottom,
+      file.width_px,
+      file.height_px,
+      is_npz ? "give their size by --npz.size WxH" : "scale its positions to these");
+}
+
 std::string PredictOutside(const TrackFile& file,
                            const std::string& name,
                            const std::string& clip,
@@ -194,24 +247,32 @@ std::string PredictOutside(const TrackFile& file,
   const auto outside = std::count_if(all.begin(), all.end(), is_outside);
   if (outside == 0) return "";
   const auto observed = std::count_if(all.begin(), all.end(), IsObserved);
+  ExtentOfTracks extent;
+  for (const Observation& o : all) {
+    if (IsObserved(o)) extent.Add(o.xy, file.width_px, file.height_px);
+  }
+  const bool exchanged = extent.FitsExchanged();
   if (2 * outside > observed) {
     ThrowError(
-        "{}: {} of {} observed positions lie outside the pictures of {}, which are {} x {}: give "
-        "the clip that the tracks were made from",
+        "{}: {} of {} observed positions lie outside the pictures of {}, which are {} x {}: {}",
         name,
         outside,
         observed,
         clip,
         file.width_px,
-        file.height_px);
+        file.height_px,
+        exchanged ? "exchange x and y, which makes them lie inside"
+                  : "give the clip that the tracks were made from");
   }
   std::vector<Observation> observations(all.begin(), all.end());
   for (Observation& o : observations) {
     if (is_outside(o)) o.state = ObservationState::kPredicted;
   }
   tracks = TrackSet::Build(std::move(observations));
-  return fmt::format(
-      "{}: {} observed positions lie outside the picture and count as predicted", name, outside);
+  return fmt::format("{}: {} observed positions lie outside the picture and count as predicted{}",
+                     name,
+                     outside,
+                     exchanged ? "; they lie inside if x and y are exchanged" : "");
 }
 
 std::string WarningOfClip(const Sequence& sequence,
@@ -234,26 +295,6 @@ std::string CanonicalPath(const std::filesystem::path& path) {
   std::error_code error;
   const auto canonical = std::filesystem::weakly_canonical(AbsolutePath(path), error);
   return error ? AbsolutePath(path) : canonical.string();
-}
-
-cv::Mat ReadMask(const std::string& path) {
-  if (path.empty()) return {};
-  cv::Mat mask;
-  try {
-    mask = ReadImage(path, cv::IMREAD_GRAYSCALE | cv::IMREAD_ANYDEPTH) != 0;
-  } catch (const Error& error) {
-    ThrowError("cannot read the mask {}: give a picture ({})", path, error.what());
-  }
-  CheckMaskIsOpen(mask, "the mask " + path);
-  return mask;
-}
-
-void CheckMaskIsOpen(const cv::Mat& mask, const std::string& name) {
-  if (cv::countNonZero(mask) > 0) return;
-  ThrowError(
-      "{} is entirely black, which leaves no area for features: make it white where they are "
-      "allowed",
-      name);
 }
 
 }  // namespace cohort

@@ -2,13 +2,13 @@
 
 #include <filesystem>
 #include <memory>
-#include <opencv2/core/mat.hpp>
 #include <optional>
 #include <string>
 
 #include "datasets/open_sequence.h"
 #include "frontend/core/options.h"
 #include "frontend/tracks/track_store.h"
+#include "pipelines/sfm/masks.h"
 
 namespace cohort {
 
@@ -55,6 +55,8 @@ struct InputOptions {
 };
 
 std::unique_ptr<Sequence> OpenInput(const InputOptions& options);
+// The same with the masks that --mask names, if any.
+std::unique_ptr<MaskedSequence> OpenInput(const InputOptions& options, const std::string& mask);
 // Opens the clip that the tracks were made from, as it was opened then; `tracks` names them. Throws
 // Error if their pictures came from no file.
 std::unique_ptr<Sequence> OpenSource(const TrackFile& file, const std::string& tracks);
@@ -102,6 +104,13 @@ std::string PredictOutside(const TrackFile& file,
                            const std::string& name,
                            const std::string& clip,
                            TrackSet& tracks);
+// Throws Error if the positions of `tracks`, of that name, are not in pixels: nearly all lie
+// between -1 and 1. Returns a sentence if they fill only the top-left part of the pictures, as
+// those of smaller pictures do; else empty. `is_npz`: whether options can mend it.
+std::string DoubtOfUnits(const TrackFile& file,
+                         const std::string& name,
+                         const TrackSet& tracks,
+                         bool is_npz);
 // TrackMeta::warning of a clip that was read, with DescribeInput's entries in `file`; empty if
 // there is none.
 std::string WarningOfClip(const Sequence& sequence,
@@ -112,11 +121,5 @@ std::string WarningOfClip(const Sequence& sequence,
 std::string AbsolutePath(const std::filesystem::path& path);
 // The same for every spelling of a path, also through links: for comparisons.
 std::string CanonicalPath(const std::filesystem::path& path);
-
-// CV_8UC1, 0 where no feature may be. Empty without a path; throws Error naming a file that is not
-// a picture or is entirely black.
-cv::Mat ReadMask(const std::string& path);
-// Throws Error if the mask of that name is entirely black.
-void CheckMaskIsOpen(const cv::Mat& mask, const std::string& name);
 
 }  // namespace cohort

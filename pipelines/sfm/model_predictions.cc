@@ -16,17 +16,33 @@ constexpr double kBorderPx = 5.0;  // nothing is measured nearer to the image bo
 // Nothing is measured if it appears this much larger or smaller than its template.
 constexpr double kMaxScale = 2.0;
 
+// Of a position in the picture.
+bool IsBlack(const cv::Mat& mask, const Eigen::Vector2d& xy) {
+  const cv::Point at(static_cast<int>(std::lround(xy.x())), static_cast<int>(std::lround(xy.y())));
+  if (!cv::Rect({}, mask.size()).contains(at)) return true;
+  return mask.at<std::uint8_t>(at) == 0;
+}
+
+bool IsBlackAround(const cv::Mat& mask, const Eigen::Vector2d& xy) {
+  const double left = std::floor(xy.x());
+  const double top = std::floor(xy.y());
+  return IsBlack(mask, {left, top}) && IsBlack(mask, {left + 1.0, top}) &&
+         IsBlack(mask, {left, top + 1.0}) && IsBlack(mask, {left + 1.0, top + 1.0});
+}
+
+bool HoldsFeature(const std::map<FrameIndex, std::set<FeatureId>>& by_frame,
+                  FrameIndex frame,
+                  FeatureId feature) {
+  const auto found = by_frame.find(frame);
+  return found != by_frame.end() && found->second.contains(feature);
+}
+
 }  // namespace
 
 ModelPredictions::ModelPredictions(const TrackFile& file,
                                    const Reconstruction& model,
-                                   const cv::Mat& mask,
                                    int template_frames)
-    : file_(file),
-      model_(model),
-      rows_(model.cam_from_world, model.readout, model.camera),
-      mask_(mask) {
-  CheckMask(mask, {model.camera.width_px, model.camera.height_px});
+    : file_(file), model_(model), rows_(model.cam_from_world, model.readout, model.camera) {
   for (const auto& [feature, point] : model.points) {
     std::vector<FrameIndex> seen;
     for (const Observation& observation : file.tracks.Track(feature)) {
@@ -42,6 +58,21 @@ ModelPredictions::ModelPredictions(const TrackFile& file,
     const auto end = std::min(count, first + template_frames);
     for (auto i = first; i < end; ++i) template_features_[seen[i]].push_back(feature);
     middle_[feature] = seen[middle];
+  }
+}
+
+void ModelPredictions::Mask(FrameIndex frame, const cv::Mat& mask) {
+  if (mask.empty()) return;
+  CheckMask(mask, {model_.camera.width_px, model_.camera.height_px});
+  has_mask_ = true;
+  for (const Observation* o : file_.tracks.InFrame(frame)) {
+    if (IsObserved(*o) && IsBlack(mask, o->xy)) masked_[frame].insert(o->feature);
+    if (IsBlackAround(mask, o->xy)) inside_mask_[frame].insert(o->feature);
+  }
+  if (!model_.cam_from_world.contains(frame)) return;
+  for (const auto& [feature, middle] : middle_) {
+    const auto xy = InPicture(feature, frame);
+    if (xy && IsBlack(mask, *xy)) hidden_[frame].insert(feature);
   }
 }
 
@@ -84,15 +115,16 @@ std::optional<Eigen::Vector2d> ModelPredictions::InPicture(FeatureId feature,
                                                            FrameIndex frame) const {
   auto xy = Project(model_.points.at(feature).in_world, frame);
   if (!xy || !model_.camera.Contains(*xy, kBorderPx)) return std::nullopt;
-  if (IsMasked(*xy)) return std::nullopt;
+  if (HoldsFeature(hidden_, frame, feature)) return std::nullopt;
   return xy;
 }
 
-bool ModelPredictions::IsMasked(const Eigen::Vector2d& xy) const {
-  if (mask_.empty()) return false;
-  const cv::Point at(static_cast<int>(std::lround(xy.x())), static_cast<int>(std::lround(xy.y())));
-  if (!cv::Rect({}, mask_.size()).contains(at)) return true;
-  return mask_.at<std::uint8_t>(at) == 0;
+bool ModelPredictions::IsInsideMask(const Observation& observation) const {
+  return HoldsFeature(inside_mask_, observation.frame, observation.feature);
+}
+
+bool ModelPredictions::IsMasked(const Observation& observation) const {
+  return HoldsFeature(masked_, observation.frame, observation.feature);
 }
 
 std::optional<Eigen::Vector2d> ModelPredictions::Project(const Eigen::Vector3d& in_world,

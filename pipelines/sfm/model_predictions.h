@@ -4,6 +4,7 @@
 #include <map>
 #include <opencv2/core/mat.hpp>
 #include <optional>
+#include <set>
 #include <vector>
 
 #include "backend/scene/reconstruction.h"
@@ -18,21 +19,22 @@ namespace cohort {
 // observed it.
 class ModelPredictions {
  public:
-  // Features are not visible where `mask` (may be empty) is black. All but the number must outlive
-  // this.
-  ModelPredictions(const TrackFile& file,
-                   const Reconstruction& model,
-                   const cv::Mat& mask,
-                   int template_frames);
+  // All but the number must outlive this.
+  ModelPredictions(const TrackFile& file, const Reconstruction& model, int template_frames);
 
+  // From now on no feature is visible where the frame's mask (may be empty) is black. It keeps what
+  // the mask covers and not the mask, since those of all frames may need more memory than there is.
+  void Mask(FrameIndex frame, const cv::Mat& mask);
   // Predicts the features whose template includes the frame.
   std::vector<ModelPrediction> ForTemplates(FrameIndex frame) const;
   // Predicts all features that can be measured in the frame.
   std::vector<ModelPrediction> InSight(FrameIndex frame) const;
   // Whether both the feature's point and the frame's camera are in the model.
   bool Knows(FeatureId feature, FrameIndex frame) const;
-  bool HasMask() const { return !mask_.empty(); }
-  bool IsMasked(const Eigen::Vector2d& xy) const;  // of a position in the picture
+  bool HasMask() const { return has_mask_; }
+  bool IsMasked(const Observation& observation) const;  // of the file
+  // Whether all pixels around it are: not one that was born at the edge of the same mask.
+  bool IsInsideMask(const Observation& observation) const;
   // The position of a feature that the model knows; nullopt off the picture or the mask.
   std::optional<Eigen::Vector2d> InPicture(FeatureId feature, FrameIndex frame) const;
 
@@ -44,7 +46,11 @@ class ModelPredictions {
   const TrackFile& file_;
   const Reconstruction& model_;
   RowPoses rows_;
-  const cv::Mat& mask_;
+  bool has_mask_ = false;
+  // By frame: the observed features of the file, and the predicted ones, that the mask covers.
+  std::map<FrameIndex, std::set<FeatureId>> masked_;
+  std::map<FrameIndex, std::set<FeatureId>> inside_mask_;  // of all of the file
+  std::map<FrameIndex, std::set<FeatureId>> hidden_;
   std::map<FeatureId, FrameIndex> middle_;  // the template has its view
   std::map<FrameIndex, std::vector<FeatureId>> template_features_;
 };

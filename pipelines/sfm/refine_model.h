@@ -77,7 +77,6 @@ struct RefinedModel {
 RefinedModel RefineModel(const ColmapModel& model,
                          const std::filesystem::path& path,
                          Sequence& sequence,
-                         const cv::Mat& mask,
                          const RefineModelOptions& options = {},
                          const StageProgress& progress = {});
 
@@ -85,7 +84,8 @@ RefinedModel RefineModel(const ColmapModel& model,
 // with those of `world`, which has all of its frames.
 MapperResult InWorldOf(const Reconstruction& world, MapperResult model);
 
-// RefineModel into a folder: a model folder with clip.tracks. Whole or not at all.
+// RefineModel into a folder: a model folder with clip.tracks. Whole or not at all. `source`,
+// `mask`: what the sequence was opened from.
 RefinedModel RefineModelIntoFolder(const std::filesystem::path& model,
                                    Sequence& sequence,
                                    const std::string& source,

@@ -135,6 +135,7 @@ struct Survey {
   std::map<FeatureId, Eigen::Vector3d> colour_sums;  // blue, green, red 0..255
   std::map<FeatureId, int> colour_counts;
   Histogram histogram{};
+  std::set<FrameIndex> masked;  // frames with a mask
 };
 
 std::map<FrameIndex, Views> ViewsByFrame(const Reconstruction& model) {
@@ -176,6 +177,7 @@ Survey SurveyClip(const TrackFile& file,
                  model.camera.height_px);
     }
     survey.brightness.push_back(BrightnessOf(bgr));
+    if (!frame.mask.empty()) survey.masked.insert(frame.index);
     if (!model.cam_from_world.contains(frame.index)) return;
     Count(bgr, survey.histogram);
     const auto seen = views.find(frame.index);
@@ -215,14 +217,17 @@ bool IsSamePinhole(const Camera& from, const Camera& to) {
 // Undistorts the pictures of one camera; reuses the map while the focal length stays the same.
 class Undistorter {
  public:
-  cv::Mat Undistort(const cv::Mat& picture, const Camera& from, const Camera& to) {
+  cv::Mat Undistort(const cv::Mat& picture,
+                    const Camera& from,
+                    const Camera& to,
+                    int interpolation = cv::INTER_CUBIC) {
     if (fx_ != from.fx) {
       fx_ = from.fx;
       map_ = IsSamePinhole(from, to) ? cv::Mat() : UndistortionMap(from, to);
     }
     if (map_.empty()) return picture;
     cv::Mat undistorted;
-    cv::remap(picture, undistorted, map_, {}, cv::INTER_CUBIC, cv::BORDER_REPLICATE);
+    cv::remap(picture, undistorted, map_, {}, interpolation, cv::BORDER_REPLICATE);
     return undistorted;
   }
 
@@ -258,11 +263,19 @@ std::string ImageName(FrameIndex frame) {
   return fmt::format("{}{:06}.jpg", kImagePrefix, ToInt(frame));
 }
 
+// As COLMAP names the mask of a picture; Nerfstudio is told the name.
+std::string MaskName(FrameIndex frame) { return ImageName(frame) + ".png"; }
+
 bool IsImageName(const std::string& name) {
   const std::string_view number =
       std::string_view(name).substr(name.starts_with(kImagePrefix) ? kImagePrefix.size() : 0);
   return number.ends_with(".jpg") && number.size() > 4 &&
          std::all_of(number.begin(), number.end() - 4, [](char c) { return c >= '0' && c <= '9'; });
+}
+
+bool IsMaskName(const std::string& name) {
+  constexpr std::string_view kEnding = ".png";
+  return name.ends_with(kEnding) && IsImageName(name.substr(0, name.size() - kEnding.size()));
 }
 
 // The model in the scene's world, with the undistorted camera and the chosen frames, and the points
@@ -357,6 +370,7 @@ Json TransformsJson(const Reconstruction& scene, const SceneFigures& figures) {
     frames.push_back({{"file_path", "images/" + ImageName(frame)},
                       {"transform_matrix", MatrixToJson(world_from_camera)},
                       {"colmap_im_id", ColmapImageIdOf(frame)}});
+    if (figures.masked) frames.back()["mask_path"] = "masks/" + MaskName(frame);
     if (zooms) frames.back().update(IntrinsicsJson(CameraOf(scene, frame)));
   }
   Json json{{"camera_model", "PINHOLE"}};
@@ -379,16 +393,17 @@ void WriteImages(const TrackFile& file,
                  const SceneFigures& figures,
                  const fs::path& folder,
                  const StageProgress& progress) {
-  OutputFolder out(folder, IsImageName);
+  OutputFolder out(folder / "images", IsImageName);
+  std::optional<OutputFolder> masks;
+  if (figures.masked) masks.emplace(folder / "masks", IsMaskName);
   Undistorter undistorter;
   const cv::Mat table = figures.tone ? TableOf(*figures.tone) : cv::Mat();
   const std::set<FrameIndex> chosen(figures.images.begin(), figures.images.end());
   ForEachFrame(file, sequence, "write pictures", progress, [&](const Frame& frame) {
     if (!chosen.contains(frame.index)) return;
-    cv::Mat picture =
-        undistorter.Undistort(BgrOf(frame),
-                              CameraOf(model, frame.index),
-                              CameraOf(figures.camera, figures.focal_scale, frame.index));
+    const Camera from = CameraOf(model, frame.index);
+    const Camera to = CameraOf(figures.camera, figures.focal_scale, frame.index);
+    cv::Mat picture = undistorter.Undistort(BgrOf(frame), from, to);
     if (!table.empty()) {
       cv::Mat bright;
       cv::LUT(picture, table, bright);
@@ -397,8 +412,25 @@ void WriteImages(const TrackFile& file,
     WriteImage(out.partial() / ImageName(frame.index),
                picture,
                {cv::IMWRITE_JPEG_QUALITY, options.jpeg_quality});
+    if (!masks) return;
+    // Nerfstudio wants a mask of all pictures or of none.
+    const cv::Mat open(frame.gray.size(), CV_8UC1, cv::Scalar(255));
+    WriteImage(
+        masks->partial() / MaskName(frame.index),
+        undistorter.Undistort(
+            frame.mask.empty() ? open : cv::Mat(frame.mask != 0), from, to, cv::INTER_NEAREST));
   });
   out.Commit();
+  if (masks) masks->Commit();
+}
+
+// Those of an earlier scene, which are not of these pictures.
+void RemoveMasks(const fs::path& folder) {
+  const fs::path masks = folder / "masks";
+  if (!fs::exists(masks)) return;
+  { const OutputFolder are_ours(masks, IsMaskName); }  // throws otherwise
+  std::error_code ignored;
+  fs::remove_all(masks, ignored);
 }
 
 }  // namespace
@@ -505,6 +537,7 @@ Rigid3 SceneFromModel(const Reconstruction& model) {
 void CheckSceneFolder(const fs::path& folder) {
   if (!fs::is_directory(folder)) return;
   const OutputFolder images(folder / "images", IsImageName);
+  const OutputFolder masks(folder / "masks", IsMaskName);
   const OutputFolder sparse(folder / "sparse", {"0"});
   // Projects of COLMAP and Nerfstudio use the same names, so a folder without our own files is not
   // ours.
@@ -558,6 +591,8 @@ SceneFigures WriteScene(const TrackFile& file,
   figures.scale = ScaleOf(model);
   figures.brightness = survey.brightness;
   if (options.brighten) figures.tone = Brighter(survey.histogram);
+  figures.masked = std::ranges::any_of(
+      figures.images, [&survey](FrameIndex frame) { return survey.masked.contains(frame); });
 
   const Reconstruction scene = SceneModel(model, figures);
   figures.points = scene.points.size();
@@ -565,7 +600,8 @@ SceneFigures WriteScene(const TrackFile& file,
   for (const auto& [feature, point] : scene.points) {
     written.points.at(std::uint64_t{ToInt(feature)} + 1).rgb = RgbOf(survey, feature, figures.tone);
   }
-  WriteImages(file, model, sequence, options, figures, folder / "images", progress);
+  WriteImages(file, model, sequence, options, figures, folder, progress);
+  if (!figures.masked) RemoveMasks(folder);
   OutputFolder sparse(folder / "sparse", {"0"});
   fs::create_directory(sparse.partial() / "0");
   WriteColmapModel(sparse.partial() / "0", written, ColmapModelFormat::kBinary);

@@ -68,8 +68,8 @@ Camera UndistortedCamera(const Camera& camera);
 Rigid3 SceneFromModel(const Reconstruction& model);
 
 // The outputs of WriteScene.
-inline constexpr std::array<const char*, 4> kSceneOutputs{
-    "images", "sparse", "sparse_pc.ply", "transforms.json"};
+inline constexpr std::array<const char*, 5> kSceneOutputs{
+    "images", "masks", "sparse", "sparse_pc.ply", "transforms.json"};
 
 // Throws Error if WriteScene would replace contents of a folder that do not belong to a scene of
 // cohort: files of those names with neither clip.tracks nor model_of.json, other pictures, or the
@@ -101,13 +101,15 @@ struct SceneFigures {
   Rigid3 scene_from_model;  // times `scale`
   double scale = 1.0;
   std::optional<ToneCurve> tone;
+  bool masked = false;  // whether a picture has a mask: then all have one
   // Mean intensity 0..1 of every frame of the tracks, ascending.
   std::vector<double> brightness;
 };
 
-// Writes images/, sparse/0/, transforms.json and sparse_pc.ply (docs/files.md) into an existing
-// folder, each whole or not at all. `sequence`: the clip, rewound here and read twice, frame by
-// frame. Throws Error if clip and model do not belong together.
+// Writes images/, sparse/0/, transforms.json and sparse_pc.ply (docs/files.md), and masks/ if
+// frames have masks, into an existing folder, each whole or not at all. `sequence`: the clip,
+// rewound here and read twice, frame by frame. Throws Error if clip and model do not belong
+// together.
 SceneFigures WriteScene(const TrackFile& file,
                         const Reconstruction& model,
                         Sequence& sequence,

@@ -52,12 +52,12 @@ std::set<FeatureId> FoundAgain(const TrackFile& file,
   for (const Observation& o : file.tracks.observations()) {
     if (!predictions.Knows(o.feature, o.frame)) continue;
     Count& count = counts[o.feature];
-    if (IsObserved(o) && !predictions.IsMasked(o.xy)) ++count.before;
+    if (IsObserved(o) && !predictions.IsMasked(o)) ++count.before;
   }
   for (const Observation& o : measured) {
     const Observation* before = file.tracks.Find(o.feature, o.frame);
     const bool was_observed =
-        before != nullptr && IsObserved(*before) && !predictions.IsMasked(before->xy);
+        before != nullptr && IsObserved(*before) && !predictions.IsMasked(*before);
     ++(was_observed ? counts[o.feature].kept : counts[o.feature].regained);
   }
   std::set<FeatureId> found;
@@ -187,7 +187,6 @@ struct LightsOfClip {
 // The pictures in which features are measured.
 struct Pictures {
   Sequence& sequence;
-  const cv::Mat& mask;
   LightsOfClip& lights;
 };
 
@@ -199,11 +198,11 @@ TrackSet MeasureWith(const TrackFile& file,
                      const SecondPassOptions& options,
                      const StageProgress& progress,
                      SecondPassFigures& figures) {
-  const ModelPredictions predictions(
-      file, model, pictures.mask, options.measurement.template_frames);
+  ModelPredictions predictions(file, model, options.measurement.template_frames);
   SecondPassMeasurer measurer(options.measurement);
   ForEachFrame(file, pictures.sequence, "learn", progress, [&](Frame& frame) {
     pictures.lights.TakeFrom(frame);
+    predictions.Mask(frame.index, frame.mask);
     measurer.Learn(frame, predictions.ForTemplates(frame.index));
   });
   ForEachFrame(file, pictures.sequence, "measure", progress, [&](Frame& frame) {
@@ -217,9 +216,8 @@ TrackSet MeasureWith(const TrackFile& file,
   std::erase_if(observations, [&](const auto& o) { return !replaced.contains(o.feature); });
   AddPredictions(file, predictions, observations);
   for (const Observation& o : file.tracks.observations()) {
-    if (!replaced.contains(o.feature) || !predictions.Knows(o.feature, o.frame)) {
-      observations.push_back(o);
-    }
+    const bool stays = !replaced.contains(o.feature) || !predictions.Knows(o.feature, o.frame);
+    if (stays && !predictions.IsInsideMask(o)) observations.push_back(o);
   }
   std::vector<TrackEnd> ends = EndsAfter(file, observations);
   return TrackSet::Build(std::move(observations), std::move(ends));
@@ -332,13 +330,11 @@ std::string SecondPassFigures::Brief() const {
 SecondPass MeasureAgain(const TrackFile& file,
                         const Reconstruction& model,
                         Sequence& sequence,
-                        const cv::Mat& mask,
                         const SecondPassOptions& options,
                         const StageProgress& progress) {
   LightsOfClip lights;
   const NearModel near(model);
-  return MeasureInLight(
-      file, std::span(&near.get(), 1), {sequence, mask, lights}, options, progress);
+  return MeasureInLight(file, std::span(&near.get(), 1), {sequence, lights}, options, progress);
 }
 
 std::string SecondPassOptionsText(const SecondPassOptions& options) {
@@ -370,7 +366,6 @@ bool HaveMoved(std::span<const Reconstruction> models,
 
 SecondPass WithSecondPass(TrackFile file,
                           Sequence& sequence,
-                          const cv::Mat& mask,
                           const SecondPassOptions& options,
                           const StageProgress& progress) {
   // Bounds the time. If the model is far off at first, each round improves it.
@@ -402,7 +397,7 @@ SecondPass WithSecondPass(TrackFile file,
     });
     models.insert(models.begin(), std::move(result.reconstruction));
     const std::size_t movers = second.figures.movers;
-    second = MeasureInLight(second.file, models, {sequence, mask, lights}, options, progress);
+    second = MeasureInLight(second.file, models, {sequence, lights}, options, progress);
     second.figures.movers += movers;
   }
   return second;

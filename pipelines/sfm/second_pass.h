@@ -90,12 +90,11 @@ bool MovesOtherwise(std::span<const Observation> track,
 // found in a frame between its sightings, or in one where the first pass had it, the model predicts
 // it. Tracks without a point or with too few measurements, and frames without a pose, stay
 // unchanged, but tracks that MovesOtherwise are dropped: they lie on an object that crosses in
-// front of the scene. `sequence`: the clip, rewound here; nothing is measured where `mask` (may be
-// empty) is black. Throws Error if clip, model and tracks do not belong together.
+// front of the scene. `sequence`: the clip, rewound here; nothing is measured where a frame's mask
+// is black. Throws Error if clip, model and tracks do not belong together.
 SecondPass MeasureAgain(const TrackFile& file,
                         const Reconstruction& model,
                         Sequence& sequence,
-                        const cv::Mat& mask,
                         const SecondPassOptions& options,
                         const StageProgress& progress = {});
 
@@ -110,7 +109,6 @@ bool HaveMoved(std::span<const Reconstruction> models,
 // is no model, returns `file` itself, with the reason in meta.no_second_pass.
 SecondPass WithSecondPass(TrackFile file,
                           Sequence& sequence,
-                          const cv::Mat& mask,
                           const SecondPassOptions& options,
                           const StageProgress& progress = {});
 

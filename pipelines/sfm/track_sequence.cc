@@ -26,9 +26,7 @@ bool WantsSecondPass(SecondPassMode mode, const TrackerOptions& tracker) {
 }
 
 SequenceTracker::SequenceTracker(Sequence& sequence, const TrackSequenceOptions& options)
-    : promised_(sequence.FrameCount()),
-      frames_(sequence),
-      tracker_(MakeTracker(options.tracker, options.mask)) {
+    : promised_(sequence.FrameCount()), frames_(sequence), tracker_(MakeTracker(options.tracker)) {
   if (!HasNext()) {
     const std::string name = options.source.empty() ? sequence.Name() : options.source.string();
     ThrowError("{}: no frame to track. {}", name, sequence.Warning());
@@ -104,8 +102,7 @@ TrackFile TrackSequence(Sequence& sequence,
                         const StageProgress& progress) {
   TrackFile file = TrackFirstPass(sequence, options, progress);
   if (!WantsSecondPass(options.second_pass.mode, options.tracker)) return file;
-  return WithSecondPass(std::move(file), sequence, options.mask, options.second_pass, progress)
-      .file;
+  return WithSecondPass(std::move(file), sequence, options.second_pass, progress).file;
 }
 
 }  // namespace cohort

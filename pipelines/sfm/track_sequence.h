@@ -2,7 +2,6 @@
 
 #include <filesystem>
 #include <memory>
-#include <opencv2/core/mat.hpp>
 #include <optional>
 
 #include "datasets/readers/sequence.h"
@@ -19,7 +18,6 @@ struct TrackSequenceOptions {
   SecondPassOptions second_pass = {};
   // For pictures of the clip's size; unset: the sequence's (NoteCamera), else unknown.
   std::optional<Camera> camera = {};
-  cv::Mat mask = {};  // empty, or CV_8UC1 of the frames' size, 0 where no feature may be
   // The path that the sequence was opened from. If COLMAP needs a video's frames, they are read
   // from there again.
   std::filesystem::path source = {};

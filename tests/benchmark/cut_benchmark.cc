@@ -1,10 +1,9 @@
 // Which cuts are found, and what is taken for one: docs/results/cuts.md.
 //   cut_benchmark --tuned CLIP ... --other CLIP ... [--dark-frames 100]
 //   cut_benchmark --cost CLIP
-//
-// Every clip is cut to 4:3 and scaled to 640 x 480, as it is (day) and degraded in two ways at the
-// level hard (of the dark ones the first frames only, as degrading takes most of the time).
-// Joints: three frames of one clip up to each fifth of it, then two of another; every ordered pair of
+//  Every clip is cut to 4:3 and scaled to 640 x 480, as it is (day) and degraded in two ways at the
+// level hard (of the dark ones the first frames only, as degrading takes most of the time). Joints:
+// three frames of one clip up to each fifth of it, then two of another; every ordered pair of
 // clips. Found: SceneWatch says so at the first frame of the other, or holds that one for blank and
 // says so at the second. Uncut: all frames of a clip, and every third of them; each kCut is false.
 #include <fmt/format.h>

@@ -1,5 +1,5 @@
-// What the length of a clip costs the Ceres backend, on tracks of exact geometry with noise of half a
-// pixel: an orbit that keeps all points in sight, and a path on which a track lasts 60 frames.
+// What the length of a clip costs the Ceres backend, on tracks of exact geometry with noise of half
+// a pixel: an orbit that keeps all points in sight, and a path on which a track lasts 60 frames.
 //   length_benchmark [--benchmark_filter=orbit] [--benchmark_out=length.json ...]
 // One benchmark a path and number of frames. Its counters:
 //   seconds, adjust_seconds  of processor time: ReconstructWithCeres, and AdjustWithCeres as the

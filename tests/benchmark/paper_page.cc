@@ -1,6 +1,7 @@
-// Makes docs/results/paper.md and its picture: renders eight clips, compares all trackers on them as the
-// paper did, and draws where features have gone.   paper_page --work DIR [--docs docs/results] [--jobs N]
-// The curves of the page are penalty_weight_benchmark's; what is finished in DIR is not done again.
+// Makes docs/results/paper.md and its picture: renders eight clips, compares all trackers on them
+// as the paper did, and draws where features have gone.   paper_page --work DIR [--docs
+// docs/results] [--jobs N] The curves of the page are penalty_weight_benchmark's; what is finished
+// in DIR is not done again.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>

@@ -1,5 +1,6 @@
 // How far the hot path is from what the machine can do: the operations on floats and the bytes of a
-// patch, counted in the formulas of frontend/track/measure/patch_window.cc, over the time that it takes.
+// patch, counted in the formulas of frontend/track/measure/patch_window.cc, over the time that it
+// takes.
 //   patch_benchmark [--benchmark_out=patches.json ...]
 //
 // Counters: operations, bytes        a patch: those of its n x n pixels (of lanes that are masked

@@ -1,6 +1,7 @@
 // What `cohort refine` makes of a COLMAP model, against the truth:
 //   refine_benchmark --model SPARSE --images CLIP [--truth CLIP] [--intrinsics auto] > figures.json
-// of three models: `before` as it came, `adjusted` by Ceres to the positions that it has, `refined`.
+// of three models: `before` as it came, `adjusted` by Ceres to the positions that it has,
+// `refined`.
 //   ate_share, points_cm      as `cohort evaluate`: cameras, and the median point
 //   triangulated              points from the model's tracks and the true poses, as the benchmark of
 //                             ETH3D and of featuremetric refinement has it: how many; accuracy, the
@@ -217,7 +218,7 @@ void Run(const std::string& model_folder,
   for (const auto& [name, mode] : kIntrinsicsModeNames) {
     if (name == intrinsics) options.intrinsics = mode;
   }
-  const RefinedModel refined = RefineModel(model, model_folder, *sequence, {}, options);
+  const RefinedModel refined = RefineModel(model, model_folder, *sequence, options);
   const ModelOfClip clip = ReadModelOfClip(model, refined.file.frames, model_folder);
   Reconstruction start = clip.reconstruction;
   start.camera.known = !refined.camera_refined;

@@ -1,10 +1,9 @@
 // What both passes of tracker `subspace` cost beside OpenCV's KLT with its check.
 //   speed_benchmark CLIP [--level medium] [--frames N] [--benchmark_out=speed.json ...]
-// The trackers take turns frame by frame, then the second pass and KLT clip by clip, all on the same
-// decoded frames in one thread; times are this thread's processor time. Decoding and the search for
-// corners, which are the same for all, do not count.
-//
-// One benchmark a number of features F and length L of history (0: no joint guide). Its counters, a frame:
+// The trackers take turns frame by frame, then the second pass and KLT clip by clip, all on the
+// same decoded frames in one thread; times are this thread's processor time. Decoding and the
+// search for corners, which are the same for all, do not count.  One benchmark a number of features
+// F and length L of history (0: no joint guide). Its counters, a frame:
 //   first_ms, second_ms, klt_ms    both passes and KLT of 21 x 21 px; klt31_ms: of 31 x 31 px
 //   first_klt, second_klt          how many times KLT's time; the median of the frames' ratios, and
 //                                  of the whole second pass with all its rounds
@@ -170,7 +169,7 @@ void Race(benchmark::State& state, const Film& film) {
     const double frames = static_cast<double>(*film.FrameCount());
     Parts parts;
     const double second_ms =
-        Timed([&] { WithSecondPass(racers[kOurs]->Finish(), copy, {}, ours.second_pass); }, parts);
+        Timed([&] { WithSecondPass(racers[kOurs]->Finish(), copy, ours.second_pass); }, parts);
     Racer klt(film, Klt(features, 21));
     while (klt.HasNext()) klt.Step();
     counters["second_ms"] = second_ms / frames;

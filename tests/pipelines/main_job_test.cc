@@ -70,8 +70,8 @@ TEST_P(MainJob, AtMediumTheCohortTracksBetterThanKltAndEveryFrameRegisters) {
 
 INSTANTIATE_TEST_SUITE_P(Rendered, MainJob, testing::Values("lateral", "forward", "orbit"));
 
-// A rolling shutter bends every picture; it is found from the tracks, and the cameras are those of a
-// global one.
+// A rolling shutter bends every picture; it is found from the tracks, and the cameras are those of
+// a global one.
 TEST(MainJob, FindsTheRollingShutter) {
   const test::TempDir dir;
   const auto at = [&](const std::string& name) { return (dir / name).string(); };

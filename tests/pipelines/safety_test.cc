@@ -1,6 +1,6 @@
 // What the program promises whoever wrote its input: nothing is written outside the output folder,
-// no shell runs, nothing is connected to, and what lies of its size costs no memory. The program runs
-// under strace, with names and links that would lead it astray.
+// no shell runs, nothing is connected to, and what lies of its size costs no memory. The program
+// runs under strace, with names and links that would lead it astray.
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -295,8 +295,8 @@ class Safety : public testing::Test {
 };
 test::TempDir* Safety::dir_ = nullptr;
 
-// Before every command, links that lead out of the output folder lie in the place of all its outputs
-// and of their partial files.
+// Before every command, links that lead out of the output folder lie in the place of all its
+// outputs and of their partial files.
 TEST_F(Safety, NothingIsWrittenOutsideTheOutputFolder) {
   if (!Has("strace")) GTEST_SKIP() << "no strace";
   const std::string clip = In(kName);

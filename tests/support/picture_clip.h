@@ -15,6 +15,8 @@ class PictureClip : public FrameClip {
     camera_ = camera;
     for (const cv::Mat& picture : pictures) Add(picture);
   }
+
+  cv::Mat& Mask(int frame) { return frames_[static_cast<std::size_t>(frame)].mask; }
 };
 
 }  // namespace cohort::test

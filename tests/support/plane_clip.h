@@ -21,6 +21,7 @@ class PlaneClip : public FrameClip {
 
   const PlaneScene& scene() const { return scene_; }
   cv::Mat& Picture(int frame) { return frames_[static_cast<std::size_t>(frame)].gray; }
+  cv::Mat& Mask(int frame) { return frames_[static_cast<std::size_t>(frame)].mask; }
 
  private:
   PlaneScene scene_;

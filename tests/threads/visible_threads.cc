@@ -1,15 +1,15 @@
-// OpenCV hands work to its threads (TBB) by atomics in libraries that are not compiled for the thread
-// sanitizer, which so takes every hand-over for a race. In this program OpenCV's loops run on threads
-// of ours, whose hand-overs it sees.
+// OpenCV hands work to its threads (TBB) by atomics in libraries that are not compiled for the
+// thread sanitizer, which so takes every hand-over for a race. In this program OpenCV's loops run
+// on threads of ours, whose hand-overs it sees.
 #include <memory>
 #include <opencv2/core/parallel/parallel_backend.hpp>
 #include <utility>
 
 #include "frontend/core/parallel.h"
 
-// What else is not compiled for it: OpenCV asks GDAL whether a picture is one of its kinds, which takes
-// two locks of its own in either order; and libstdc++ counts who holds an exception, so that the last
-// one, here a future's thread, deletes it.
+// What else is not compiled for it: OpenCV asks GDAL whether a picture is one of its kinds, which
+// takes two locks of its own in either order; and libstdc++ counts who holds an exception, so that
+// the last one, here a future's thread, deletes it.
 extern "C" const char* __tsan_default_suppressions() {
   return "deadlock:libgdal.so\nrace:std::__future_base::_Result\n";
 }

@@ -49,9 +49,9 @@ void FillAnchorWindow(const cv::Mat& wide,
       wide, Eigen::Vector2d::Constant(center), picture_from_anchor.inverse(), n, window);
 }
 
-// Noise has gradients too, which Gauss-Newton's Hessian takes for texture, so that its steps are too
-// short. The windows' gradients with each other have none of it in expectation, and their steps lead
-// to the same minimum; but they may be anything where there is next to no texture.
+// Noise has gradients too, which Gauss-Newton's Hessian takes for texture, so that its steps are
+// too short. The windows' gradients with each other have none of it in expectation, and their steps
+// lead to the same minimum; but they may be anything where there is next to no texture.
 Eigen::Matrix2d CurvatureOf(const TranslationEquations& equations) {
   constexpr double kLeastShare = 0.3;
   const Eigen::Matrix2d rest = equations.cross - kLeastShare * equations.hessian;

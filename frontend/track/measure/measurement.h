@@ -126,9 +126,9 @@ Measurement MeasurePatch(const Pyramid& current,
                          double noise_variance = 0.0,
                          const Eigen::Matrix2d& prior = Eigen::Matrix2d::Zero());
 
-// Lucas-Kanade: finds the window around `xy` of one picture in the other, from the coarsest level to
-// `finest_level`, starting at `start`. The mean difference is ignored. Returns nullopt if a level has
-// no texture or the result does not correlate with the window.
+// Lucas-Kanade: finds the window around `xy` of one picture in the other, from the coarsest level
+// to `finest_level`, starting at `start`. The mean difference is ignored. Returns nullopt if a
+// level has no texture or the result does not correlate with the window.
 std::optional<Eigen::Vector2d> TrackWindow(const Pyramid& from,
                                            const Pyramid& to,
                                            const Eigen::Vector2d& xy,

@@ -14,9 +14,8 @@ namespace cohort {
 //
 //   guide.Begin(picture); guide.Add(born, picture);
 //   for each frame: start = guide.Find(picture, confirmed); guide.Remember(picture, x, confirmed);
-//
-// with `confirmed[f]` != 0 if the image confirmed feature f: in the last frame for Find, in this one
-// for Remember. Positions are 2 x F [px].
+//  with `confirmed[f]` != 0 if the image confirmed feature f: in the last frame for Find, in this
+// one for Remember. Positions are 2 x F [px].
 class Guide {
  public:
   virtual ~Guide() = default;

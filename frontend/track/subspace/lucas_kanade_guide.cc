@@ -26,7 +26,8 @@ void LucasKanadeGuide::Add(std::span<const Eigen::Vector2d> born, const Pyramid&
 Eigen::Matrix2Xd LucasKanadeGuide::Find(const Pyramid& current,
                                         std::span<const std::uint8_t> confirmed) const {
   const TimedPart part("guide");
-  // The wider of the windows that KLT is compared with. 21 px lose a drive at three times its speed.
+  // The wider of the windows that KLT is compared with. 21 px lose a drive at three times its
+  // speed.
   constexpr int kWindowPx = 31;
   // The anchor says where exactly the feature is. Full resolution would mislead: a compressed video
   // repeats blocks of the last frame.

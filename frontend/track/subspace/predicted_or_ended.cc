@@ -6,8 +6,8 @@ namespace cohort {
 namespace {
 
 // An occluded feature changes at once. A feature that has changed slowly, by this factor over what
-// noise explains, is a corner where two surfaces overlap and a point of neither, so it does not come
-// back. Tuned on the tuning clips.
+// noise explains, is a corner where two surfaces overlap and a point of neither, so it does not
+// come back. Tuned on the tuning clips.
 constexpr double kSlowChange = 1.25;
 
 }  // namespace

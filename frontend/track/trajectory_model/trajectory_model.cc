@@ -56,8 +56,8 @@ std::vector<TrajectoryModel::Estimate> TrajectoryModel::Update(std::span<const O
     FitAllFeatures(state_);
     return {};
   }
-  // What is new takes more passes; later every frame goes on from the last, and what changes slowly,
-  // old cameras and the rank of a rigid scene, is looked at in every fourth.
+  // What is new takes more passes; later every frame goes on from the last, and what changes
+  // slowly, old cameras and the rank of a rigid scene, is looked at in every fourth.
   constexpr std::size_t kYoungFrames = 8;
   constexpr std::size_t kYoungPasses = 6;
   constexpr std::size_t kTurns = 4;

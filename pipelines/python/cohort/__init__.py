@@ -446,7 +446,8 @@ def track(
 
     `camera`: a Camera, or fx, fy, cx, cy and distortion as --camera takes them. Where only the
     focal length is known, and not well: the option camera_prior="1200+-60". `mask`: a picture or
-    array (height, width), 0 where no feature may be.
+    array (height, width), 0 where no feature may be, or a folder with a mask for each frame, as
+    --mask takes it.
 
     Other options: default_options("track").
     """

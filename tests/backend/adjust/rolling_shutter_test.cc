@@ -188,8 +188,8 @@ TEST(RollingShutter, GlobalOneIsFoundToBeNoneAndChangesNothing) {
   }
 }
 
-// A quarter of the tracks asks for more than the others. With them the shutter seems to roll enough to
-// count; once they are no inliers any more, it does not.
+// A quarter of the tracks asks for more than the others. With them the shutter seems to roll enough
+// to count; once they are no inliers any more, it does not.
 TEST(RollingShutter, WhatTurnsOutNotToRollLeavesTheModelAsItWas) {
   const SyntheticTracks scene = Rolling(0.25, 1, 0.2, 4, 0.8);
   const WhitenedTracks observed(scene.file, {});

@@ -53,8 +53,8 @@ TEST(TurnsByAnotherCamera, IsSaidOfARotationWhoseLensIsAnotherAndOfNoPath) {
   }
 }
 
-// A rotation explains how nearly all points move, if the focal length is long: 36 px on the wall, 50 px on
-// the ball, which has a sixth of them.
+// A rotation explains how nearly all points move, if the focal length is long: 36 px on the wall,
+// 50 px on the ball, which has a sixth of them.
 TEST(ClassifyMotion, AWallWithABallBeforeItIsNoRotation) {
   Camera camera = test::SyntheticTracksOptions::DefaultCamera();
   WidestPairs widest{.pairs = {{}}, .motion_px = 36.0, .quantile = 0.5};

@@ -151,7 +151,8 @@ TEST(IncrementalMapper, ACameraThatOnlyTurnsIsNeverTakenForGood) {
   }
 }
 
-// Points 4 to 9 before a camera of f = 500 px that goes sideways and turns by so many degrees a frame.
+// Points 4 to 9 before a camera of f = 500 px that goes sideways and turns by so many degrees a
+// frame.
 TrackFile StraightPath(double turn_deg) {
   RandomStream random(5, "test/mapper/straight");
   TrackFile file;
@@ -553,7 +554,8 @@ TEST(IncrementalMapper, WithoutAFloorOfTheDeviationsItEnds) {
   EXPECT_EQ(result.summary.registered, 24u) << result.summary.Brief();
 }
 
-// Worlds of georeferenced models, in metres from a corner of the country, and in units of anybody's.
+// Worlds of georeferenced models, in metres from a corner of the country, and in units of
+// anybody's.
 class WorldsAnywhere : public testing::TestWithParam<Sim3> {
  protected:
   WorldsAnywhere() : scene_(MakeSyntheticTracks(Scene(CameraPath::kArc))) {

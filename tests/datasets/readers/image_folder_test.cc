@@ -153,6 +153,25 @@ std::vector<int> DeepValues(Sequence& sequence) {
   return values;
 }
 
+TEST(ImageFolder, AlphaIsAMask) {
+  const TempDir dir;
+  for (const int depth : {CV_8U, CV_16U}) {
+    const double most = depth == CV_8U ? 255.0 : 65535.0;
+    cv::Mat cut(test::kHeight, test::kWidth, CV_MAKETYPE(depth, 4), cv::Scalar::all(most));
+    cut.colRange(0, 10).setTo(cv::Scalar(0, 0, 0, 0));
+    cv::imwrite(dir / "cut.png", cut);
+    const auto frame = OpenSequence(dir / "cut.png")->Next();
+    EXPECT_EQ(frame->mask.type(), CV_8UC1);
+    EXPECT_EQ(cv::countNonZero(frame->mask), (test::kWidth - 10) * test::kHeight);
+    EXPECT_EQ(frame->mask.at<std::uint8_t>(5, 9), 0);
+  }
+  for (const int alpha : {0, 255}) {  // the same everywhere: an unused channel
+    const cv::Mat all(test::kHeight, test::kWidth, CV_8UC4, cv::Scalar(9, 9, 9, alpha));
+    cv::imwrite(dir / "all.png", all);
+    EXPECT_TRUE(OpenSequence(dir / "all.png")->Next()->mask.empty()) << alpha;
+  }
+}
+
 TEST(ImageFolder, BitsThatASensorLeavesEmptyAreNoDarkness) {
   struct Sensor {
     int brightest;

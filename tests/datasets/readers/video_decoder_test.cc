@@ -139,6 +139,25 @@ void ExpectEqual(const std::vector<cv::Mat>& pictures, const std::vector<cv::Mat
   }
 }
 
+TEST_F(Decoder, AlphaIsAFourthChannelAndChangesNoColour) {
+  const std::string cut = "format=argb,geq=r='r(X,Y)':g='g(X,Y)':b='b(X,Y)':a='";
+  Film("opaque.mov", "-c:v qtrle", cut + "255'");
+  EXPECT_EQ(Pictures("opaque.mov").front().type(), CV_8UC3) << "there is nothing to mask";
+  Film("cut.mov", "-c:v qtrle", cut + "255*gte(X,40)'");
+  const std::vector<cv::Mat> opaque = PicturesOfFfmpeg("cut.mov", {160, 120});
+  const std::vector<cv::Mat> pictures = Pictures("cut.mov");
+  ASSERT_EQ(pictures.size(), opaque.size());
+  ASSERT_EQ(pictures.front().type(), CV_8UC4);
+  std::vector<cv::Mat> channels;
+  cv::split(pictures.back(), channels);
+  EXPECT_EQ(cv::countNonZero(channels[3]), (160 - 40) * 120);
+  EXPECT_EQ(channels[3].at<std::uint8_t>(60, 39), 0);
+  channels.pop_back();
+  cv::Mat colors;
+  cv::merge(channels, colors);
+  EXPECT_EQ(cv::norm(colors, opaque.back(), cv::NORM_INF), 0.0);
+}
+
 TEST_F(Decoder, GivesTheSamePicturesAsTheProgramFfmpeg) {
   const std::string quick = "-c:v libx264 -preset ultrafast -pix_fmt ";
   const std::string hevc = "-c:v libx265 -preset ultrafast -x265-params log-level=0 -pix_fmt ";

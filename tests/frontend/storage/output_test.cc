@@ -61,8 +61,9 @@ TEST(OutputFile, RemovesNoFolder) {
   const test::TempDir dir;
   std::filesystem::create_directory(dir / "a.partial");
   WriteBytes(dir / "a.partial" / "thesis.tex", "years");
-  EXPECT_THAT([&] { OutputFile out(dir / "a"); },
-              ThrowsMessage<Error>(HasSubstr("a.partial: a folder of that name exists, remove it")));
+  EXPECT_THAT(
+      [&] { OutputFile out(dir / "a"); },
+      ThrowsMessage<Error>(HasSubstr("a.partial: a folder of that name exists, remove it")));
   EXPECT_EQ(ReadBytes(dir / "a.partial" / "thesis.tex"), "years");
 }
 

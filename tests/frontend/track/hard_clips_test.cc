@@ -441,8 +441,8 @@ TEST(TrackersOfAnyPicture, SixteenBitsAreFollowedLikeEight) {
   }
 }
 
-// A contrast of 50 of 65535: less than a step of 8 bits is something, where there are 16. From frame
-// 6 on in half the light.
+// A contrast of 50 of 65535: less than a step of 8 bits is something, where there are 16. From
+// frame 6 on in half the light.
 TEST(SubspaceTrackerOfHardClips, FollowsWhatOnlySixteenBitsShow) {
   const Pictures bright = test::MovingClip();
   Pictures dim(bright.size());

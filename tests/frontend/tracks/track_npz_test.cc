@@ -163,6 +163,66 @@ TEST(TracksNpz, OriginAndSizeAreBroughtToOurs) {
   }
 }
 
+// As np.save writes the positions alone.
+TEST(TracksNpz, ReadsPlainArrays) {
+  const Saved saved(
+      {"np.save('b.npy', tracks); os.rename('b.npy', 'a.npz')",
+       "np.save('b.npy', np.asfortranarray(swap(tracks))); os.rename('b.npy', 'a.npz')",
+       "np.save('b.npy', tracks[:, :, :1]); os.rename('b.npy', 'a.npz')",
+       "np.save('b.npy', tracks); os.truncate('b.npy', 200);"
+       "os.rename('b.npy', 'a.npz')"});
+  for (const std::size_t i : {0u, 1u}) {
+    const TrackSet tracks = saved.Read(i).tracks;
+    ASSERT_EQ(tracks.observations().size(), 12u);
+    EXPECT_EQ(tracks.Find(FeatureId{1}, FrameIndex{2})->xy, Eigen::Vector2d(14.25, 15.25));
+    EXPECT_TRUE(IsObserved(*tracks.Find(FeatureId{1}, FrameIndex{2})));
+  }
+  EXPECT_THAT([&] { saved.Read(2); }, ThrowsMessage<Error>(HasSubstr("4 x 3 x 1")));
+  EXPECT_THAT([&] { saved.Read(3); }, ThrowsMessage<Error>(HasSubstr("does not fit")));
+}
+
+TEST(TracksNpz, UnitsAndAxesAreBroughtToOurs) {
+  const Saved saved({"np.savez('a.npz', tracks=tracks)",
+                     "np.savez('a.npz', tracks=tracks / (64, 48))",
+                     "np.savez('a.npz', tracks=tracks / (32, 24) - 1)",
+                     "np.savez('a.npz', tracks=tracks[:, :, ::-1])",
+                     "np.savez('a.npz', tracks=(tracks / (64, 48))[:, :, ::-1])",
+                     "np.savez('a.npz', tracks=(tracks + 0.5) / (64, 48))"});
+  const std::vector<NpzTracksOptions> options{
+      {},
+      {.units = NpzUnits::kZeroToOne},
+      {.units = NpzUnits::kMinusOneToOne},
+      {.axes = NpzAxes::kYx},
+      {.units = NpzUnits::kZeroToOne, .axes = NpzAxes::kYx},
+      {.origin = NpzOrigin::kPixelCorner, .units = NpzUnits::kZeroToOne}};
+  for (std::size_t i = 0; i < options.size(); ++i) {
+    const TrackSet tracks = saved.Read(i, options[i]).tracks;
+    ASSERT_EQ(tracks.observations().size(), 12u);
+    const Eigen::Vector2d xy = tracks.Find(FeatureId{1}, FrameIndex{2})->xy;
+    EXPECT_LT((xy - Eigen::Vector2d(14.25, 15.25)).norm(), 1e-4) << i;
+  }
+}
+
+TEST(TracksNpz, SaysThatPositionsAreProbablyShares) {
+  EXPECT_THAT([] { Saved({"np.savez('a.npz', tracks=tracks / 60 - 1)"}).Read(0); },
+              ThrowsMessage<Error>(HasSubstr("--npz.units minus-one-to-one")));
+}
+
+// In pictures of 64 x 48, x up to 47 and y up to 63.
+TEST(TracksNpz, SaysThatXAndYAreProbablyExchanged) {
+  const std::string spread =
+      "tracks = np.stack(np.meshgrid(np.linspace(1, 46, 40), np.linspace(1, 62, 4)), -1)\n"
+      "tracks[:, :, 1] = np.linspace(1, 62, 40)\n";
+  const Saved saved({spread + "np.savez('a.npz', tracks=tracks)",
+                     spread + "np.savez('a.npz', tracks=tracks[:, :, ::-1])"});
+  const ImportedTracks exchanged = saved.Read(0);
+  EXPECT_GT(exchanged.left_out, 10u);
+  EXPECT_TRUE(exchanged.fits_exchanged);
+  const ImportedTracks honest = saved.Read(1);
+  EXPECT_EQ(honest.left_out, 0u);
+  EXPECT_FALSE(honest.fits_exchanged);
+}
+
 TEST(TracksNpz, AsManyTracksAsFramesMustBeSaidWhichIsWhich) {
   const Saved saved({"np.savez('a.npz', tracks=np.arange(18.0).reshape(3, 3, 2))"});
   EXPECT_THAT([&] { saved.Read(0, {}, Frames(3)); },

@@ -287,7 +287,8 @@ TEST_F(Commands, UnknownCommandFlagOrValueIsAUsageError) {
       RunCohort("track --out b -- -a.mp4"), 1, HasSubstr("no such file or folder: -a.mp4"));
   ExpectFailure(RunCohort("track --out b -- a.mp4 --features"), 2, HasSubstr("--features"));
   ExpectFailure(RunCohort("track a --featurs 3"), 2, HasSubstr("did you mean --features?"));
-  ExpectFailure(RunCohort("track a --out b --features many"), 2, HasSubstr("is not a whole number"));
+  ExpectFailure(
+      RunCohort("track a --out b --features many"), 2, HasSubstr("is not a whole number"));
   ExpectFailure(RunCohort("track a --out b --tracker lk"), 2, HasSubstr("subspace, descent, klt"));
   ExpectFailure(RunCohort("track a --out"), 2, HasSubstr("--out"));
   ExpectFailure(RunCohort("track a --out= --quiet"), 2, HasSubstr("--out= has no value"));
@@ -774,6 +775,12 @@ TEST_F(Commands, ImportNamesTheLineThatItCannotUse) {
   ExpectFailure(import("4,1,1,2\n4,1,1,2\n"), 1, AllOf(HasSubstr("a.csv"), HasSubstr("4")));
   ExpectFailure(import("0,0,1\n"), 1, HasSubstr("a.csv"));
   ExpectFailure(import("0,7,1,2\n"), 1, HasSubstr("frame 7 is not among the 3 frames"));
+  ExpectFailure(import("0,1,1,2\n0,3,1,2\n"), 1, HasSubstr("frames count from 0, not from 1"));
+  std::string shares;
+  for (int i = 0; i < 40; ++i) shares += fmt::format("{},0,{},{}\n", i, i / 40.0, 1.0 - i / 40.0);
+  ExpectFailure(import(shares),
+                1,
+                AllOf(HasSubstr("between 0 and 1, not in pixels"), HasSubstr("multiply x")));
   WriteText(Path("a.csv"), "a,b\n1,2\n");
   ExpectFailure(
       RunCohort("import " + Path("a.csv") + " --images " + clip + " --out " + Path("b.tracks")),

@@ -5,7 +5,9 @@
 
 #include <algorithm>
 #include <map>
+#include <opencv2/imgproc.hpp>
 #include <set>
+#include <vector>
 
 #include "backend/colmap/camera_model.h"
 #include "frontend/core/random_stream.h"
@@ -23,7 +25,7 @@ using testing::IsEmpty;
 using testing::SizeIs;
 using testing::ThrowsMessage;
 
-constexpr int kFrames = 16;
+constexpr int kFrames = 16;  // of the clip
 
 // A COLMAP model of the planes whose keypoints are a pixel off, whose cameras are shaken, and whose
 // ids, names and world are nobody's but its own: image 100 - i is frame i.
@@ -164,7 +166,7 @@ TEST_F(RefineModelOfPlanes, ACameraThatColmapFoundIsRefinedAndKeepsItsModel) {
 
   RefineModelOptions keep;
   keep.intrinsics = IntrinsicsMode::kKeep;
-  const RefinedModel kept = RefineModel(model_, "sparse", clip_, {}, keep);
+  const RefinedModel kept = RefineModel(model_, "sparse", clip_, keep);
   EXPECT_FALSE(kept.camera_refined);
   EXPECT_EQ(kept.model.cameras.at(7), guess);
 }
@@ -187,6 +189,28 @@ TEST_F(RefineModelOfPlanes, AModelOfTwoImagesIsRefused) {
           HasSubstr("sparse/0: none of its "),
           HasSubstr(
               "points is left after an adjustment of its 2 images: give COLMAP's largest model"))));
+}
+
+// As those of pictures that ffmpeg writes, beside a video's, which are named from 0.
+TEST_F(RefineModelOfPlanes, NamesThatCountFromOneAreRefused) {
+  // Points that a detector chose; those of the grid lie anywhere.
+  model_.points.clear();
+  for (auto& [id, image] : model_.images) {
+    image.points2d.clear();
+    image.cam_from_world = TransformPose(
+        world_from_truth_, test::PlaneScene::CamFromWorld(100 - static_cast<int>(id)));
+  }
+  std::vector<cv::Point2f> corners;
+  cv::goodFeaturesToTrack(clip_.Picture(kFrames / 2), corners, 150, 0.01, 8.0);
+  std::uint64_t id = 500;
+  for (const cv::Point2f& corner : corners) AddPoint(++id, Eigen::Vector2d(corner.x, corner.y));
+  EXPECT_NO_THROW(RefineModel(model_, "sparse", clip_));
+  for (auto& [image_id, image] : model_.images)
+    image.name = std::to_string(101 - image_id) + ".png";
+  EXPECT_THAT([&] { RefineModel(model_, "sparse", clip_); },
+              ThrowsMessage<Error>(AllOf(HasSubstr("its image 2.png is not the frame of that name"),
+                                         HasSubstr("but frame 1"),
+                                         HasSubstr("counts from 1"))));
 }
 
 TEST_F(RefineModelOfPlanes, OtherPicturesAreRefused) {
@@ -233,7 +257,7 @@ TEST_F(RefineModelOfPlanes, PointsThatThePicturesContradictAreDropped) {
 
   RefineModelOptions keep;
   keep.drop_contradicted = false;
-  const RefinedModel kept = RefineModel(model_, "sparse", clip_, {}, keep);
+  const RefinedModel kept = RefineModel(model_, "sparse", clip_, keep);
   EXPECT_EQ(kept.contradicted, 0U);
   EXPECT_GT(count_wrong(kept.model), count_wrong(refined.model));
 }

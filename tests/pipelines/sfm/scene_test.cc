@@ -230,8 +230,8 @@ TEST(FilmAdvice, SaysNothingOfAZoom) {
   EXPECT_EQ(MeasureClip(clip).moving_share, 0.0) << "by their tracks alone";
 }
 
-// Every point is a disc in pictures of a lens with distortion, of which each must be undistorted to a
-// pinhole of its own.
+// Every point is a disc in pictures of a lens with distortion, of which each must be undistorted to
+// a pinhole of its own.
 TEST(WriteScene, EveryPictureOfAZoomHasItsOwnPinhole) {
   const test::TempDir dir;
   Reconstruction model = Walk(0.1, kFrames, Lens(-0.2), LateZoom());
@@ -275,6 +275,35 @@ TEST(WriteScene, EveryPictureOfAZoomHasItsOwnPinhole) {
     EXPECT_NEAR(frame["fl_x"].get<double>(), CameraOf(scene, index).fx, 1e-9);
     EXPECT_EQ(frame["cx"].get<double>(), 320.0);
   }
+}
+
+// COLMAP finds the mask of a picture by its name, Nerfstudio by its mask_path.
+TEST(WriteScene, PicturesHaveTheMasksOfTheirFrames) {
+  const test::TempDir dir;
+  Reconstruction model = Walk(0.1, kFrames, Lens(-0.2));
+  const TrackFile file = Clip(model);
+  test::PictureClip clip(test::Pictures(kFrames, cv::Mat(480, 640, CV_8UC1, cv::Scalar(40))));
+  WriteScene(file, model, clip, {.min_motion = 0.0}, dir.path());
+  EXPECT_FALSE(std::filesystem::exists(dir / "masks"));
+  EXPECT_FALSE(ReadJsonFile(dir / "transforms.json")["frames"][3].contains("mask_path"));
+
+  cv::Mat left(480, 640, CV_8UC1, cv::Scalar(255));
+  left.colRange(0, 320).setTo(0);
+  clip.Mask(3) = left;
+  WriteScene(file, model, clip, {.min_motion = 0.0}, dir.path());
+  const auto transforms = ReadJsonFile(dir / "transforms.json");
+  for (int f = 0; f < kFrames; ++f) {
+    const std::string name = fmt::format("masks/scene_{:06}.jpg.png", f);
+    EXPECT_EQ(transforms["frames"][f]["mask_path"], name);
+    const cv::Mat mask = cv::imread(dir / name, cv::IMREAD_UNCHANGED);
+    ASSERT_EQ(mask.size(), left.size());
+    EXPECT_EQ(mask.at<std::uint8_t>(240, 300), f == 3 ? 0 : 255);
+    EXPECT_EQ(mask.at<std::uint8_t>(240, 340), 255);
+  }
+
+  clip.Mask(3) = cv::Mat();
+  WriteScene(file, model, clip, {.min_motion = 0.0}, dir.path());
+  EXPECT_FALSE(std::filesystem::exists(dir / "masks")) << "those of the earlier scene";
 }
 
 TEST(FilmAdvice, NamesTheFramesWithoutAPoseAndThoseThatLostMost) {

@@ -2,11 +2,13 @@
 
 #include <gtest/gtest.h>
 
+#include <memory>
 #include <opencv2/imgproc.hpp>
 #include <utility>
 #include <vector>
 
 #include "frontend/core/statistics.h"
+#include "pipelines/sfm/masks.h"
 #include "tests/support/plane_clip.h"
 #include "tests/support/synthetic_tracks.h"
 #include "tests/support/zoom.h"
@@ -120,7 +122,7 @@ class SecondPassOfPlanes : public testing::Test {
 };
 
 TEST_F(SecondPassOfPlanes, PredictsWhatIsHiddenAsUncertainAsTheMeanOfItsSightings) {
-  const SecondPass second = MeasureAgain(file_, model_, clip_, {}, {});
+  const SecondPass second = MeasureAgain(file_, model_, clip_, {});
   std::size_t predicted = 0;
   for (const FeatureId feature : second.file.tracks.features()) {
     Eigen::Matrix2d sum = Eigen::Matrix2d::Zero();
@@ -154,7 +156,7 @@ TEST_F(SecondPassOfPlanes, PredictsWhatIsHiddenAsUncertainAsTheMeanOfItsSighting
 TEST_F(SecondPassOfPlanes, WhatIsNotFoundAgainStaysAsItWas) {
   const FeatureId wrong = file_.tracks.features()[10];
   model_.points.at(wrong).in_world *= 0.4;  // slides over what lies behind
-  const SecondPass second = MeasureAgain(file_, model_, clip_, {}, {});
+  const SecondPass second = MeasureAgain(file_, model_, clip_, {});
   EXPECT_GE(second.figures.left, 1u);
   EXPECT_LE(second.figures.left, 4u);
   EXPECT_GT(second.figures.replaced, 20u);
@@ -182,7 +184,7 @@ TEST_F(SecondPassOfPlanes, FindsTheFeaturesOfAZoom) {
     o.xy = middle + model_.focal_scale.at(o.frame) * (o.xy - middle);
   }
   file_.tracks = TrackSet::Build(std::move(observations));
-  const SecondPass second = MeasureAgain(file_, model_, clip_, {}, {});
+  const SecondPass second = MeasureAgain(file_, model_, clip_, {});
   EXPECT_GE(second.figures.replaced, 20u) << second.figures.Brief();
   EXPECT_LE(second.figures.left, 2u) << second.figures.Brief();
   std::vector<double> errors_px;
@@ -201,14 +203,32 @@ TEST_F(SecondPassOfPlanes, FindsTheFeaturesOfAZoom) {
 TEST_F(SecondPassOfPlanes, MeasuresNothingBehindTheMask) {
   cv::Mat mask(file_.height_px, file_.width_px, CV_8UC1, cv::Scalar(255));
   mask.rowRange(0, 120).setTo(0);
-  const SecondPass second = MeasureAgain(file_, model_, clip_, mask, {});
+  MaskedSequence masked(std::make_unique<test::PlaneClip>(kFrames), ClipMasks(mask, "mask"));
+  const SecondPass second = MeasureAgain(file_, model_, masked, {});
   ASSERT_FALSE(second.file.tracks.observations().empty());
   for (const Observation& o : second.file.tracks.observations()) EXPECT_GT(o.xy.y(), 118.0);
 }
 
+// What passes in front of the scene is masked in the frames that show it.
+TEST_F(SecondPassOfPlanes, MeasuresNothingBehindTheMaskOfAFrame) {
+  constexpr FrameIndex kMasked{5};
+  auto clip = std::make_unique<test::PlaneClip>(kFrames);
+  clip->Mask(5) = cv::Mat(file_.height_px, file_.width_px, CV_8UC1, cv::Scalar(255));
+  clip->Mask(5).rowRange(0, 120).setTo(0);
+  const SecondPass second = MeasureAgain(file_, model_, *clip, {});
+  std::size_t above = 0;
+  for (const Observation& o : second.file.tracks.observations()) {
+    if (o.xy.y() < 118.0) ++above;
+    if (o.frame == kMasked) {
+      EXPECT_GT(o.xy.y(), 118.0);
+    }
+  }
+  EXPECT_GT(above, 100u);
+}
+
 TEST_F(SecondPassOfPlanes, RefusesAnotherClip) {
   test::PlaneClip shorter(kFrames - 1);
-  EXPECT_THROW(MeasureAgain(file_, model_, shorter, {}, {}), Error);
+  EXPECT_THROW(MeasureAgain(file_, model_, shorter, {}), Error);
 }
 
 }  // namespace

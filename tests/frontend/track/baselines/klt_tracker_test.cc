@@ -74,10 +74,29 @@ TEST(KltTracker, AFeatureThatLeavesTheImageEndsWithThatReason) {
 TEST(KltTracker, NoFeatureIsBornUnderTheMask) {
   cv::Mat mask(240, 320, CV_8U, cv::Scalar(255));
   mask(cv::Rect(0, 0, 160, 240)) = 0;
-  const auto tracker = MakeTracker(Klt(), mask);
-  const FrameResult result = tracker->Track(FrameOf(0, test::WavesImage(320, 240, 0, 0)));
+  const auto tracker = MakeTracker(Klt());
+  Frame frame = FrameOf(0, test::WavesImage(320, 240, 0, 0));
+  frame.mask = mask;
+  const FrameResult result = tracker->Track(frame);
   ASSERT_FALSE(result.observations.empty());
   for (const Observation& o : result.observations) EXPECT_GE(o.xy.x(), 159.5);
+}
+
+// Each frame has a mask of its own.
+TEST(KltTracker, AFeatureEndsWhereItEntersTheMask) {
+  const auto tracker = MakeTracker(Klt());
+  const FrameResult first = tracker->Track(FrameOf(0, test::WavesImage(320, 240, 0, 0)));
+  Frame frame = FrameOf(1, test::WavesImage(320, 240, 3.3, -2.6));
+  frame.mask = cv::Mat(240, 320, CV_8U, cv::Scalar(255));
+  frame.mask(cv::Rect(0, 0, 160, 240)) = 0;
+  const FrameResult second = tracker->Track(frame);
+  for (const Observation& o : second.observations) EXPECT_GE(o.xy.x(), 159.5);
+  const auto masked = std::count_if(second.ends.begin(), second.ends.end(), [](const auto& end) {
+    return end.reason == LossReason::kMasked;
+  });
+  EXPECT_GT(masked, 0);
+  const FrameResult third = tracker->Track(FrameOf(2, test::WavesImage(320, 240, 6.6, -5.2)));
+  EXPECT_GE(third.observations.size(), second.observations.size());
 }
 
 TEST(KltTracker, StartsAgainAfterABlackFrame) {

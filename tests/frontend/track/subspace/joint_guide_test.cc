@@ -126,8 +126,8 @@ TEST(JointGuide, ANewFeatureWasWhereItsNeighboursCameFrom) {
   }
 }
 
-// The weight goes by the new scene's contrast: a dark one behind a bright one is no other than a dark
-// one alone.
+// The weight goes by the new scene's contrast: a dark one behind a bright one is no other than a
+// dark one alone.
 TEST(JointGuide, BeginsAnewWithoutTheContrastOfTheOldScene) {
   const Pyramid bright = test::ShiftedNoise({0, 0});
   const Pyramid dark = BuildPyramid(0.05 * bright.levels[0]);
