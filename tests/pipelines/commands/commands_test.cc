@@ -1098,12 +1098,13 @@ TEST_F(Commands, RefineMeasuresTracksAgainWhereTheModelSaysTheyAre) {
   };
   EXPECT_LT(ate("second"), ate("first"));
 
-  // `track` does the same by itself.
+  // `track` does the same by itself, with a model that is not brought to the last minimum.
   Run("track " + path("dark") + " --features 150 --out " + path("c.tracks"));
   const TrackFile by_refine = ReadTrackFile(path("b.tracks"));
   const TrackFile by_track = ReadTrackFile(path("c.tracks"));
   EXPECT_TRUE(by_track.meta.second_pass);
-  EXPECT_EQ(by_track.tracks.CountObserved(), by_refine.tracks.CountObserved());
+  const auto observed = static_cast<double>(by_refine.tracks.CountObserved());
+  EXPECT_NEAR(static_cast<double>(by_track.tracks.CountObserved()), observed, 0.01 * observed);
   EXPECT_GT(by_track.tracks.CountPredicted(), 0u);
 
   const std::string images = WriteImages(path("images"), 24);
