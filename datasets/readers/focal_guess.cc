@@ -95,8 +95,10 @@ std::optional<FocalGuess> FocalGuessOfVideo(const std::filesystem::path& video,
   // A fisheye images a ray at f times its angle from the axis; an ordinary lens, and a view that
   // the camera linearised, at f times the tangent of the angle.
   constexpr double kWidestLinearDeg = 110.0;
-  const bool fisheye = view->mode == 'W' || view->mode == 'S' ||
-                       (view->diagonal_deg > kWidestLinearDeg && view->mode != 'L');
+  const bool wide = view->mode == 'W';
+  const bool super_view = view->mode == 'S';
+  const bool linear = view->mode == 'L';
+  const bool fisheye = wide || super_view || (view->diagonal_deg > kWidestLinearDeg && !linear);
   const double half_rad = view->diagonal_deg / 2.0 * std::numbers::pi / 180.0;
   return FocalGuess{
       .focal_px = DiagonalOf(size) / 2.0 / (fisheye ? half_rad : std::tan(half_rad)),
