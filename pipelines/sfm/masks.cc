@@ -225,8 +225,7 @@ void ClipMasks::CheckBelongTo(const Sequence& sequence, bool whole) const {
   if (!none && (unused == files_.end() || !FileOf(names.front()).empty())) return;
   ThrowError(
       "the masks of {} are not named after the frames of {}: the frame {} has none, and {} is of "
-      "no "
-      "frame; name each as its frame, such as {}.png",
+      "no frame; name each as its frame, such as {}.png",
       name_,
       sequence.Name(),
       names.front(),

@@ -168,19 +168,19 @@ void JointGuide::Begin(const Pyramid& picture) {
 
 void JointGuide::Add(std::span<const Eigen::Vector2d> born, const Pyramid& picture) {
   const TimedPart part("births");
-  // As they were: the new features do not lead each other.
-  const History others = history_;
-  const Eigen::Index old = others.front().cols();
+  // Only the old features lead the new ones; their columns stay as they are.
+  const Eigen::Matrix2Xd others = history_.front();
+  const Eigen::Index old = others.cols();
   for (Eigen::Matrix2Xd& x : history_) {
     x.conservativeResize(2, old + static_cast<Eigen::Index>(born.size()));
   }
   for (std::size_t i = 0; i < born.size(); ++i) {
     templates_.push_back(TakeTemplates(picture, born[i], options_.template_px));
-    const Neighbours near = Nearest(others.front(), born[i]);
+    const Neighbours near = Nearest(others, born[i]);
     const Eigen::Index f = old + static_cast<Eigen::Index>(i);
     history_.front().col(f) = born[i];
     for (std::size_t l = 1; l < history_.size(); ++l) {
-      history_[l].col(f) = history_[l - 1].col(f) + MotionOf(near, others[l - 1], others[l]);
+      history_[l].col(f) = history_[l - 1].col(f) + MotionOf(near, history_[l - 1], history_[l]);
     }
   }
   if (contrast_ == 0.0) {
