@@ -73,12 +73,15 @@ class OccupiedGrid {
   std::vector<std::vector<Eigen::Vector2d>> cells_;
 };
 
-// The q-quantile of the values, from every second pixel and row.
-float Quantile(const cv::Mat& values, int border, double q) {
+// The q-quantile of the values where the mask allows features, from every second pixel and row.
+float Quantile(const cv::Mat& values, const cv::Mat& mask, int border, double q) {
   std::vector<float> sample;
   for (int y = border; y < values.rows - border; y += 2) {
     const float* row = values.ptr<float>(y);
-    for (int x = border; x < values.cols - border; x += 2) sample.push_back(row[x]);
+    const std::uint8_t* allowed = mask.empty() ? nullptr : mask.ptr<std::uint8_t>(y);
+    for (int x = border; x < values.cols - border; x += 2) {
+      if (allowed == nullptr || allowed[x] != 0) sample.push_back(row[x]);
+    }
   }
   if (sample.empty()) return 0.0F;
   const auto at = sample.begin() + static_cast<std::ptrdiff_t>(q * (sample.size() - 1));
@@ -95,15 +98,17 @@ float Quantile(const cv::Mat& values, int border, double q) {
 //   noise blurred by b px has gradients of variance sigma^2 / (8 pi b^4), and the strength of it is
 //   4 times (the scale of cornerMinEigenVal) 0.39 (the smaller eigenvalue's share). Noise that was
 //   blurred before we got it has less of the finest detail: hence 3 times that.
-float NoiseStrength(const cv::Mat& gray, const cv::Mat& strength, double blur_px, int border) {
+// What the mask covers does not count: black bars have no noise.
+float NoiseStrength(
+    const cv::Mat& gray, const cv::Mat& strength, const cv::Mat& mask, double blur_px, int border) {
   const cv::Mat kernel = (cv::Mat_<float>(3, 3) << 1, -2, 1, -2, 4, -2, 1, -2, 1);
   cv::Mat detail;
   cv::filter2D(gray, detail, CV_32F, kernel);
   cv::absdiff(detail, cv::Scalar::all(0.0), detail);
-  const double sigma = Quantile(detail, border, 0.5) / 0.6745 / 6.0;
+  const double sigma = Quantile(detail, mask, border, 0.5) / 0.6745 / 6.0;
   const double blur = std::max(blur_px, 0.5);
   const double fine = 3.0 * 0.39 * 4.0 * sigma * sigma / (8.0 * CV_PI * std::pow(blur, 4));
-  const double flat = Quantile(strength, border, 0.1) / 0.47;
+  const double flat = Quantile(strength, mask, border, 0.1) / 0.47;
   return static_cast<float>(std::min(fine, flat));
 }
 
@@ -158,8 +163,8 @@ std::vector<Candidate> StrongestFirst(const cv::Mat& gray,
       }
     }
   }
-  const float of_noise =
-      static_cast<float>(min_over_noise) * NoiseStrength(gray, strength, kDenoiseSigmaPx, border);
+  const float of_noise = static_cast<float>(min_over_noise) *
+                         NoiseStrength(gray, strength, mask, kDenoiseSigmaPx, border);
   const float floor = std::max(
       static_cast<float>(kQuality) * Strongest(std::move(strongest_of), of_noise), of_noise);
   std::erase_if(candidates, [&](const Candidate& c) { return c.strength <= floor; });

@@ -23,6 +23,7 @@ constexpr std::array kTexts{
     TextField{"refined_from", &TrackMeta::refined_from},
     TextField{"mask", &TrackMeta::mask},
     TextField{"mask_fingerprint", &TrackMeta::mask_fingerprint},
+    TextField{"fixed_parts", &TrackMeta::fixed_parts},
     TextField{"fingerprint", &TrackMeta::fingerprint},
     TextField{"frames", &TrackMeta::frames},
     TextField{"layout", &TrackMeta::layout},

@@ -24,6 +24,9 @@ struct TrackMeta {
   std::string refined_from = {};
   std::string mask = {};
   std::string mask_fingerprint = {};
+  // Of fixed parts of the pictures: "masked", "off" if they were not looked for, empty if there are
+  // none.
+  std::string fixed_parts = {};
 
   std::string fingerprint = {};  // of the clip's files
   std::string frames = {};       // the values of --frames and --layout that opened the clip

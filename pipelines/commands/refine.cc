@@ -46,7 +46,8 @@ void RefineTracks(const RefineCommandOptions& options) {
   MaskedSequence sequence(
       options.images.empty() ? OpenSource(file, options.tracks) : OpenSequence(options.images),
       ClipMasks(mask),
-      !options.images.empty() || file.meta.frames.empty());
+      !options.images.empty() || file.meta.frames.empty(),
+      FixedPartsOf(file));
   if (options.images.empty()) WarnIfClipChanged(file, options.tracks, sequence);
   if (options.mask.empty()) WarnOf(DoubtOfMask(file, options.tracks));
   SecondPass second =

@@ -31,6 +31,11 @@ Json NotAvailable(const std::string& reason) { return {{"not_available", reason}
 // Cells that run in parallel share the cores.
 int ThreadsOfCell(const ExperimentOptions& options) { return options.jobs == 1 ? 0 : 1; }
 
+// Fixed parts are not looked for: they would differ with the level, and COLMAP's SIFT has none.
+MaskOptions MasksOf(const ExperimentOptions& options) {
+  return {.mask = options.mask, .mask_fixed = false};
+}
+
 Json Evaluate(const TrackCell& cell, const fs::path& subject, const fs::path& json) {
   return RunEvaluateJob({.subject = subject.string(),
                          .truth = cell.frames.input,
@@ -41,7 +46,7 @@ Json Evaluate(const TrackCell& cell, const fs::path& subject, const fs::path& js
 TrackJobOptions TrackOf(const ExperimentOptions& options, const TrackCell& cell) {
   TrackJobOptions track;
   track.input = cell.frames;
-  track.mask = options.mask;
+  track.masks = MasksOf(options);
   track.out = cell.Tracks().string();
   track.threads = ThreadsOfCell(options);
   track.json = (cell.folder / "track.json").string();
@@ -61,7 +66,7 @@ Json TrackCeiling(const ExperimentOptions& options, const TrackCell& cell) {
   if (!cell.condition.clip.has_track_truth) return NotAvailable("no truth of tracks");
   const auto clip = OpenInput(ClipInput(options, cell.condition));
   const InputOptions frames = cell.frames;
-  const auto dark = OpenInput(frames, options.mask);
+  const auto dark = OpenInput(frames, MasksOf(options));
   const auto truth = OpenTrackTruth(*dark, frames.input);
   TrackFile file =
       MakeCeilingTracks(*clip, *dark, *truth, DegradationOf(cell.condition), cell.tracker.options);
@@ -79,8 +84,8 @@ Json RunPaperProtocol(const InputOptions& clip_input,
                       const InputOptions& frames_input,
                       const TrackerOptions& tracker,
                       const PaperProtocolOptions& options,
-                      const std::string& mask) {
-  const auto clip = OpenInput(clip_input, mask);
+                      const MaskOptions& masks) {
+  const auto clip = OpenInput(clip_input, masks);
   const auto truth = OpenTrackTruth(*clip, clip_input.input);
   const auto points = ChoosePoints(*clip, *truth, tracker.detector, options);
   const auto frames = OpenInput(frames_input);
@@ -195,7 +200,7 @@ TrackFile TracksToHalve(const ExperimentOptions& options, const TrackCell& cell)
   if (!HasSecondPass(cell.tracker)) return ReadTrackFile(cell.Tracks());
   const TrackJobOptions track = TrackOf(options, cell);
   cv::setNumThreads(track.threads == 0 ? -1 : track.threads);
-  const auto sequence = OpenInput(track.input, track.mask);
+  const auto sequence = OpenInput(track.input, track.masks);
   TrackFile file = TrackFirstPass(
       *sequence,
       {.tracker = track.tracker, .second_pass = track.second_pass, .source = track.input.input});
@@ -228,7 +233,7 @@ Json FollowCell(const ExperimentOptions& options, const TrackCell& cell) {
                           cell.frames,
                           WithoutGivingUp(cell.tracker.options),
                           options.paper,
-                          options.mask);
+                          MasksOf(options));
 }
 
 Json ReconstructCell(const ExperimentOptions& options, const TrackCell& cell, GridBackend backend) {
@@ -258,7 +263,7 @@ Json CompareHalvesOfCell(const ExperimentOptions& options,
     TrackFile half = file;
     half.tracks = halves[i];
     if (HasSecondPass(cell.tracker)) {
-      const auto frames = OpenInput(cell.frames, options.mask);
+      const auto frames = OpenInput(cell.frames, MasksOf(options));
       half = RunSecondPass(std::move(half), *frames, options.second_pass);
     }
     WriteTrackFile(tracks, half);

@@ -30,7 +30,7 @@ TrackJobOptions TrackOptionsOf(const SfmJobOptions& options) {
   TrackJobOptions track;
   track.input = options.input;
   track.out = (fs::path(options.out) / "clip.tracks").string();
-  track.mask = options.mask;
+  track.masks = options.masks;
   track.threads = options.threads;
   track.tracker = options.tracker;
   track.second_pass = options.second_pass;
@@ -48,7 +48,9 @@ Json SceneMadeOf(SfmJobOptions options, const Sequence& sequence) {
                {"input", CanonicalPath(input)},
                {"fingerprint", FingerprintOfFrames(sequence)},
                {"options", ToJson(options)}};
-  if (!options.mask.empty()) made_of["mask_fingerprint"] = FingerprintOfMasks(options.mask);
+  if (const std::string& mask = options.masks.mask; !mask.empty()) {
+    made_of["mask_fingerprint"] = FingerprintOfMasks(mask);
+  }
   if (const auto camera = sequence.KnownCamera()) made_of["calibration"] = WordsOfCamera(*camera);
   // In the form in which it is read again, also with names that are not UTF-8.
   return Json::parse(JsonLine(made_of));
@@ -225,7 +227,7 @@ SfmFigures FiguresOfSummary(const fs::path& folder) {
 SfmFigures RunSfmJob(const SfmJobOptions& options) {
   const fs::path folder = options.out;
   const fs::path summary = folder / "summary.json";
-  const auto sequence = OpenInput(options.input, options.mask);
+  const auto sequence = OpenInput(options.input, options.masks);
   const Json made_of = SceneMadeOf(options, *sequence);
   const Json model_made_of = ModelMadeOf(made_of);
   if (options.reconstruct.backend == BackendKind::kColmap &&

@@ -19,7 +19,7 @@ struct SfmJobOptions {
 
   InputOptions input;
   std::string out;
-  std::string mask;
+  MaskOptions masks;
   bool resume = false;
   int threads = 0;
   SceneOptions scene;
@@ -32,12 +32,7 @@ struct SfmJobOptions {
     InputOptions::Visit(o.input, v);
     v.Text("out", o.out, "The scene folder to write.", Tier::kCommon);
     SceneOptions::Visit(o.scene, v);
-    v.Text("mask",
-           o.mask,
-           "A mask of the frames' size, black where no features are allowed, such as on the bonnet "
-           "of a car; or a folder with a mask for each frame, NAME.png or NAME.jpg.png for the "
-           "frame NAME.jpg, or Nerfstudio's transforms.json with their paths.",
-           Tier::kCommon);
+    MaskOptions::Visit(o.masks, v);
     v.Flag("resume",
            o.resume,
            "Continue an interrupted run with the same options instead of starting again.",

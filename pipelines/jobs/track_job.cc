@@ -25,6 +25,9 @@ namespace {
 
 namespace fs = std::filesystem;
 
+// TrackMeta::fixed_parts, if they are not looked for.
+constexpr const char* kNoFixedParts = "off";
+
 void Count(const TrackFile& file, TrackFigures& figures) {
   figures.frames = file.frames.size();
   figures.tracks = file.tracks.features().size();
@@ -39,7 +42,8 @@ TrackFile DescribeJob(const TrackJobOptions& options,
   TrackFile header = tracker.Header();
   DescribeInput(options.input, sequence, header);
   header.meta.program = fmt::format("cohort {}", kVersion);
-  NoteMask(options.mask, header);
+  NoteMask(options.masks.mask, header);
+  if (!options.masks.mask_fixed) header.meta.fixed_parts = kNoFixedParts;
   return header;
 }
 
@@ -57,6 +61,7 @@ bool IsOfJob(const TrackFile& file, const TrackFile& header) {
     meta.no_second_pass.clear();
     meta.warning.clear();
     meta.cuts.clear();
+    if (meta.fixed_parts != kNoFixedParts) meta.fixed_parts.clear();
     return meta;
   };
   return CanonicalPath(file.source) == CanonicalPath(header.source) &&
@@ -123,7 +128,7 @@ TrackFile RunSecondPass(TrackFile file, Sequence& sequence, const SecondPassOpti
 TrackFigures RunTrackJob(const TrackJobOptions& options) {
   cv::setNumThreads(options.threads == 0 ? -1 : options.threads);
   CheckDistinctOutputs({{"--out", options.out}, {"--json", options.json}});
-  const auto sequence = OpenInput(options.input, options.mask);
+  const auto sequence = OpenInput(options.input, options.masks);
   CheckOutputsGiven({options.out, options.json});
   SequenceTracker tracker = TrackerOf(options, *sequence);
   TrackFile header = DescribeJob(options, *sequence, tracker);
@@ -144,6 +149,10 @@ TrackFigures RunTrackJob(const TrackJobOptions& options) {
     spdlog::log(
         sequence->CoverTooMuch() ? spdlog::level::warn : spdlog::level::info, "{}", coverage);
   }
+  if (const std::string found = sequence->FixedPartsFound(); !found.empty()) {
+    spdlog::info("{}", found);
+  }
+  NoteFixedParts(*sequence, file);
   if (WantsSecondPass(options.second_pass.mode, options.tracker)) {
     const Stopwatch stopwatch;
     file = RunSecondPass(std::move(file), *sequence, options.second_pass);
@@ -160,7 +169,7 @@ TrackFigures RunTrackJob(const TrackJobOptions& options) {
 bool HasTracksOfJob(const TrackJobOptions& options) {
   if (!fs::exists(options.out)) return false;
   const TrackFile file = ReadTrackFile(options.out);
-  const auto sequence = OpenInput(options.input, options.mask);
+  const auto sequence = OpenInput(options.input, options.masks);
   const SequenceTracker tracker = TrackerOf(options, *sequence);
   if (!IsOfJob(file, DescribeJob(options, *sequence, tracker))) {
     ThrowError(

@@ -13,7 +13,7 @@ namespace cohort {
 struct TrackJobOptions {
   InputOptions input;
   std::string out;
-  std::string mask;
+  MaskOptions masks;
   int threads = 0;
   std::string json;
   TrackerOptions tracker;
@@ -23,12 +23,7 @@ struct TrackJobOptions {
   static void Visit(Self& o, Visitor& v) {
     InputOptions::Visit(o.input, v);
     v.Text("out", o.out, "The .tracks file to write.", Tier::kCommon);
-    v.Text("mask",
-           o.mask,
-           "A mask of the frames' size, black where no features are allowed, such as on the bonnet "
-           "of a car; or a folder with a mask for each frame, NAME.png or NAME.jpg.png for the "
-           "frame NAME.jpg, or Nerfstudio's transforms.json with their paths.",
-           Tier::kCommon);
+    MaskOptions::Visit(o.masks, v);
     v.Number("threads",
              o.threads,
              0,

@@ -55,7 +55,7 @@ using Json = nlohmann::ordered_json;
 // The options of `cohort track`, except for the files that it reads and writes.
 struct TrackArguments {
   InputOptions input;
-  std::string mask;
+  MaskOptions masks;
   int threads = 0;
   TrackerOptions tracker;
   SecondPassOptions second_pass;
@@ -63,7 +63,7 @@ struct TrackArguments {
   template <typename Self, typename Visitor>
   static void Visit(Self& o, Visitor& v) {
     InputOptions::Visit(o.input, v);
-    v.Text("mask", o.mask, "as in `cohort track`");
+    MaskOptions::Visit(o.masks, v);
     v.Number("threads", o.threads, 0, 1024, "as in `cohort track`");
     TrackerOptions::Visit(o.tracker, v);
     v.Group("second_pass", o.second_pass, "the second pass");
@@ -188,7 +188,7 @@ TrackFile Track(const ClipArgument& clip,
     ThrowUsageError("a Camera and another camera, as text or a prior, are given: give one of them");
   }
   const bool second_pass = WantsSecondPass(arguments.second_pass.mode, arguments.tracker);
-  ClipMasks masks = MasksOf(mask_array, arguments.mask);
+  ClipMasks masks = MasksOf(mask_array, arguments.masks.mask);
   std::unique_ptr<Sequence> sequence = OpenArrays(clip, rgb, second_pass);
   const StageProgress progress = ProgressTo(callback);
 
@@ -201,7 +201,11 @@ TrackFile Track(const ClipArgument& clip,
     arguments.input.input = std::get<fs::path>(clip).string();
     return OpenInput(arguments.input);
   }();
-  MaskedSequence masked(std::move(opened), std::move(masks), arguments.input.frames.empty());
+  const bool find = arguments.masks.mask_fixed && !arguments.input.input.empty();
+  MaskedSequence masked(std::move(opened),
+                        std::move(masks),
+                        arguments.input.frames.empty(),
+                        find ? FixedPartsMask::kFind : FixedPartsMask::kNone);
   TrackFile file = TrackFirstPass(masked,
                                   {.tracker = arguments.tracker,
                                    .second_pass = arguments.second_pass,
@@ -210,7 +214,7 @@ TrackFile Track(const ClipArgument& clip,
                                   progress);
   DescribeInput(arguments.input, masked, file);
   file.meta.program = fmt::format("cohort {}", kVersion);
-  NoteMask(arguments.mask, file);
+  NoteMask(arguments.masks.mask, file);
   if (camera) NoteCamera(camera, file);  // instead of the clip's own
   if (second_pass) {
     file = WithSecondPass(std::move(file), masked, arguments.second_pass, progress).file;
@@ -239,11 +243,13 @@ std::pair<TrackFile, std::vector<std::string>> Refine(const TrackFile& file,
   const CallWithoutGil no_gil;
   const InterruptionCheck interruption(RaiseOfSignals);
   std::vector<std::string> doubts = {DoubtOfModel(model, "this Reconstruction", file, kTracks)};
+  const FixedPartsMask fixed_parts = sequence ? FixedPartsMask::kNone : FixedPartsOf(file);
   MaskedSequence opened(sequence ? std::move(sequence)
                         : clip   ? OpenSequence(std::get<fs::path>(*clip))
                                  : OpenSource(file, kTracks),
                         std::move(masks),
-                        clip || file.meta.frames.empty());
+                        clip || file.meta.frames.empty(),
+                        fixed_parts);
   if (!clip) doubts.push_back(DoubtOfClip(file, kTracks, opened));
   if (!mask_array && as_before) doubts.push_back(DoubtOfMask(file, kTracks));
   SecondPass second = MeasureAgain(file, model, opened, arguments.second_pass, progress);

@@ -18,6 +18,8 @@
 namespace cohort {
 namespace {
 
+constexpr const char* kFixedPartsMasked = "masked";
+
 Camera ParseCamera(const std::string& text, int width_px, int height_px) {
   std::vector<std::string> words;
   for (std::size_t at = 0; at <= text.size();) {
@@ -77,9 +79,12 @@ std::unique_ptr<Sequence> OpenInput(const InputOptions& options) {
                       options.frames.empty() ? FrameRange{} : FrameRange::Parse(options.frames));
 }
 
-std::unique_ptr<MaskedSequence> OpenInput(const InputOptions& options, const std::string& mask) {
+std::unique_ptr<MaskedSequence> OpenInput(const InputOptions& options, const MaskOptions& masks) {
   return std::make_unique<MaskedSequence>(
-      OpenInput(options), ClipMasks(mask), options.frames.empty());
+      OpenInput(options),
+      ClipMasks(masks.mask),
+      options.frames.empty(),
+      masks.mask_fixed ? FixedPartsMask::kFind : FixedPartsMask::kNone);
 }
 
 std::unique_ptr<Sequence> OpenSource(const TrackFile& file, const std::string& tracks) {
@@ -156,6 +161,14 @@ void DescribeInput(const InputOptions& options, const Sequence& sequence, TrackF
 void NoteMask(const std::string& mask, TrackFile& file) {
   file.meta.mask = AbsolutePath(mask);
   file.meta.mask_fingerprint = FingerprintOfMasks(mask);
+}
+
+void NoteFixedParts(const MaskedSequence& sequence, TrackFile& file) {
+  if (!sequence.FixedPartsFound().empty()) file.meta.fixed_parts = kFixedPartsMasked;
+}
+
+FixedPartsMask FixedPartsOf(const TrackFile& file) {
+  return file.meta.fixed_parts == kFixedPartsMasked ? FixedPartsMask::kFind : FixedPartsMask::kNone;
 }
 
 void NoteSensorRows(const Sequence& sequence, TrackFile& file) {

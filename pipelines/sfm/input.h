@@ -55,8 +55,29 @@ struct InputOptions {
 };
 
 std::unique_ptr<Sequence> OpenInput(const InputOptions& options);
-// The same with the masks that --mask names, if any.
-std::unique_ptr<MaskedSequence> OpenInput(const InputOptions& options, const std::string& mask);
+// How its frames are masked, as the command line says.
+struct MaskOptions {
+  std::string mask;
+  bool mask_fixed = true;
+
+  template <typename Self, typename Visitor>
+  static void Visit(Self& o, Visitor& v) {
+    v.Text("mask",
+           o.mask,
+           "A mask of the frames' size, black where no features are allowed, such as on the bonnet "
+           "of a car; or a folder with a mask for each frame, NAME.png or NAME.jpg.png for the "
+           "frame NAME.jpg, or Nerfstudio's transforms.json with their paths.",
+           Tier::kCommon);
+    v.Flag("mask_fixed",
+           o.mask_fixed,
+           "Also masks what stays in its place in the pictures while the rest moves: burnt-in "
+           "text, bars, a bonnet. --no-mask-fixed allows features there.",
+           Tier::kCommon);
+  }
+};
+
+// The same with these masks.
+std::unique_ptr<MaskedSequence> OpenInput(const InputOptions& options, const MaskOptions& masks);
 // Opens the clip that the tracks were made from, as it was opened then; `tracks` names them. Throws
 // Error if their pictures came from no file.
 std::unique_ptr<Sequence> OpenSource(const TrackFile& file, const std::string& tracks);
@@ -87,6 +108,10 @@ void DescribeInput(const InputOptions& options, const Sequence& sequence, TrackF
 // Notes the path of the tracks' mask, which is also the default for the tracks of a refined file.
 // Empty if there is none.
 void NoteMask(const std::string& mask, TrackFile& file);
+// Notes whether fixed parts of the clip, whose first frame was read, are masked.
+void NoteFixedParts(const MaskedSequence& sequence, TrackFile& file);
+// Whether the tracks were made with fixed parts masked.
+FixedPartsMask FixedPartsOf(const TrackFile& file);
 
 // Notes how the clip's pictures were turned (TrackMeta::row_order), as DescribeInput does.
 void NoteSensorRows(const Sequence& sequence, TrackFile& file);

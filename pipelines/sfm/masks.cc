@@ -73,6 +73,10 @@ std::vector<fs::path> PicturesBelow(const fs::path& folder) {
   return files;
 }
 
+double ShareOfBlack(const cv::Mat& mask) {
+  return 1.0 - static_cast<double>(cv::countNonZero(mask)) / static_cast<double>(mask.total());
+}
+
 std::string WithoutEnding(fs::path name) { return name.replace_extension().generic_string(); }
 
 // The names of all frames of a source, as far as they are known before they are read.
@@ -242,12 +246,25 @@ std::string FingerprintOfMasks(const std::string& path) {
   return FingerprintOfBytes(ClipMasks(path).files());
 }
 
-MaskedSequence::MaskedSequence(std::unique_ptr<Sequence> sequence, ClipMasks masks, bool whole)
-    : sequence_(std::move(sequence)), masks_(std::move(masks)), warning_(sequence_->Warning()) {
+MaskedSequence::MaskedSequence(std::unique_ptr<Sequence> sequence,
+                               ClipMasks masks,
+                               bool whole,
+                               FixedPartsMask fixed_parts)
+    : sequence_(std::move(sequence)),
+      masks_(std::move(masks)),
+      look_for_fixed_parts_(fixed_parts == FixedPartsMask::kFind),
+      warning_(sequence_->Warning()) {
   masks_.CheckBelongTo(*sequence_, whole);
 }
 
 std::optional<Frame> MaskedSequence::Next() {
+  if (look_for_fixed_parts_) {
+    look_for_fixed_parts_ = false;
+    if (const cv::Mat fixed = FindFixedParts(*sequence_); !fixed.empty()) {
+      mask_of_fixed_parts_ = MaskOfFixedParts(fixed);
+      paint_over_ = PaintOver(fixed);
+    }
+  }
   std::optional<Frame> frame = sequence_->Next();
   if (!frame) {
     if (!of_clip_) End();
@@ -256,9 +273,12 @@ std::optional<Frame> MaskedSequence::Next() {
   }
   if (masks_.AreGiven()) AddMask(*frame);
   ++count_.frames;
-  if (!frame->mask.empty()) {
-    count_.covered += 1.0 - static_cast<double>(cv::countNonZero(frame->mask)) /
-                                static_cast<double>(frame->mask.total());
+  if (!frame->mask.empty()) count_.covered += ShareOfBlack(frame->mask);
+  if (!mask_of_fixed_parts_.empty()) {
+    frame->mask = frame->mask.empty() ? mask_of_fixed_parts_ : frame->mask & mask_of_fixed_parts_;
+    if (frame->color.empty()) frame->color = frame->gray;
+    frame->gray = frame->gray.clone();
+    paint_over_.Apply(frame->gray);
   }
   return frame;
 }
@@ -325,6 +345,14 @@ void MaskedSequence::Join(const std::string& warning) {
 double MaskedSequence::CoveredShare() const {
   if (!of_clip_ || of_clip_->frames == 0) return 0.0;
   return of_clip_->covered / static_cast<double>(of_clip_->frames);
+}
+
+std::string MaskedSequence::FixedPartsFound() const {
+  if (mask_of_fixed_parts_.empty()) return "";
+  return fmt::format(
+      "{:.2g} % of the pictures stay as they are while the rest moves, such as text, bars or parts "
+      "of the camera or the car: no feature is allowed there; --no-mask-fixed allows them",
+      100.0 * ShareOfBlack(mask_of_fixed_parts_));
 }
 
 bool MaskedSequence::CoverTooMuch() const {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <filesystem>
 #include <map>
 #include <memory>
@@ -10,6 +11,7 @@
 #include <vector>
 
 #include "datasets/readers/sequence.h"
+#include "pipelines/sfm/fixed_parts.h"
 
 namespace cohort {
 
@@ -61,10 +63,18 @@ class ClipMasks {
 // Changes with the bytes of all masks that --mask names; empty without a path.
 std::string FingerprintOfMasks(const std::string& path);
 
-// A sequence whose frames have these masks, beside those of their alpha.
+// Whether fixed parts of the pictures are masked (FixedParts).
+enum class FixedPartsMask : std::uint8_t { kFind, kNone };
+
+// A sequence whose frames have these masks, beside those of their alpha and of fixed parts.
 class MaskedSequence final : public Sequence {
  public:
-  MaskedSequence(std::unique_ptr<Sequence> sequence, ClipMasks masks, bool whole = true);
+  // Fixed parts are looked for before the first frame is read. They are masked, and painted over in
+  // Frame::gray; the frame's own picture is then Frame::color.
+  MaskedSequence(std::unique_ptr<Sequence> sequence,
+                 ClipMasks masks,
+                 bool whole = true,
+                 FixedPartsMask fixed_parts = FixedPartsMask::kNone);
 
   // Throws Error naming a mask that cannot be read or has another size than the frame, and at the
   // end of the clip if no frame has a mask, or each is entirely black.
@@ -73,6 +83,8 @@ class MaskedSequence final : public Sequence {
   // A sentence on what the masks and alpha cover; empty if there is neither, or before the end of
   // the clip was reached once.
   std::string Coverage() const;
+  // A sentence on the fixed parts that are masked; empty if there are none.
+  std::string FixedPartsFound() const;
   // Whether the masks cover so much that black and white are probably exchanged.
   bool CoverTooMuch() const;
 
@@ -112,6 +124,9 @@ class MaskedSequence final : public Sequence {
 
   std::unique_ptr<Sequence> sequence_;
   ClipMasks masks_;
+  bool look_for_fixed_parts_;
+  cv::Mat mask_of_fixed_parts_;  // empty: there are none
+  PaintOver paint_over_;
   Count count_;
   std::optional<Count> of_clip_;  // at its end
   std::string warning_of_masks_;

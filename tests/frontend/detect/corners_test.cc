@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
@@ -127,6 +128,19 @@ TEST(Corners, KeepTheirDistanceFromEachOtherOthersMaskAndBorder) {
       EXPECT_GE((corners[i] - corners[j]).norm(), options.min_distance_px);
     }
   }
+}
+
+TEST(Corners, AMaskOverBlackBarsKeepsTheNoiseKnown) {
+  cv::Mat picture = NoisePicture(0.02);
+  cv::Mat mask(kHeight, kWidth, CV_8UC1, cv::Scalar::all(255));
+  for (const cv::Rect& bar :
+       {cv::Rect(0, 0, kWidth, kHeight / 3), cv::Rect(0, 2 * kHeight / 3, kWidth, kHeight / 3)}) {
+    picture(bar).setTo(0.0);
+    const cv::Rect masked(0, std::max(bar.y - 10, 0), kWidth, bar.height + 10);
+    mask(masked).setTo(0);
+  }
+  const DetectorOptions options;
+  EXPECT_LE(DetectCorners(picture, {}, mask, kBorderPx, 400, options).size(), 4u);
 }
 
 TEST(Corners, AreSpreadOverTheGrid) {

@@ -108,6 +108,46 @@ TEST_F(Sfm, MasksGoIntoTheScene) {
   EXPECT_FALSE(fs::exists(scene / "masks"));
 }
 
+// Bars and a line of text: no point lies on them, the cameras are as right as without them, and the
+// scene shows them as they are.
+TEST_F(Sfm, BarsAndBurntInTextAreMaskedUnasked) {
+  fs::create_directory(*dir_ / "burnt-in");
+  for (const auto& entry : fs::directory_iterator(*dir_ / "rendered" / "rgb")) {
+    cv::Mat gray = cv::imread(entry.path().string(), cv::IMREAD_GRAYSCALE);
+    for (const int top : {0, 215}) gray.rowRange(top, top + 25).setTo(0);
+    cv::putText(gray, "21:14:09  43 km/h", {90, 205}, cv::FONT_HERSHEY_SIMPLEX, 0.5, 255, 2);
+    cv::imwrite((*dir_ / "burnt-in" / entry.path().filename()).string(), gray);
+  }
+  const auto run = [&](const std::string& scene, const std::string& more) {
+    return test::RunCohort("sfm " + (*dir_ / "burnt-in").string() +
+                           " --camera 260,260,159.5,119.5 --features 200 --out " + scene + more);
+  };
+  const auto error_of = [&](const std::string& scene) {
+    const std::string json = scene + ".json";
+    EXPECT_EQ(test::RunCohort("evaluate " + scene + "/model --truth " +
+                              (*dir_ / "rendered").string() + " --quiet --json " + json)
+                  .exit_code,
+              0);
+    return Json(json).at("ate_share").get<double>();
+  };
+  const fs::path scene = *dir_ / "of-burnt-in";
+  const test::ProgramEnd end = run(scene, "");
+  ASSERT_EQ(end.exit_code, 0) << end.err;
+  EXPECT_THAT(end.err, HasSubstr("of the pictures stay as they are while the rest moves"));
+  EXPECT_LT(error_of(scene), 0.004);
+  const cv::Mat picture = cv::imread((scene / "images/scene_000000.jpg").string(), 0);
+  const cv::Mat mask = cv::imread((scene / "masks/scene_000000.jpg.png").string(), 0);
+  ASSERT_EQ(picture.size(), mask.size());
+  EXPECT_LT(cv::mean(picture, mask == 0)[0], 60.0) << "the bars are black in the scene";
+  EXPECT_EQ(cv::countNonZero(mask.rowRange(0, 25)), 0);
+  EXPECT_GT(cv::mean(mask.rowRange(60, 150))[0], 250.0);
+  EXPECT_GT(cv::countNonZero(picture.rowRange(190, 206) > 240), 100) << "so is the text";
+
+  const fs::path kept = *dir_ / "of-kept";
+  EXPECT_THAT(run(kept, " --no-mask-fixed").err, Not(HasSubstr("stay as they are")));
+  EXPECT_FALSE(fs::exists(kept / "masks"));
+}
+
 TEST_F(Sfm, MakesASceneThatOpens) {
   const fs::path scene = *dir_ / "scene";
   const test::ProgramEnd end = RunSfm(scene);
