@@ -20,6 +20,7 @@ struct SfmJobOptions {
   InputOptions input;
   std::string out;
   std::string mask;
+  std::string json;
   bool resume = false;
   int threads = 0;
   SceneOptions scene;
@@ -37,6 +38,10 @@ struct SfmJobOptions {
            "A mask of the frames' size, black where no features are allowed, such as on the bonnet "
            "of a car; or a folder with a mask for each frame, NAME.png or NAME.jpg.png for the "
            "frame NAME.jpg, or Nerfstudio's transforms.json with their paths.",
+           Tier::kCommon);
+    v.Text("json",
+           o.json,
+           "Also write the figures of the run, the scene's summary.json, to this file.",
            Tier::kCommon);
     v.Flag("resume",
            o.resume,
@@ -65,6 +70,7 @@ struct SfmFigures {
   std::optional<double> focal_sigma_px;
   std::optional<double> camera_uncertainty;  // share of the distance to the scene
   std::vector<Doubt> reasons;                // to doubt the model
+  std::vector<std::string> notes;            // what frames show that do not show the scene
   std::vector<std::string> film_better;      // FilmAdvice
   std::optional<WriteLock> lock;             // of the scene: held until its page is written
 };
