@@ -18,6 +18,8 @@ namespace {
 // .01 of their neighbours' change in MJPEG, .15 in MPEG-4, and .4 at CRF 23. Frames of moving clips
 // had .17 of it and more, nearly all .3 and more.
 constexpr double kSurelyCopied = 0.15;
+// Below it a copy is sure even where the camera changes its speed beside it.
+constexpr double kHardlyDiffers = 0.05;
 constexpr double kMayBeCopied = 0.5;
 // What remains of a copy in a regular order of copies that is established.
 constexpr double kCopiedInOrder = 0.8;
@@ -36,10 +38,22 @@ double MostWithin(const std::vector<FrameChange>& changes, std::size_t begin, st
 struct Evidence {
   double ratio = std::numeric_limits<double>::infinity();  // to the change around it
   bool reliable = false;  // the change around it is motion, or noise of one strength
+  bool abrupt = false;    // beside it, or the copies next to it, there is at least half as much
 };
 
+// The change nearest to i in one direction that is no copy's.
+double NextTo(const std::vector<FrameChange>& changes, std::size_t i, int step, double around) {
+  constexpr double kCopy = 0.3;
+  const auto n = static_cast<std::ptrdiff_t>(changes.size());
+  for (auto j = static_cast<std::ptrdiff_t>(i) + step; j >= 0 && j < n; j += step) {
+    const double rms = changes[static_cast<std::size_t>(j)].rms;
+    if (rms >= kCopy * around) return rms;
+  }
+  return std::numeric_limits<double>::infinity();
+}
+
 Evidence EvidenceAt(const std::vector<FrameChange>& changes, std::size_t i) {
-  constexpr std::size_t kReach = 4;   // 12 pictures a second at 60 have four copies in a row
+  constexpr std::size_t kReach = 4;   // 24 pictures a second at 60 have two copies in a row
   constexpr std::size_t kWindow = 8;  // on each side
   constexpr double kMotion = 0.45;    // FrameChange::moved
   constexpr double kSpread = 1.6;     // of the changes by noise alone
@@ -49,6 +63,10 @@ Evidence EvidenceAt(const std::vector<FrameChange>& changes, std::size_t i) {
                                  MostWithin(changes, i + 1, std::min(n, i + 1 + kReach)));
   if (!std::isfinite(around) || around < kLeastChange) return {};
   Evidence evidence{changes[i].rms / around};
+  // A camera that sways slows down before it turns.
+  constexpr double kAbrupt = 0.5;
+  evidence.abrupt =
+      std::min(NextTo(changes, i, -1, around), NextTo(changes, i, 1, around)) >= kAbrupt * around;
   std::vector<double> all;
   for (std::size_t j = i - std::min(i, kWindow); j < std::min(n, i + 1 + kWindow); ++j) {
     all.push_back(changes[j].rms);
@@ -199,7 +217,10 @@ std::vector<std::size_t> FindRepeats(const std::vector<FrameChange>& changes) {
     }
     return flags;
   };
-  const Flags sure = below(kSurelyCopied);
+  Flags sure = below(kSurelyCopied);
+  for (std::size_t i = 0; i < n; ++i) {
+    if (!evidence[i].abrupt && evidence[i].ratio >= kHardlyDiffers) sure[i] = 0;
+  }
   const Flags may = below(kMayBeCopied);
   Flags copied = sure;
   Fit best;

@@ -65,7 +65,7 @@ std::vector<std::size_t> CopiesIn(const std::vector<int>& shown) {
 }
 
 TEST(FindRepeats, KnowsTheCopiesOfRegularOrders) {
-  for (const auto& [pictures, of] : {std::pair(1, 2), {4, 5}, {2, 5}, {5, 6}, {1, 4}}) {
+  for (const auto& [pictures, of] : {std::pair(1, 2), {4, 5}, {5, 6}, {2, 3}}) {
     const std::vector<int> shown = Shown(60, pictures, of);
     EXPECT_EQ(FindRepeats(ChangesOf(shown, 3.0, 2.0, 0.0)), CopiesIn(shown)) << pictures << of;
     EXPECT_EQ(FindRepeats(ChangesOf(shown, 1.5, 0.0, 0.4)), CopiesIn(shown)) << pictures << of;
