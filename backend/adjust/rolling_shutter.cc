@@ -217,7 +217,7 @@ bool ReadoutEstimate::IsRolling() const {
 std::vector<Eigen::Vector2d> AsGlobalShutter(const WhitenedTracks& observed,
                                              const WorkingModel& model,
                                              double readout) {
-  const RowPoses rows(PosesByIndex(model), readout, model.camera());
+  const RowPoses rows(PosesByIndex(model), readout, model.camera(), observed.frame_times());
   std::vector<double> depths(static_cast<std::size_t>(observed.frame_count()), 1.0);
   for (const int frame : model.RegisteredFrames()) {
     depths[static_cast<std::size_t>(frame)] = MedianDepth(model, frame);
@@ -240,7 +240,7 @@ std::vector<Eigen::Vector2d> AsGlobalShutter(const WhitenedTracks& observed,
 
 TrackFile AsGlobalShutter(TrackFile file, const Reconstruction& model) {
   if (model.readout == 0.0) return file;
-  const RowPoses rows(model.cam_from_world, model.readout, model.camera);
+  const RowPoses rows(model.cam_from_world, model.readout, model.camera, model.frame_times);
   std::map<FrameIndex, double> depths;
   for (const auto& [frame, pose] : model.cam_from_world) {
     depths[frame] = MedianDepth(file, model, frame);

@@ -10,6 +10,7 @@
 
 #include "backend/colmap/model_io.h"
 #include "backend/colmap/program.h"
+#include "backend/judge/aside.h"
 #include "backend/start/initial_pair.h"
 #include "frontend/core/error.h"
 #include "frontend/core/statistics.h"
@@ -384,7 +385,7 @@ ColmapResult ReconstructWithColmap(const TrackFile& tracked,
   result.log = workspace.log;
   result.reconstruction.camera = file.camera.value_or(Camera::Guess(file.width_px, file.height_px));
   const auto end = [&](std::string termination) {
-    result.summary = Summarize(result.reconstruction, file.frames.size());
+    result.summary = SummarizeModelOf(file, result.reconstruction);
     result.summary.seconds = total.Seconds();
     result.summary.termination = std::move(termination);
     return result;
@@ -457,7 +458,7 @@ ColmapResult AdjustWithColmap(const TrackFile& tracked,
   RemoveOutliers(file, model);
   auto adjusted = RunAdjuster(program, file, options, workspace, std::move(model));
   if (adjusted) result.reconstruction = std::move(*adjusted);
-  result.summary = Summarize(result.reconstruction, file.frames.size());
+  result.summary = SummarizeModelOf(file, result.reconstruction);
   result.summary.seconds = result.colmap_seconds = total.Seconds();
   result.summary.termination = fmt::format(
       "COLMAP {} {} a given model", program.version(), adjusted ? "adjusted" : "could not adjust");
@@ -501,7 +502,7 @@ ColmapResult TriangulateWithColmap(const TrackFile& tracked,
   result.colmap_seconds = triangulator.Seconds();
   const std::optional<ColmapModel> written = ReadWritten(output, end);
   result.reconstruction = ToReconstruction(written.value_or(poses), file);
-  result.summary = Summarize(result.reconstruction, file.frames.size());
+  result.summary = SummarizeModelOf(file, result.reconstruction);
   result.summary.seconds = total.Seconds();
   result.summary.termination =
       written ? fmt::format("COLMAP {} triangulated with given poses", program.version())

@@ -483,25 +483,25 @@ std::int64_t NsOfSeconds(const std::string& text, const TextReader& in) {
   return negative ? -ns : ns;
 }
 
+// A line for every frame with a pose. A repeat's differs from its original's in the time alone.
 std::string TrajectoryText(const Reconstruction& reconstruction) {
-  std::string text;
+  std::map<FrameIndex, std::string> poses;
+  std::map<FrameIndex, std::int64_t> times_ns = reconstruction.timestamps_ns;
   for (const auto& [frame, cam_from_world] : reconstruction.cam_from_world) {
-    const auto stamp = reconstruction.timestamps_ns.find(frame);
-    const std::int64_t ns = stamp != reconstruction.timestamps_ns.end()
-                                ? stamp->second
-                                : std::int64_t{ToInt(frame)} * kNsPerSecond;
+    times_ns.emplace(frame, std::int64_t{ToInt(frame)} * kNsPerSecond);
     const Rigid3 world_from_cam = cam_from_world.Inverse();
     const Eigen::Vector3d& t = world_from_cam.translation;
     const Eigen::Quaterniond& q = world_from_cam.rotation;
-    text += fmt::format("{} {} {} {} {} {} {} {}\n",
-                        SecondsText(ns),
-                        t.x(),
-                        t.y(),
-                        t.z(),
-                        q.x(),
-                        q.y(),
-                        q.z(),
-                        q.w());
+    poses[frame] =
+        fmt::format("{} {} {} {} {} {} {}\n", t.x(), t.y(), t.z(), q.x(), q.y(), q.z(), q.w());
+  }
+  for (const auto& [frame, original] : reconstruction.repeats) {
+    times_ns[frame.index] = frame.timestamp_ns;
+    poses[frame.index] = poses.at(original);
+  }
+  std::string text;
+  for (const auto& [frame, pose] : poses) {
+    text += fmt::format("{} {}", SecondsText(times_ns.at(frame)), pose);
   }
   return text;
 }
@@ -654,11 +654,7 @@ Reconstruction FromColmapModel(const ColmapModel& model) {
 
 Reconstruction FromColmapModel(const ColmapModel& model, const TrackFile& file) {
   Reconstruction reconstruction = CamerasOf(model);
-  for (const FrameInfo& frame : file.frames) {
-    if (reconstruction.cam_from_world.contains(frame.index)) {
-      reconstruction.timestamps_ns[frame.index] = frame.timestamp_ns;
-    }
-  }
+  NoteFrames(file, reconstruction);
   std::map<ColmapImageId, std::vector<const Observation*>> keypoints;
   for (const auto& [id, image] : model.images) {
     keypoints[id] = ColmapKeypoints(file.tracks, FrameOfColmapImage(id));
@@ -752,11 +748,25 @@ void WriteReconstruction(const fs::path& folder, const Reconstruction& reconstru
 Reconstruction ReadReconstruction(const fs::path& folder) {
   Reconstruction reconstruction = FromColmapModel(ReadColmapModel(folder));
   if (fs::exists(folder / "trajectory.tum")) {
-    // One line per registered frame, ascending.
+    // One line per registered frame, ascending. If there are more, those with the pose of the line
+    // before are repeats.
+    std::size_t lines = 0;
+    for (TextReader count(folder / "trajectory.tum"); count.NextLine();) ++lines;
+    std::size_t repeats = lines - std::min(lines, reconstruction.cam_from_world.size());
     TextReader in(folder / "trajectory.tum");
-    for (const auto& [frame, pose] : reconstruction.cam_from_world) {
-      if (!in.NextLine()) in.Fail("fewer lines than registered frames");
-      reconstruction.timestamps_ns[frame] = NsOfSeconds(in.Word(), in);
+    std::string pose_before;
+    for (const auto& [frame, cam_from_world] : reconstruction.cam_from_world) {
+      std::string time;
+      std::string pose;
+      while (true) {
+        if (!in.NextLine()) in.Fail("fewer lines than registered frames");
+        time = in.Word();
+        pose = in.Rest();
+        if (pose != pose_before || repeats == 0) break;
+        --repeats;
+      }
+      reconstruction.timestamps_ns[frame] = NsOfSeconds(time, in);
+      pose_before = std::move(pose);
     }
   }
   return reconstruction;

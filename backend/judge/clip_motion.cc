@@ -198,7 +198,12 @@ ClipMotion ClassifyMotion(const WidestPairs& widest, const Camera& camera, doubl
   const double threshold = LeastParallaxThatTells(noise_px);
   if (widest.motion_px < threshold) return ClipMotion::kStatic;
   const auto [best, least_px] = LeastOfThoseToTry(widest, camera);
-  return least_px < threshold ? ClipMotion::kRotation : ClipMotion::kParallax;
+  if (least_px >= threshold) return ClipMotion::kParallax;
+  // Of the picture's diagonal. A drone that stood on its legs with its motors on shook by .0023;
+  // nobody calls a turn by a third of a degree a turn.
+  constexpr double kShakes = 0.005;
+  const double diagonal_px = std::hypot(camera.width_px, camera.height_px);
+  return widest.motion_px < kShakes * diagonal_px ? ClipMotion::kStatic : ClipMotion::kRotation;
 }
 
 bool TurnsByAnotherCamera(const WidestPairs& widest, const Camera& camera, double noise_px) {

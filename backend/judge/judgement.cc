@@ -53,7 +53,10 @@ std::optional<MapperEnd> DescribeClipWithoutParallax(const WidestPairs& widest,
     case ClipMotion::kStatic:
       return MapperEnd{
           MapperTermination::kStaticCamera,
-          fmt::format("the tracks move by no more than their noise ({:.2f} px)", noise_px)};
+          fmt::format("the picture moves by {:.1f} px at most, and the noise of the tracks is "
+                      "{:.2f} px",
+                      widest.motion_px,
+                      noise_px)};
     case ClipMotion::kRotation:
       return MapperEnd{
           MapperTermination::kPureRotation,
@@ -260,14 +263,19 @@ std::optional<Doubt> DescribeFewPoints(const Reconstruction& reconstruction) {
   if (few.empty()) return std::nullopt;
   return Doubt{
       DoubtCode::kFewPoints,
-      fmt::format("{} frames, the first of them {} and the last {}, are constrained by few points, "
-                  "one of them by {} where the others have {:.0f}, and few points may drift "
-                  "together: film textured surfaces there, or leave these frames out by --frames",
-                  few.size(),
-                  ToInt(few.front()),
-                  ToInt(few.back()),
+      fmt::format("{} constrained by few points, {}by {} where the others have {:.0f}, and few "
+                  "points may drift together: film textured surfaces there, or leave {} out by "
+                  "--frames",
+                  few.size() == 1 ? fmt::format("frame {} is", ToInt(few.front()))
+                                  : fmt::format("{} frames, the first of them {} and the last {}, "
+                                                "are",
+                                                few.size(),
+                                                ToInt(few.front()),
+                                                ToInt(few.back())),
+                  few.size() == 1 ? "" : "one of them ",
                   least,
-                  median),
+                  median,
+                  few.size() == 1 ? "it" : "these frames"),
       {{"frames", static_cast<double>(few.size())},
        {"points", static_cast<double>(least)},
        {"median_points", median}}};

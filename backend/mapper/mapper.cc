@@ -15,6 +15,7 @@
 #include "backend/adjust/rolling_shutter.h"
 #include "backend/grow/grown_parts.h"
 #include "backend/grow/parts.h"
+#include "backend/judge/aside.h"
 #include "backend/judge/judgement.h"
 #include "backend/mapper/camera_search.h"
 #include "backend/scene/near_world.h"
@@ -78,6 +79,7 @@ Reconstruction ToReconstruction(const WorkingModel& model,
   Reconstruction result;
   result.camera = model.camera();
   result.readout = readout;
+  result.frame_times = whitened.frame_times();
   for (const int f : model.RegisteredFrames()) {
     const FrameInfo& info = whitened.frames()[f];
     result.cam_from_world[info.index] = model.Pose(f);
@@ -109,7 +111,9 @@ MapperResult WithEnd(MapperResult result, const MapperEnd& end) {
 // Adds what follows from the reconstruction: the summary's figures and the tracks without a point.
 MapperResult WithSummary(MapperResult result, const TrackFile& file, const Stopwatch& stopwatch) {
   const ReconstructionSummary ended = std::move(result.summary);
-  result.summary = Summarize(result.reconstruction, file.frames.size());
+  NoteFrames(file, result.reconstruction);
+  for (Reconstruction& part : result.other_parts) NoteFrames(file, part);
+  result.summary = SummarizeModelOf(file, result.reconstruction);
   result.summary.termination = ended.termination;
   result.summary.reasons.insert(
       result.summary.reasons.end(), ended.reasons.begin(), ended.reasons.end());
@@ -216,16 +220,6 @@ std::vector<Doubt> DoubtModel(const MapperResult& result,
                               const Camera& camera) {
   const WorkingModel& model = judged.parts[judged.chosen];
   std::vector<Doubt> doubts = judged.judgements[judged.chosen].doubts;
-  if (judged.parts.size() > 1) {
-    doubts.push_back(
-        {DoubtCode::kParts,
-         fmt::format(
-             "the clip breaks into {} parts, of which this is the largest{}: film the places "
-             "between them more slowly or, if the clip is cut, give its scenes one by one",
-             judged.parts.size(),
-             judged.chosen > 0 ? " usable part" : ""),
-         {{"parts", static_cast<double>(judged.parts.size())}}});
-  }
   if (result.better_camera) {
     doubts.push_back(DescribeBetterCamera(*result.better_camera, camera));
   } else if (camera.known) {
@@ -282,11 +276,33 @@ void Describe(const JudgedParts& judged,
   add_doubt(DescribeFewPoints(result.reconstruction));
 }
 
-MapperResult WithEndOfModel(MapperResult described, std::size_t frames) {
-  const bool partial = TooFewRegistered(described.reconstruction.cam_from_world.size(), frames);
-  const MapperEnd end{partial ? MapperTermination::kPartial : MapperTermination::kSuccess,
-                      fmt::format("{}", fmt::join(SentencesOf(described.summary.reasons), "; "))};
-  return WithEnd(std::move(described), end);
+MapperResult WithEndOfModel(MapperResult described, const TrackFile& file) {
+  NoteFrames(file, described.reconstruction);
+  const ReconstructionSummary summary = SummarizeModelOf(file, described.reconstruction);
+  if (!summary.Failed()) return WithEnd(std::move(described), {MapperTermination::kSuccess, ""});
+  return WithEnd(std::move(described), {MapperTermination::kPartial, ""});
+}
+
+// The doubt about a model of one of several parts of its scene; other scenes do not count.
+std::optional<Doubt> DescribeParts(const JudgedParts& judged,
+                                   const TrackFile& file,
+                                   const Reconstruction& model) {
+  const std::vector<Aside> asides = FindAsides(file, model);
+  const auto is_aside = [&](int frame) {
+    return std::ranges::any_of(asides, [&](const Aside& aside) {
+      return aside.Has(file.frames[static_cast<std::size_t>(frame)].index);
+    });
+  };
+  const auto parts = std::ranges::count_if(judged.parts, [&](const WorkingModel& part) {
+    return !std::ranges::all_of(part.RegisteredFrames(), is_aside);
+  });
+  if (parts < 2) return std::nullopt;
+  return Doubt{DoubtCode::kParts,
+               fmt::format("the clip breaks into {} parts, of which this is the largest{}: film "
+                           "the places between them more slowly",
+                           parts,
+                           judged.chosen > 0 ? " usable part" : ""),
+               {{"parts", static_cast<double>(parts)}}};
 }
 
 bool HasNeighbours(const std::vector<FrameInfo>& frames) {
@@ -350,10 +366,13 @@ MapperResult MapAtOneFocalLength(const TrackFile& file, const MapperOptions& opt
     result.other_parts.push_back(ToReconstruction(judged.parts[i], whitened, judged.readout));
   }
   Describe(judged, whitened, camera, refinement, options, keyframes, result);
+  if (auto doubt = DescribeParts(judged, file, result.reconstruction)) {
+    result.summary.reasons.push_back(std::move(*doubt));
+  }
   if (found && found->rival) {
     result.summary.reasons.push_back(DescribeRivalCamera(found->camera, *found->rival));
   }
-  return WithEndOfModel(std::move(result), file.frames.size());
+  return WithEndOfModel(std::move(result), file);
 }
 
 void SetPoses(const std::map<FrameIndex, Rigid3>& cam_from_world, WorkingModel& model) {
@@ -399,7 +418,7 @@ MapperResult AdjustAtOneFocalLength(const TrackFile& file,
   result.depth_uncertainty = judged.judgements.front().depth_uncertainty;
   result.unexplained_parallax = judged.judgements.front().unexplained_parallax;
   Describe(judged, whitened, start.camera, refinement, options, keyframes, result);
-  return WithEndOfModel(std::move(result), file.frames.size());
+  return WithEndOfModel(std::move(result), file);
 }
 
 // The clip as a camera that does not zoom would have seen it.
@@ -416,7 +435,7 @@ MapperResult WithFocalScales(MapperResult result,
   result.reconstruction.focal_scale = scales;
   MoveViewsToTracks(file.tracks, result.reconstruction.readout, result.reconstruction);
   result.summary.reasons.push_back(DescribeFoundZoom(ZoomOf(scales)));
-  return WithEndOfModel(std::move(result), file.frames.size());
+  return WithEndOfModel(std::move(result), file);
 }
 
 // The model with the poses, the camera and the focal lengths that its tracks imply.
@@ -485,7 +504,7 @@ MapperResult MapTracks(const TrackFile& file, const MapperOptions& options) {
       zoomed.summary.reasons.push_back(std::move(doubt));
     }
   }
-  return WithEndOfModel(std::move(zoomed), file.frames.size());
+  return WithEndOfModel(std::move(zoomed), file);
 }
 
 }  // namespace

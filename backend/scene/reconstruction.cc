@@ -16,7 +16,10 @@ namespace {
 // projection.
 template <typename Model, typename Use>
 void ForEachError(Model& reconstruction, const Use& use) {
-  const RowPoses rows(reconstruction.cam_from_world, reconstruction.readout, reconstruction.camera);
+  const RowPoses rows(reconstruction.cam_from_world,
+                      reconstruction.readout,
+                      reconstruction.camera,
+                      reconstruction.frame_times);
   for (auto& [feature, point] : reconstruction.points) {
     for (const PointView& view : point.views) {
       const Rigid3 cam_from_world = reconstruction.readout == 0.0
@@ -91,10 +94,44 @@ std::vector<std::string> SentencesOf(const std::vector<Doubt>& doubts) {
   return sentences;
 }
 
-ReconstructionSummary Summarize(const Reconstruction& reconstruction, std::size_t frames) {
+void NoteFrames(const TrackFile& file, Reconstruction& reconstruction) {
+  for (const FrameInfo& frame : file.frames) {
+    if (!reconstruction.cam_from_world.contains(frame.index)) continue;
+    reconstruction.timestamps_ns[frame.index] = frame.timestamp_ns;
+  }
+  reconstruction.frame_times = CaptureTimes(file);
+  reconstruction.repeats.clear();
+  for (const RepeatedFrame& repeat : file.repeats) {
+    if (reconstruction.cam_from_world.contains(repeat.original)) {
+      reconstruction.repeats.push_back(repeat);
+    }
+  }
+}
+
+std::string DescribeAside(const Aside& aside) {
+  const bool one = aside.first == aside.last;
+  const std::string frames =
+      one ? fmt::format("frame {}", ToInt(aside.first))
+          : fmt::format("frames {} to {}", ToInt(aside.first), ToInt(aside.last));
+  switch (aside.kind) {
+    case AsideKind::kBlank:
+      return fmt::format(
+          "{} show{} nothing: black, or without any texture", frames, one ? "s" : "");
+    case AsideKind::kCard:
+      return fmt::format("{} show{} a still picture, such as a title card", frames, one ? "s" : "");
+    case AsideKind::kOtherScene:
+      return fmt::format("{} show{} another scene", frames, one ? "s" : "");
+  }
+  return frames;
+}
+
+ReconstructionSummary Summarize(const Reconstruction& reconstruction,
+                                std::size_t frames,
+                                std::size_t aside) {
   ReconstructionSummary summary;
-  summary.registered = reconstruction.cam_from_world.size();
+  summary.registered = reconstruction.cam_from_world.size() + reconstruction.repeats.size();
   summary.frames = frames;
+  summary.aside_frames = aside;
   summary.points = reconstruction.points.size();
   double error_sum = 0.0;
   for (const auto& [feature, point] : reconstruction.points) {
@@ -108,14 +145,14 @@ ReconstructionSummary Summarize(const Reconstruction& reconstruction, std::size_
   if (summary.observations > 0) {
     summary.mean_reprojection_px = error_sum / static_cast<double>(summary.observations);
   }
-  if (summary.registered > 0 && TooFewRegistered(summary.registered, frames)) {
+  if (summary.registered > 0 && TooFewRegistered(summary.registered, summary.SceneFrames())) {
     summary.reasons.push_back({DoubtCode::kFewFrames,
                                fmt::format("only {} of {} frames have a camera: film the others "
                                            "more slowly, in more light, or with more overlap",
                                            summary.registered,
-                                           frames),
+                                           summary.SceneFrames()),
                                {{"registered", static_cast<double>(summary.registered)},
-                                {"frames", static_cast<double>(frames)}}});
+                                {"frames", static_cast<double>(summary.SceneFrames())}}});
   }
   return summary;
 }
@@ -126,8 +163,8 @@ ModelQuality ReconstructionSummary::Quality() const {
 }
 
 std::string ReconstructionSummary::WhyFailed() const {
-  if (!TooFewRegistered(registered, frames)) return "the model has no points";
-  return fmt::format("{} of {} frames have a pose, fewer than 80 %", registered, frames);
+  if (!TooFewRegistered(registered, SceneFrames())) return "the model has no points";
+  return fmt::format("{} of {} frames have a pose, fewer than 80 %", registered, SceneFrames());
 }
 
 std::string ReconstructionSummary::Brief() const {

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "backend/scene/focal_scale.h"
+#include "backend/scene/frame_times.h"
 #include "frontend/core/options.h"
 #include "frontend/geometry/camera.h"
 #include "frontend/geometry/rigid3.h"
@@ -38,9 +39,11 @@ struct Reconstruction {
   // Rolling shutter: the share of the time between frames from the first row to the last (< 0: from
   // the bottom up; 0: a global one). A frame's pose is its middle row's (RowPoses).
   double readout = 0.0;
-  std::map<FrameIndex, Rigid3> cam_from_world;  // registered frames only
+  std::map<FrameIndex, Rigid3> cam_from_world;  // registered frames only, no repeats
   std::map<FrameIndex, std::string> frame_names;
   std::map<FrameIndex, std::int64_t> timestamps_ns;
+  FrameTimes frame_times;              // in the intervals that `readout` is a share of
+  std::vector<RepeatedFrame> repeats;  // of registered frames, whose poses they share; ascending
   std::map<FeatureId, Point3D> points;
 };
 
@@ -68,7 +71,7 @@ std::map<FrameIndex, std::vector<double>> ReprojectionErrors(const Reconstructio
 // reports, because a model has no metric scale.
 double MedianDistance(const Reconstruction& reconstruction);
 
-// The reconstruction failed: fewer than 80 % of the frames have a pose.
+// The reconstruction failed: fewer than 80 % of the scene's frames have a pose.
 constexpr bool TooFewRegistered(std::size_t registered, std::size_t frames) {
   return registered * 10 < frames * 8;
 }
@@ -133,10 +136,31 @@ struct Doubt {
 
 std::vector<std::string> SentencesOf(const std::vector<Doubt>& doubts);
 
+// What frames show that do not show the scene of a model (FindAsides in backend/judge/aside.h).
+enum class AsideKind : std::uint8_t { kBlank, kCard, kOtherScene };
+inline constexpr ChoiceNames<AsideKind, 3> kAsideKindNames{
+    {{"nothing", AsideKind::kBlank},
+     {"still picture", AsideKind::kCard},
+     {"other scene", AsideKind::kOtherScene}}};
+
+// Frames first to last, both included.
+struct Aside {
+  FrameIndex first{};
+  FrameIndex last{};
+  AsideKind kind = AsideKind::kBlank;
+
+  bool Has(FrameIndex frame) const { return first <= frame && frame <= last; }
+  bool operator==(const Aside&) const = default;
+};
+
+// "frames 0 to 47 show a still picture, such as a title card"
+std::string DescribeAside(const Aside& aside);
+
 // How a reconstruction ended.
 struct ReconstructionSummary {
   std::size_t registered = 0;
-  std::size_t frames = 0;
+  std::size_t frames = 0;        // of the clip
+  std::size_t aside_frames = 0;  // those that do not show the scene of the model
   std::size_t points = 0;
   std::size_t observations = 0;
   double mean_track_length = 0.0;
@@ -144,17 +168,26 @@ struct ReconstructionSummary {
   double seconds = 0.0;
   std::string termination;     // one line
   std::vector<Doubt> reasons;  // to doubt the model
+  std::vector<Aside> asides;   // ascending
 
+  std::size_t SceneFrames() const { return frames - aside_frames; }  // a model should have them all
   // Failed if there is no model, doubtful if there are reasons.
   ModelQuality Quality() const;
   // Points are checked too: given cameras have poses even if nothing was reconstructed.
-  bool Failed() const { return points == 0 || TooFewRegistered(registered, frames); }
+  bool Failed() const { return points == 0 || TooFewRegistered(registered, SceneFrames()); }
   std::string WhyFailed() const;  // half a sentence
   std::string Brief() const;
 };
 
+// Notes what a model of these tracks takes over from their frames: the time stamps, times and
+// repeats of those that it has registered.
+void NoteFrames(const TrackFile& file, Reconstruction& reconstruction);
+
 // Fills everything but seconds and termination. Of the reasons it adds only that too few frames
-// registered. `frames` is the number of frames of the clip.
-ReconstructionSummary Summarize(const Reconstruction& reconstruction, std::size_t frames);
+// registered. Repeats of registered frames count as registered; `frames` is the number of frames of
+// the clip with its repeats, and `aside` that of those which do not show the scene.
+ReconstructionSummary Summarize(const Reconstruction& reconstruction,
+                                std::size_t frames,
+                                std::size_t aside = 0);
 
 }  // namespace cohort

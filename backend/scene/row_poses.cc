@@ -25,7 +25,8 @@ Eigen::Quaterniond FromRotationVector(const Eigen::Vector3d& vector) {
 
 RowPoses::RowPoses(const std::map<FrameIndex, Rigid3>& cam_from_world,
                    double readout,
-                   const Camera& camera)
+                   const Camera& camera,
+                   const FrameTimes& times)
     : readout_(readout),
       row_order_(camera.row_order),
       last_px_((AreColumns(camera.row_order) ? camera.width_px : camera.height_px) - 1.0) {
@@ -35,8 +36,7 @@ RowPoses::RowPoses(const std::map<FrameIndex, Rigid3>& cam_from_world,
     if (readout == 0.0) continue;
     motion.center = it->second.Inverse().translation;
     const auto add = [&](const auto& other) {
-      const double frames =
-          static_cast<double>(ToInt(other->first)) - static_cast<double>(ToInt(it->first));
+      const double frames = TimeOf(times, other->first) - TimeOf(times, it->first);
       if (std::abs(frames) > kMostFramesApart) return;
       const Rigid3& there = other->second;
       motion.neighbours.push_back(

@@ -5,6 +5,7 @@
 #include <optional>
 #include <vector>
 
+#include "backend/scene/frame_times.h"
 #include "backend/scene/reconstruction.h"
 
 namespace cohort {
@@ -21,10 +22,12 @@ inline constexpr double kMostFramesApart = 3.0;
 // With two, sways of 5 Hz and more would be underestimated.
 class RowPoses {
  public:
-  // Frames are spaced by FrameIndex: a missing frame leaves a gap of two intervals.
+  // `times`: when the frames were taken, in the intervals that `readout` is a share of. Without
+  // them frames are spaced by FrameIndex: a missing frame leaves a gap of two intervals.
   RowPoses(const std::map<FrameIndex, Rigid3>& cam_from_world,
            double readout,
-           const Camera& camera);
+           const Camera& camera,
+           const FrameTimes& times = {});
 
   // The pose of a frame for the row of xy; rows beyond the picture are extrapolated.
   Rigid3 CamFromWorld(FrameIndex frame, const Eigen::Vector2d& xy) const;

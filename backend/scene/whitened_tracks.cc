@@ -28,7 +28,7 @@ Eigen::Matrix2d ObservationCovariance(const Observation& observation,
 }  // namespace
 
 WhitenedTracks::WhitenedTracks(const TrackFile& file, const WhiteningOptions& options)
-    : frames_(file.frames) {
+    : frames_(file.frames), frame_times_(CaptureTimes(file)) {
   std::map<FrameIndex, int> frame_number;
   for (int i = 0; i < frame_count(); ++i) frame_number[frames_[i].index] = i;
   for (const FrameIndex frame : file.tracks.frames()) {
@@ -69,6 +69,7 @@ WhitenedTracks WhitenedTracks::WithPositions(const std::vector<Eigen::Vector2d>&
 WhitenedTracks WhitenedTracks::Select(const std::vector<int>& tracks) const {
   WhitenedTracks selected;
   selected.frames_ = frames_;
+  selected.frame_times_ = frame_times_;
   selected.in_frame_.resize(frames_.size());
   for (const int track : tracks) {
     const auto [first, last] = TrackRange(track);

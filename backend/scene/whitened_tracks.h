@@ -6,6 +6,7 @@
 #include <utility>
 #include <vector>
 
+#include "backend/scene/frame_times.h"
 #include "frontend/tracks/track_store.h"
 
 namespace cohort {
@@ -39,6 +40,7 @@ class WhitenedTracks {
   int frame_count() const { return static_cast<int>(frames_.size()); }
   int track_count() const { return static_cast<int>(features_.size()); }
   const std::vector<FrameInfo>& frames() const { return frames_; }
+  const FrameTimes& frame_times() const { return frame_times_; }
   const std::vector<FeatureId>& features() const { return features_; }
   const std::vector<WhitenedObservation>& observations() const { return observations_; }
 
@@ -63,6 +65,7 @@ class WhitenedTracks {
   WhitenedTracks() = default;
 
   std::vector<FrameInfo> frames_;
+  FrameTimes frame_times_;
   std::vector<FeatureId> features_;
   std::vector<WhitenedObservation> observations_;
   std::vector<int> first_of_track_;

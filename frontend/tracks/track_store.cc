@@ -44,6 +44,13 @@ constexpr const char* kSchema = R"(
     track_id INTEGER PRIMARY KEY NOT NULL, last_frame INTEGER NOT NULL, reason TEXT NOT NULL);
 )";
 
+// Only in files with repeated frames.
+constexpr const char* kRepeatsSchema = R"(
+  CREATE TABLE repeats(
+    "index" INTEGER PRIMARY KEY NOT NULL, name TEXT NOT NULL, timestamp_ns INTEGER NOT NULL,
+    original INTEGER NOT NULL REFERENCES frames("index"));
+)";
+
 // The keys of table meta that are fields of TrackFile.
 constexpr std::array<std::string_view, 4> kFieldKeys{
     "source", "image_root", "width_px", "height_px"};
@@ -68,6 +75,15 @@ void PutCamera(SqliteDatabase& db, std::string_view table, const Camera& camera)
   insert.Bind(17, camera.guess_log_sigma).Run();
 }
 
+void PutRepeats(SqliteDatabase& db, const std::vector<RepeatedFrame>& repeats) {
+  db.Execute(kRepeatsSchema);
+  auto insert = db.Prepare("INSERT INTO repeats VALUES(?, ?, ?, ?)");
+  for (const auto& [frame, original] : repeats) {
+    insert.Bind(1, std::int64_t{ToInt(frame.index)}).Bind(2, frame.name);
+    insert.Bind(3, frame.timestamp_ns).Bind(4, std::int64_t{ToInt(original)}).Run();
+  }
+}
+
 void CreateSchema(SqliteDatabase& db, const TrackFile& header) {
   db.Execute(fmt::format("PRAGMA application_id = {}; PRAGMA user_version = {};{}",
                          kApplicationId,
@@ -82,6 +98,7 @@ void CreateSchema(SqliteDatabase& db, const TrackFile& header) {
   PutMeta(db, "width_px", std::to_string(header.width_px));
   PutMeta(db, "height_px", std::to_string(header.height_px));
   if (header.camera) PutCamera(db, "camera", *header.camera);
+  if (!header.repeats.empty()) PutRepeats(db, header.repeats);
   if (header.found_camera) {
     db.Execute("CREATE TABLE found_camera AS SELECT * FROM camera WHERE 0");
     PutCamera(db, "found_camera", *header.found_camera);
@@ -240,6 +257,41 @@ std::vector<Observation> ReadObservations(SqliteDatabase& db, const fs::path& pa
   return observations;
 }
 
+// Columns: index, name, timestamp_ns.
+FrameInfo ReadFrame(SqliteStatement& row, const fs::path& path) {
+  FrameInfo frame{.index = FrameIndex{ReadFrameIndex(row.Int(0), path)},
+                  .name = std::string(row.Text(1)),
+                  .timestamp_ns = row.Int(2)};
+  // Frames that did not come from files may have no name.
+  if (const std::string fault = FaultOfPictureName(frame.name);
+      !frame.name.empty() && !fault.empty()) {
+    ThrowDamaged(path, fmt::format("the name of frame '{}' {}", frame.name, fault));
+  }
+  return frame;
+}
+
+std::vector<RepeatedFrame> ReadRepeats(SqliteDatabase& db,
+                                       const std::vector<FrameInfo>& frames,
+                                       const fs::path& path) {
+  std::vector<RepeatedFrame> repeats;
+  const auto is_listed = [&frames](FrameIndex index) {
+    return std::ranges::binary_search(frames, index, {}, &FrameInfo::index);
+  };
+  auto row =
+      db.Prepare("SELECT \"index\", name, timestamp_ns, original FROM repeats ORDER BY \"index\"");
+  while (row.Step()) {
+    const RepeatedFrame& repeat = repeats.emplace_back(
+        RepeatedFrame{ReadFrame(row, path), FrameIndex{ReadFrameIndex(row.Int(3), path)}});
+    if (is_listed(repeat.frame.index) || !is_listed(repeat.original)) {
+      ThrowDamaged(path,
+                   fmt::format("its frame {} cannot repeat frame {}",
+                               ToInt(repeat.frame.index),
+                               ToInt(repeat.original)));
+    }
+  }
+  return repeats;
+}
+
 std::vector<TrackEnd> ReadEnds(SqliteDatabase& db, const fs::path& path) {
   std::vector<TrackEnd> ends;
   auto row = db.Prepare("SELECT track_id, last_frame, reason FROM ends ORDER BY track_id");
@@ -283,16 +335,8 @@ TrackFile ReadTrackFile(const fs::path& path) {
     ThrowDamaged(path, "the camera that was found does not belong to these pictures");
   }
   auto frames = db.Prepare("SELECT \"index\", name, timestamp_ns FROM frames ORDER BY \"index\"");
-  while (frames.Step()) {
-    file.frames.push_back({.index = FrameIndex{ReadFrameIndex(frames.Int(0), path)},
-                           .name = std::string(frames.Text(1)),
-                           .timestamp_ns = frames.Int(2)});
-    // Frames that did not come from files may have no name.
-    const std::string& name = file.frames.back().name;
-    if (const std::string fault = FaultOfPictureName(name); !name.empty() && !fault.empty()) {
-      ThrowDamaged(path, fmt::format("the name of frame '{}' {}", name, fault));
-    }
-  }
+  while (frames.Step()) file.frames.push_back(ReadFrame(frames, path));
+  if (db.HasTable("repeats")) file.repeats = ReadRepeats(db, file.frames, path);
   if (!file.frames.empty() && (file.width_px == 0 || file.height_px == 0)) {
     ThrowDamaged(path, "it has frames without a size");
   }

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <filesystem>
 #include <optional>
@@ -18,6 +19,13 @@ struct FrameInfo {
   std::int64_t timestamp_ns = 0;
 };
 
+// A frame that shows the picture of an earlier one once more. It has no tracks of its own: its pose
+// is that of the original.
+struct RepeatedFrame {
+  FrameInfo frame;
+  FrameIndex original{};
+};
+
 // The contents of a .tracks file.
 struct TrackFile {
   std::string source;      // the INPUT that it was made from, absolute
@@ -29,10 +37,12 @@ struct TrackFile {
   // next search starts. It does not make the camera known.
   std::optional<Camera> found_camera;
   TrackMeta meta;
-  std::vector<FrameInfo> frames;  // ascending; also frames without observations
+  std::vector<FrameInfo> frames;  // ascending; also frames without observations, but no repeats
+  std::vector<RepeatedFrame> repeats;  // ascending
   TrackSet tracks;
 
   bool KnowsCamera() const { return camera && camera->known; }
+  std::size_t FrameCount() const { return frames.size() + repeats.size(); }  // of the clip
 };
 
 // Throws Error naming the path if the file is missing, damaged or not a .tracks file.

@@ -7,16 +7,17 @@ namespace cohort {
 namespace {
 
 void PrintSummary(const ReconstructionSummary& summary, const std::string& out) {
-  fmt::print("{}",
-             AlignedTable({{"model", out},
-                           {"registered", fmt::format("{}/{}", summary.registered, summary.frames)},
-                           {"points", fmt::format("{}", summary.points)},
-                           {"observations", fmt::format("{}", summary.observations)},
-                           {"mean track length", fmt::format("{:.1f}", summary.mean_track_length)},
-                           {"mean reprojection error [px]",
-                            fmt::format("{:.3f}", summary.mean_reprojection_px)},
-                           {"seconds", fmt::format("{:.1f}", summary.seconds)},
-                           {"ended with", summary.termination}}));
+  fmt::print(
+      "{}",
+      AlignedTable(
+          {{"model", out},
+           {"registered", fmt::format("{}/{}", summary.registered, summary.SceneFrames())},
+           {"points", fmt::format("{}", summary.points)},
+           {"observations", fmt::format("{}", summary.observations)},
+           {"mean track length", fmt::format("{:.1f}", summary.mean_track_length)},
+           {"mean reprojection error [px]", fmt::format("{:.3f}", summary.mean_reprojection_px)},
+           {"seconds", fmt::format("{:.1f}", summary.seconds)},
+           {"ended with", summary.termination}}));
 }
 
 void RunReconstruct(const ReconstructJobOptions& options) {

@@ -19,7 +19,7 @@ void PrintFigures(const SfmFigures& figures, const std::string& out) {
   std::vector<std::vector<std::string>> rows{
       {"scene", out},
       {"frames with a pose",
-       fmt::format("{} of {}", figures.model.registered, figures.model.frames)},
+       fmt::format("{} of {}", figures.model.registered, figures.model.SceneFrames())},
       {"pictures of the scene", fmt::format("{}", figures.images)},
       {"points of the scene", fmt::format("{}", figures.points)}};
   if (!figures.quality.empty()) rows.push_back({"quality", figures.quality});
@@ -36,6 +36,7 @@ void PrintFigures(const SfmFigures& figures, const std::string& out) {
   }
   rows.push_back({"report", (fs::path(out) / "report.html").string()});
   fmt::print("{}", AlignedTable(rows));
+  for (const std::string& note : figures.notes) PrintLine("Left out: {}", note);
   for (const Doubt& reason : figures.reasons) PrintLine("Doubt: {}", reason.sentence);
   for (const std::string& advice : figures.film_better) PrintLine("To film better: {}", advice);
 }
@@ -46,6 +47,7 @@ void WriteSceneReport(const SfmJobOptions& options, const SfmFigures& figures) {
   const fs::path page = folder / "report.html";
   if (fs::exists(page)) return;  // RunSfmJob has removed any other scene's
   ClipReport report = ReadClipReport(folder / "model");
+  report.sentences.insert(report.sentences.end(), figures.notes.begin(), figures.notes.end());
   report.sentences.insert(
       report.sentences.end(), figures.film_better.begin(), figures.film_better.end());
   const auto sequence = OpenInput(options.input);

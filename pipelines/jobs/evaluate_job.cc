@@ -9,6 +9,7 @@
 #include <map>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <set>
 #include <span>
 #include <string>
 #include <utility>
@@ -226,7 +227,20 @@ std::vector<FrameIndex> FramesOfModel(const fs::path& folder, const ModelTruth& 
   const fs::path summary = folder / "summary.json";
   if (!fs::exists(summary)) return FramesOf(truth);
   std::optional<std::string> text;
-  UseJsonFile(summary, [&text](const Json& json) {
+  std::set<FrameIndex> repeats;  // have the poses of others
+  std::vector<Aside> asides;
+  UseJsonFile(summary, [&](const Json& json) {
+    if (json.contains("repeats")) {
+      for (const Json& pair : json.at("repeats")) {
+        repeats.insert(FrameIndex{pair.at(0).get<std::uint32_t>()});
+      }
+    }
+    if (json.contains("asides")) {  // nor are those that show something else missing
+      for (const Json& aside : json.at("asides")) {
+        asides.push_back({FrameIndex{aside.at("first_frame").get<std::uint32_t>()},
+                          FrameIndex{aside.at("last_frame").get<std::uint32_t>()}});
+      }
+    }
     if (json.contains("frame_range")) text = json.at("frame_range").get<std::string>();
   });
   if (!text) return FramesOf(truth);
@@ -246,8 +260,12 @@ std::vector<FrameIndex> FramesOfModel(const fs::path& folder, const ModelTruth& 
                kMostFrames);
   }
   std::vector<FrameIndex> frames;
-  for (std::size_t i = 0; i < count; ++i)
-    frames.push_back(FrameIndex(range.first + i * range.stride));
+  for (std::size_t i = 0; i < count; ++i) {
+    const FrameIndex frame{static_cast<std::uint32_t>(range.first + i * range.stride)};
+    const bool is_aside =
+        std::ranges::any_of(asides, [frame](const Aside& aside) { return aside.Has(frame); });
+    if (!repeats.contains(frame) && !is_aside) frames.push_back(frame);
+  }
   return frames;
 }
 

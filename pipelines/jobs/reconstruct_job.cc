@@ -31,6 +31,9 @@ ReconstructionSummary RunReconstructJob(const ReconstructJobOptions& options) {
     spdlog::info("rolling shutter: the readout takes {:.2f} of the time between frames",
                  result.reconstruction.readout);
   }
+  for (const Aside& aside : result.summary.asides) {
+    spdlog::info("{}", DescribeAside(aside));
+  }
   for (const std::string& warning : result.warnings) spdlog::warn("{}", warning);
   if (!options.json.empty()) {
     WriteJsonFile(options.json, ReadJsonFile(std::filesystem::path(options.out) / "summary.json"));

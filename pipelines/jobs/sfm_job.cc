@@ -2,6 +2,7 @@
 
 #include <spdlog/spdlog.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <map>
 #include <nlohmann/json.hpp>
@@ -41,6 +42,7 @@ TrackJobOptions TrackOptionsOf(const SfmJobOptions& options) {
 // options, and a fingerprint of the input's files.
 Json SceneMadeOf(SfmJobOptions options, const Sequence& sequence) {
   options.resume = false;
+  options.json.clear();
   options.threads = 0;
   options.out.clear();
   const std::string input = std::exchange(options.input.input, "");
@@ -155,11 +157,28 @@ std::vector<Stretch> OtherPartsOf(const fs::path& summary) {
   return parts;
 }
 
+std::vector<Aside> AsidesOf(const Json& model) {
+  std::vector<Aside> asides;
+  if (!model.contains("asides")) return asides;
+  for (const Json& aside : model.at("asides")) {
+    asides.push_back({FrameIndex{aside.at("first_frame").get<std::uint32_t>()},
+                      FrameIndex{aside.at("last_frame").get<std::uint32_t>()},
+                      ValueOf(kAsideKindNames, aside.at("shows").get<std::string>())
+                          .value_or(AsideKind::kOtherScene)});
+  }
+  return asides;
+}
+
 SfmFigures FiguresOf(const fs::path& summary) {
   SfmFigures figures;
   UseJsonFile(summary, [&figures](const Json& model) {
     figures.model.registered = CountAt(model, "registered");
     figures.model.frames = CountAt(model, "frames");
+    if (model.contains("scene_frames")) {
+      figures.model.aside_frames =
+          figures.model.frames - std::min(figures.model.frames, CountAt(model, "scene_frames"));
+    }
+    figures.model.asides = AsidesOf(model);
     figures.model.points = CountAt(model, "points");
     figures.model.observations = CountAt(model, "observations");
     figures.model.mean_track_length = model.at("mean_track_length").get<double>();
@@ -195,6 +214,7 @@ Json SummaryOf(const SfmFigures& figures,
                const Fingerprints& files) {
   Json json{{"registered", figures.model.registered},
             {"frames", figures.model.frames},
+            {"scene_frames", figures.model.SceneFrames()},
             {"images", figures.images},
             {"points", figures.points},
             {"failed", figures.model.Failed()},
@@ -205,6 +225,7 @@ Json SummaryOf(const SfmFigures& figures,
             {"camera_uncertainty",
              figures.camera_uncertainty ? Json(*figures.camera_uncertainty) : Json()},
             {"cuts", NumbersOf(cuts)},
+            {"notes", figures.notes},
             {"film_better", figures.film_better},
             {"clip", ClipToJson(clip)},
             {"made_of", made_of},
@@ -217,9 +238,15 @@ SfmFigures FiguresOfSummary(const fs::path& folder) {
   UseJsonFile(folder / "summary.json", [&figures](const Json& summary) {
     figures.images = CountAt(summary, "images");
     figures.points = CountAt(summary, "points");
+    figures.notes = summary.at("notes").get<std::vector<std::string>>();
     figures.film_better = summary.at("film_better").get<std::vector<std::string>>();
   });
   return figures;
+}
+
+// To --json, if it is given.
+void WriteFigures(const SfmJobOptions& options, const fs::path& summary) {
+  if (!options.json.empty()) WriteJsonFile(options.json, ReadJsonFile(summary));
 }
 
 }  // namespace
@@ -227,6 +254,7 @@ SfmFigures FiguresOfSummary(const fs::path& folder) {
 SfmFigures RunSfmJob(const SfmJobOptions& options) {
   const fs::path folder = options.out;
   const fs::path summary = folder / "summary.json";
+  CheckOutputsGiven({options.json});
   const auto sequence = OpenInput(options.input, options.masks);
   const Json made_of = SceneMadeOf(options, *sequence);
   const Json model_made_of = ModelMadeOf(made_of);
@@ -244,6 +272,7 @@ SfmFigures RunSfmJob(const SfmJobOptions& options) {
     WarnAgain(ReadTrackFile(folder / "clip.tracks"));
     spdlog::info("{} is already complete", options.out);
     SfmFigures figures = FiguresOfSummary(folder);
+    WriteFigures(options, summary);
     figures.lock = std::move(lock);
     return figures;
   }
@@ -281,10 +310,13 @@ SfmFigures RunSfmJob(const SfmJobOptions& options) {
       .termination = figures.model.termination,
       .brightness = brightness,
       .features_wanted = static_cast<std::size_t>(options.tracker.detector.max_features),
-      .other_parts = OtherPartsOf(folder / "model" / "summary.json")};
+      .other_parts = OtherPartsOf(folder / "model" / "summary.json"),
+      .asides = figures.model.asides};
   const ClipMeasures measures = MeasureClip(clip);
+  figures.notes = DescribeAsides(clip);
   figures.film_better = FilmAdvice(clip, measures);
   WriteJsonFile(summary, SummaryOf(figures, file.meta.cuts, measures, made_of, files));
+  WriteFigures(options, summary);
   WarnIfClipChanged(file, "clip.tracks", *sequence);
   figures.lock = std::move(lock);
   return figures;

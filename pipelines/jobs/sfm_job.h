@@ -20,6 +20,7 @@ struct SfmJobOptions {
   InputOptions input;
   std::string out;
   MaskOptions masks;
+  std::string json;
   bool resume = false;
   int threads = 0;
   SceneOptions scene;
@@ -33,6 +34,10 @@ struct SfmJobOptions {
     v.Text("out", o.out, "The scene folder to write.", Tier::kCommon);
     SceneOptions::Visit(o.scene, v);
     MaskOptions::Visit(o.masks, v);
+    v.Text("json",
+           o.json,
+           "Also write the figures of the run, the scene's summary.json, to this file.",
+           Tier::kCommon);
     v.Flag("resume",
            o.resume,
            "Continue an interrupted run with the same options instead of starting again.",
@@ -60,6 +65,7 @@ struct SfmFigures {
   std::optional<double> focal_sigma_px;
   std::optional<double> camera_uncertainty;  // share of the distance to the scene
   std::vector<Doubt> reasons;                // to doubt the model
+  std::vector<std::string> notes;            // what frames show that do not show the scene
   std::vector<std::string> film_better;      // FilmAdvice
   std::optional<WriteLock> lock;             // of the scene: held until its page is written
 };

@@ -18,6 +18,7 @@
 #include "pipelines/json/option_list.h"
 #include "pipelines/sfm/cuts.h"
 #include "pipelines/sfm/fingerprint.h"
+#include "pipelines/sfm/repeated_frames.h"
 #include "pipelines/sfm/track_sequence.h"
 
 namespace cohort {
@@ -29,7 +30,8 @@ namespace fs = std::filesystem;
 constexpr const char* kNoFixedParts = "off";
 
 void Count(const TrackFile& file, TrackFigures& figures) {
-  figures.frames = file.frames.size();
+  figures.frames = file.FrameCount();
+  figures.repeats = file.repeats.size();
   figures.tracks = file.tracks.features().size();
   figures.observations = file.tracks.observations().size();
   figures.predicted = file.tracks.CountPredicted();
@@ -71,15 +73,10 @@ bool IsOfJob(const TrackFile& file, const TrackFile& header) {
 void TellCuts(const TrackFile& file) {
   const std::vector<FrameIndex>& cuts = file.meta.cuts;
   if (cuts.empty()) return;
-  const std::uint32_t first = ToInt(file.frames.front().index);
-  const std::uint32_t stride = ToInt(file.frames.at(1).index) - first;
   spdlog::warn(
-      "the clip is cut at {}: all tracks end there. Track its scenes one by one: --frames {}:{}{} "
-      "is the first",
+      "the clip is cut at {}: no track goes on there. To use what follows alone, give --frames {}:",
       CutsText(cuts),
-      first,
-      ToInt(cuts.front()),
-      stride > 1 ? fmt::format(":{}", stride) : "");
+      ToInt(cuts.front()));
 }
 
 SequenceTracker TrackerOf(const TrackJobOptions& options, Sequence& sequence) {
@@ -94,6 +91,7 @@ void WriteFigures(const TrackFigures& figures, const TrackJobOptions& options) {
   if (options.json.empty()) return;
   WriteJsonFile(options.json,
                 {{"frames", figures.frames},
+                 {"repeats", figures.repeats},
                  {"tracks", figures.tracks},
                  {"observations", figures.observations},
                  {"predicted", figures.predicted},
@@ -139,6 +137,9 @@ TrackFigures RunTrackJob(const TrackJobOptions& options) {
   TrackFigures figures;
   TrackFile file = tracker.TrackAll(std::move(header), ProgressBars());
   figures.cuts = file.meta.cuts;
+  if (const std::string repeats = DescribeRepeats(file); !repeats.empty()) {
+    spdlog::info("{}", repeats);
+  }
   TellCuts(file);
   figures.decode_ms = tracker.decode_ms();
   figures.detect_ms = tracker.detect_ms();

@@ -38,7 +38,8 @@ struct TrackJobOptions {
 };
 
 struct TrackFigures {
-  std::size_t frames = 0;
+  std::size_t frames = 0;  // with repeats
+  std::size_t repeats = 0;
   std::size_t tracks = 0;
   std::size_t observations = 0;
   std::size_t predicted = 0;

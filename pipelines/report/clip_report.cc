@@ -288,7 +288,10 @@ ClipReport ReadClipReport(const fs::path& model_folder) {
     }
     report.facts = {
         {"frames with a pose",
-         fmt::format("{} of {}", CountAt(summary, "registered"), CountAt(summary, "frames"))},
+         fmt::format(
+             "{} of {}",
+             CountAt(summary, "registered"),
+             CountAt(summary, summary.contains("scene_frames") ? "scene_frames" : "frames"))},
         {"points", fmt::format("{}", CountAt(summary, "points"))}};
     if (summary.contains("quality") && summary["quality"].is_string()) {
       report.facts.emplace_back("quality", summary["quality"].get<std::string>());

@@ -12,7 +12,6 @@
 #include "backend/scene/mapper_termination.h"
 #include "backend/scene/row_poses.h"
 #include "frontend/core/statistics.h"
-#include "pipelines/sfm/cuts.h"
 
 namespace cohort {
 namespace {
@@ -38,7 +37,7 @@ std::string StretchesText(std::vector<Stretch> stretches) {
   for (const Stretch& s : stretches) {
     text += (text.empty() ? "" : ", ") + FramesText(s.first, s.last);
   }
-  if (more > 0) text += fmt::format(" and {} more places", more);
+  if (more > 0) text += fmt::format(" and {} more place{}", more, more == 1 ? "" : "s");
   return text;
 }
 
@@ -77,12 +76,20 @@ std::vector<Stretch> Losses(const TrackFile& file, double share) {
   return losses;
 }
 
-double ObservedInMedian(const TrackFile& file) {
+bool IsAside(const FilmedClip& clip, FrameIndex frame) {
+  return std::ranges::any_of(clip.asides, [frame](const Aside& a) { return a.Has(frame); });
+}
+
+double ObservedIn(const TrackFile& file, FrameIndex frame) {
+  const auto in_frame = file.tracks.InFrame(frame);
+  return static_cast<double>(
+      std::ranges::count_if(in_frame, [](const Observation* o) { return IsObserved(*o); }));
+}
+
+double ObservedInMedian(const FilmedClip& clip) {
   std::vector<double> counts;
-  for (const FrameInfo& frame : file.frames) {
-    const auto in_frame = file.tracks.InFrame(frame.index);
-    counts.push_back(static_cast<double>(std::count_if(
-        in_frame.begin(), in_frame.end(), [](const auto* o) { return IsObserved(*o); })));
+  for (const FrameInfo& frame : clip.file.frames) {
+    if (!IsAside(clip, frame.index)) counts.push_back(ObservedIn(clip.file, frame.index));
   }
   return Median(std::move(counts));
 }
@@ -128,7 +135,7 @@ std::optional<double> MovingShare(const TrackFile& file, const Reconstruction& m
   constexpr std::size_t kLong = 10;
   const double moves_px = 0.0025 * std::hypot(model.camera.width_px, model.camera.height_px);
   const double distance = MedianDistance(model);
-  const RowPoses rows(model.cam_from_world, model.readout, model.camera);
+  const RowPoses rows(model.cam_from_world, model.readout, model.camera, model.frame_times);
   std::size_t all = 0;
   std::size_t moving = 0;
   for (const FeatureId feature : file.tracks.features()) {
@@ -206,8 +213,17 @@ void AdviseOnLight(const FilmedClip& clip,
   // Ratio between two frames. A phone's exposure steps, or a lamp that enters the picture, give up
   // to 1.22.
   constexpr double kJump = 1.5;
+  // A scene that begins from black or a title card may fade in.
+  constexpr std::size_t kFade = 15;
+  const auto is_near_aside = [&](std::size_t i) {
+    const std::size_t end = std::min(clip.file.frames.size(), i + kFade + 1);
+    for (std::size_t j = i - std::min(i, kFade); j < end; ++j) {
+      if (IsAside(clip, clip.file.frames[j].index)) return true;
+    }
+    return false;
+  };
   const std::vector<Stretch> jumps = Runs(clip.file, [&](std::size_t i) {
-    if (i == 0 || i >= clip.brightness.size()) return false;
+    if (i == 0 || i >= clip.brightness.size() || is_near_aside(i)) return false;
     const double before = clip.brightness[i - 1] + kBlack;
     const double now = clip.brightness[i] + kBlack;
     return now > kJump * before || before > kJump * now;
@@ -232,12 +248,16 @@ void AdviseOnLight(const FilmedClip& clip,
 
 ClipMeasures MeasureClip(const FilmedClip& clip) {
   ClipMeasures measures;
-  measures.observed = ObservedInMedian(clip.file);
+  measures.observed = ObservedInMedian(clip);
   measures.parallax_deg = ParallaxDeg(clip.model);
   measures.moving_share = MovingShare(clip.file, clip.model);
-  measures.dark = Quantile(clip.brightness, 0.1);
-  measures.brightness = Quantile(clip.brightness, 0.5);
-  measures.bright = Quantile(clip.brightness, 0.9);
+  std::vector<double> brightness;  // of the scene
+  for (std::size_t i = 0; i < clip.file.frames.size() && i < clip.brightness.size(); ++i) {
+    if (!IsAside(clip, clip.file.frames[i].index)) brightness.push_back(clip.brightness[i]);
+  }
+  measures.dark = Quantile(brightness, 0.1);
+  measures.brightness = Quantile(brightness, 0.5);
+  measures.bright = Quantile(brightness, 0.9);
   return measures;
 }
 
@@ -247,31 +267,44 @@ ClipMeasures MeasureClip(const FilmedClip& clip) {
 std::vector<std::string> FilmAdvice(const FilmedClip& clip, const ClipMeasures& measures) {
   std::vector<std::string> advice;
   const TrackFile& file = clip.file;
-  const std::vector<FrameIndex>& cuts = file.meta.cuts;
-  const std::vector<Stretch> without_pose = Runs(file, [&](std::size_t i) {
-    const FrameIndex frame = file.frames[i].index;
-    return !clip.model.cam_from_world.contains(frame) &&
-           std::ranges::none_of(clip.other_parts, [frame](const Stretch& part) {
-             return part.first <= frame && frame <= part.last;
-           });
-  });
+  const auto is_aside = [&clip](FrameIndex frame) { return IsAside(clip, frame); };
   if (file.frames.size() < 3 && clip.model.cam_from_world.empty()) {
     advice.push_back(fmt::format(
         "The clip has {}: a model needs at least three, preferably many, from different positions.",
         file.frames.size() < 2 ? "one frame" : "two frames"));
   } else if (clip.model.cam_from_world.empty()) {
     advice.emplace_back(WhyNoModel(clip.termination));
-  } else if (!without_pose.empty()) {
-    advice.push_back(
-        fmt::format("The model does not cover {}: the picture there has too little in common with "
-                    "the rest. Film that place again, slowly, and return to what was seen before.",
-                    StretchesText(without_pose)));
   }
-  if (!clip.other_parts.empty()) {
-    advice.push_back(fmt::format(
-        "Separate models of {} are in other_parts: nothing connects them to the rest.{}",
-        StretchesText(clip.other_parts),
-        cuts.empty() ? " Film the places between them slowly." : ""));
+  AdviseOnLight(clip, measures, advice);
+  // Rendered objects with plain sides had 62 and 70, a change from black to glare 98; a night clip
+  // with a good model had 127, the others 168 and more.
+  const double few = std::min(100.0, 0.5 * static_cast<double>(clip.features_wanted));
+  // The minimum was 0.62 (a drive, a headset at a low frame rate) in real clips that can be
+  // tracked, and 0.09 where a light is switched on.
+  constexpr double kFewTies = 0.5;
+  std::vector<Stretch> lost = Losses(file, kFewTies);
+  std::erase_if(lost, [&](const Stretch& s) {
+    const bool is_cut = std::ranges::any_of(
+        file.meta.cuts, [&](FrameIndex cut) { return s.first < cut && cut <= s.last; });
+    return is_cut || is_aside(s.first) || is_aside(s.last);
+  });
+  // Where there was hardly anything to follow, no speed is to blame.
+  std::vector<Stretch> bare;
+  std::erase_if(lost, [&](const Stretch& s) {
+    if (ObservedIn(file, s.first) >= few && ObservedIn(file, s.last) >= few) return false;
+    bare.push_back(s);
+    return true;
+  });
+  if (measures.observed < few) {
+    advice.push_back(
+        fmt::format("Only {:.0f} points per frame can be tracked. Get more texture into the "
+                    "picture, and keep it sharp.",
+                    measures.observed));
+  } else if (!bare.empty()) {
+    advice.push_back(
+        fmt::format("At {} there is hardly anything to track: blank walls, sky, or blur. Keep "
+                    "something textured in the picture there, such as furniture or a floor.",
+                    StretchesText(bare)));
   }
   // Whole clips had 2.4 degrees and more (the least: a drive along a street, and a hand that turns
   // the camera). Pieces of them with 4 to 10 frames had 0.2 to 1.4 degrees; their models were off
@@ -295,37 +328,64 @@ std::vector<std::string> FilmAdvice(const FilmedClip& clip, const ClipMeasures& 
                     "out, or cover by --mask what the model should not show.",
                     100.0 * *measures.moving_share));
   }
-  // The minimum was 0.62 (a drive, a headset at a low frame rate) in real clips that can be
-  // tracked, and 0.09 where a light is switched on.
-  constexpr double kFewTies = 0.5;
-  std::vector<Stretch> lost = Losses(file, kFewTies);
-  std::erase_if(lost, [&](const Stretch& s) {
-    return std::ranges::any_of(cuts,
-                               [&](FrameIndex cut) { return s.first < cut && cut <= s.last; });
-  });
-  if (!cuts.empty()) {
-    advice.push_back(
-        fmt::format("The clip is cut at {}: the pictures after a cut have nothing in common with "
-                    "those before it. Give its scenes one by one, by --frames.",
-                    CutsText(cuts)));
-  }
   if (!lost.empty()) {
     advice.push_back(
         fmt::format("At {} most points were lost: the camera moved too fast, or something covered "
                     "the view. Move more slowly there.",
                     StretchesText(lost)));
   }
-  // Rendered objects with plain sides had 62 and 70, a change from black to glare 98; a night clip
-  // with a good model had 127, the others 168 and more.
-  constexpr double kFew = 100.0;
-  if (measures.observed < std::min(kFew, 0.5 * static_cast<double>(clip.features_wanted))) {
+  const std::vector<Stretch> without_pose = Runs(file, [&](std::size_t i) {
+    const FrameIndex frame = file.frames[i].index;
+    return !clip.model.cam_from_world.contains(frame) && !is_aside(frame) &&
+           std::ranges::none_of(clip.other_parts, [frame](const Stretch& part) {
+             return part.first <= frame && frame <= part.last;
+           });
+  });
+  if (!clip.model.cam_from_world.empty() && !without_pose.empty()) {
     advice.push_back(
-        fmt::format("Only {:.0f} points per frame can be tracked. Get more texture into the "
-                    "picture, and keep it sharp.",
-                    measures.observed));
+        fmt::format("The model does not cover {}: the picture there has too little in common with "
+                    "the rest. Film that place again, slowly, and return to what was seen before.",
+                    StretchesText(without_pose)));
   }
-  AdviseOnLight(clip, measures, advice);
+  std::vector<Stretch> parts = clip.other_parts;
+  std::erase_if(parts,
+                [&](const Stretch& part) { return is_aside(part.first) && is_aside(part.last); });
+  if (!parts.empty()) {
+    advice.push_back(
+        fmt::format("Separate models of {} are in other_parts: nothing connects them to the rest. "
+                    "Film the places between them slowly.",
+                    StretchesText(parts)));
+  }
+  constexpr std::size_t kMostAdvice = 3;  // the likeliest causes; more is not read
+  if (advice.size() > kMostAdvice) advice.resize(kMostAdvice);
   return advice;
+}
+
+std::vector<std::string> DescribeAsides(const FilmedClip& clip) {
+  constexpr double kBlack = 0.02;  // of the intensities 0..1
+  std::vector<std::string> sentences;
+  for (const Aside& aside : clip.asides) {
+    std::string& sentence = sentences.emplace_back(DescribeAside(aside));
+    std::vector<double> light;
+    for (std::size_t i = 0; i < clip.file.frames.size() && i < clip.brightness.size(); ++i) {
+      if (aside.Has(clip.file.frames[i].index)) light.push_back(clip.brightness[i]);
+    }
+    if (aside.kind == AsideKind::kBlank && Median(std::move(light)) < kBlack) {
+      const bool one = aside.first == aside.last;
+      sentence =
+          fmt::format("{} {} black", FramesText(aside.first, aside.last), one ? "is" : "are");
+    }
+    if (aside.kind == AsideKind::kOtherScene) {
+      const bool has_model = std::ranges::any_of(clip.other_parts, [&](const Stretch& part) {
+        return aside.Has(part.first) && aside.Has(part.last);
+      });
+      sentence += fmt::format("{}: --frames {}:{} reconstructs it alone",
+                              has_model ? ", whose model is in model/other_parts" : "",
+                              ToInt(aside.first),
+                              ToInt(aside.last) + 1);
+    }
+  }
+  return sentences;
 }
 
 }  // namespace cohort

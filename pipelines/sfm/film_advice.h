@@ -24,9 +24,10 @@ struct FilmedClip {
   const std::vector<double>& brightness;  // mean intensity of each of the file's frames, 0..1
   std::size_t features_wanted = 1000;     // that the tracker was to keep alive
   std::vector<Stretch> other_parts = {};  // parts of the clip with their own models
+  std::vector<Aside> asides = {};         // frames that do not show the model's scene
 };
 
-// The measurements that the advice is based on.
+// The measurements that the advice is based on, of the frames that show the scene.
 struct ClipMeasures {
   double observed = 0.0;  // features confirmed in a frame, median over frames
   // Median over the model's points of the widest angle between their first ray and another; unset
@@ -43,8 +44,13 @@ struct ClipMeasures {
 };
 ClipMeasures MeasureClip(const FilmedClip& clip);
 
-// The difficulties of a clip and how to film it better: one or two sentences each, for readers
-// without knowledge of reconstruction. Empty if all went well; never empty without a model.
+// The difficulties of a clip and how to film it better: three at most, the likeliest cause first,
+// one or two sentences each, for readers without knowledge of reconstruction. Empty if all went
+// well; never empty without a model.
 std::vector<std::string> FilmAdvice(const FilmedClip& clip, const ClipMeasures& measures);
+
+// A sentence without a full stop on each stretch of frames that does not show the model's scene:
+// "frames 0 to 11 are black".
+std::vector<std::string> DescribeAsides(const FilmedClip& clip);
 
 }  // namespace cohort

@@ -42,7 +42,9 @@ bool HoldsFeature(const std::map<FrameIndex, std::set<FeatureId>>& by_frame,
 ModelPredictions::ModelPredictions(const TrackFile& file,
                                    const Reconstruction& model,
                                    int template_frames)
-    : file_(file), model_(model), rows_(model.cam_from_world, model.readout, model.camera) {
+    : file_(file),
+      model_(model),
+      rows_(model.cam_from_world, model.readout, model.camera, model.frame_times) {
   for (const auto& [feature, point] : model.points) {
     std::vector<FrameIndex> seen;
     for (const Observation& observation : file.tracks.Track(feature)) {

@@ -7,8 +7,8 @@
 
 namespace cohort {
 
-// Called after every frame with the progress of a job. `stage`: "track", "learn", "measure", "write
-// frames"; `total` is unset if unknown. An exception from it ends the job.
+// Called after every frame with the progress of a job. `stage`: "look", "track", "learn", "measure"
+// or "write frames"; `total` is unset if unknown. An exception from it ends the job.
 using StageProgress =
     std::function<void(std::string_view stage, std::size_t done, std::optional<std::size_t> total)>;
 

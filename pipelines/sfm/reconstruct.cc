@@ -274,6 +274,34 @@ Reconstruction WithFrames(Reconstruction model, const Json& of_image, const fs::
   return model;
 }
 
+// Calls `use` with the pairs of a list that summary.json has under `key`.
+template <typename Second, typename Use>
+void ForEachPair(const Json& list, const char* key, const fs::path& summary, const Use& use) {
+  try {
+    for (const auto& [first, second] : list.get<std::vector<std::pair<std::uint32_t, Second>>>()) {
+      use(FrameIndex{first}, second);
+    }
+  } catch (const Json::exception&) {
+    ThrowError("{}: {} is not a list of pairs of numbers: make it again", summary.string(), key);
+  }
+}
+
+// Their names and times are not in summary.json.
+std::vector<RepeatedFrame> RepeatsOf(const Json& list, const fs::path& summary) {
+  std::vector<RepeatedFrame> repeats;
+  ForEachPair<std::uint32_t>(list, "repeats", summary, [&](FrameIndex frame, std::uint32_t from) {
+    repeats.push_back({{.index = frame, .name = {}}, FrameIndex{from}});
+  });
+  return repeats;
+}
+
+FrameTimes TimesOf(const Json& list, const fs::path& summary) {
+  FrameTimes times;
+  ForEachPair<double>(
+      list, "frame_times", summary, [&](FrameIndex frame, double time) { times[frame] = time; });
+  return times;
+}
+
 }  // namespace
 
 ReconstructResult ToReconstructResult(MapperResult model) {
@@ -328,6 +356,8 @@ Reconstruction ReadModelFolder(const fs::path& folder) {
   if (json.contains("readout") && json["readout"].is_number()) {
     model.readout = json["readout"].get<double>();
   }
+  if (json.contains("repeats")) model.repeats = RepeatsOf(json["repeats"], summary);
+  if (json.contains("frame_times")) model.frame_times = TimesOf(json["frame_times"], summary);
   if (json.contains("row_order") && json["row_order"].is_string()) {
     model.camera.row_order =
         ValueOf(kRowOrderNames, json["row_order"].get<std::string>()).value_or(RowOrder::kDown);

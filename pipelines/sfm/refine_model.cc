@@ -322,7 +322,7 @@ RefinedModel RefineModel(const ColmapModel& model,
     ThrowError("{}: none of its points is observed in {}", path.string(), sequence.Name());
   }
   CheckCountsAlike(model, clip, sequence, path, progress);
-  refined.before = Summarize(clip.reconstruction, clip.file.frames.size());
+  refined.before = Summarize(clip.reconstruction, clip.file.FrameCount());
   Reconstruction now = clip.reconstruction;
   now.camera.row_order = sequence.SensorRows();
   now.camera.known =

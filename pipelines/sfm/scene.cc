@@ -281,7 +281,7 @@ bool IsMaskName(const std::string& name) {
 // The model in the scene's world, with the undistorted camera and the chosen frames, and the points
 // that at least one of them sees.
 Reconstruction SceneModel(const Reconstruction& model, const SceneFigures& figures) {
-  const RowPoses rows(model.cam_from_world, model.readout, model.camera);
+  const RowPoses rows(model.cam_from_world, model.readout, model.camera, model.frame_times);
   const Rigid3 model_from_scene = figures.scene_from_model.Inverse();
   Reconstruction scene;
   scene.camera = figures.camera;

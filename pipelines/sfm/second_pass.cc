@@ -130,7 +130,7 @@ std::vector<TrackEnd> EndsAfter(const TrackFile& file,
 }
 
 RowPoses RowsOf(const Reconstruction& model) {
-  return {model.cam_from_world, model.readout, model.camera};
+  return {model.cam_from_world, model.readout, model.camera, model.frame_times};
 }
 
 // Distances between the positions of common points in common frames according to two models [px].

@@ -79,8 +79,16 @@ Doubt DoubtFromJson(const Json& json) {
 }
 
 Json ShutterToJson(const Reconstruction& reconstruction) {
-  return {{"readout", reconstruction.readout},
-          {"row_order", NameOf(kRowOrderNames, reconstruction.camera.row_order)}};
+  Json json{{"readout", reconstruction.readout},
+            {"row_order", NameOf(kRowOrderNames, reconstruction.camera.row_order)}};
+  for (const auto& [frame, original] : reconstruction.repeats) {
+    json["repeats"].push_back({ToInt(frame.index), ToInt(original)});
+  }
+  if (reconstruction.readout == 0.0) return json;
+  for (const auto& [frame, time] : reconstruction.frame_times) {
+    json["frame_times"].push_back({ToInt(frame), time});
+  }
+  return json;
 }
 
 // Adds the shortest and the longest focal length if it changes.
@@ -117,8 +125,16 @@ std::vector<Doubt> DoubtsFromJson(const Json& json) {
 
 nlohmann::ordered_json SummaryToJson(const ReconstructionSummary& summary,
                                      const std::vector<FrameInfo>& frames) {
+  Json asides = Json::array();
+  for (const Aside& aside : summary.asides) {
+    asides.push_back({{"first_frame", ToInt(aside.first)},
+                      {"last_frame", ToInt(aside.last)},
+                      {"shows", NameOf(kAsideKindNames, aside.kind)}});
+  }
   return {{"registered", summary.registered},
           {"frames", summary.frames},
+          {"scene_frames", summary.SceneFrames()},
+          {"asides", std::move(asides)},
           {"frame_range", RangeOf(frames)},
           {"failed", summary.Failed()},
           {"points", summary.points},
@@ -137,7 +153,7 @@ Json SummaryOfPart(const Reconstruction& part, const std::vector<FrameInfo>& fra
       within.push_back(frame);
     }
   }
-  ReconstructionSummary summary = Summarize(part, within.size());
+  ReconstructionSummary summary = Summarize(part, within.size() + part.repeats.size());
   summary.termination = "another part of the clip";
   Json json = SummaryToJson(summary, within);
   json.erase("seconds");  // they are those of all parts together

@@ -8,6 +8,7 @@
 #include "pipelines/json/option_list.h"
 #include "pipelines/sfm/cuts.h"
 #include "pipelines/sfm/input.h"
+#include "pipelines/sfm/repeated_frames.h"
 
 namespace cohort {
 
@@ -26,8 +27,12 @@ bool WantsSecondPass(SecondPassMode mode, const TrackerOptions& tracker) {
 }
 
 SequenceTracker::SequenceTracker(Sequence& sequence, const TrackSequenceOptions& options)
-    : promised_(sequence.FrameCount()), frames_(sequence), tracker_(MakeTracker(options.tracker)) {
-  if (!HasNext()) {
+    : sequence_(sequence),
+      promised_(sequence.FrameCount()),
+      frames_(sequence),
+      tracker_(MakeTracker(options.tracker)) {
+  next_ = frames_.Next();
+  if (!next_) {
     const std::string name = options.source.empty() ? sequence.Name() : options.source.string();
     ThrowError("{}: no frame to track. {}", name, sequence.Warning());
   }
@@ -49,12 +54,50 @@ SequenceTracker::SequenceTracker(Sequence& sequence, const TrackSequenceOptions&
   NoteSensorRows(sequence, header_);
 }
 
+void SequenceTracker::LookForRepeats(const StageProgress& progress) {
+  if (std::exchange(looked_, true)) return;
+  const Stopwatch stopwatch;
+  std::vector<FrameInfo> infos;
+  std::vector<FrameChange> changes;
+  cv::Mat before;
+  if (progress) progress("look", 0, promised_);
+  for (std::optional<Frame> frame = std::exchange(next_, std::nullopt); frame;
+       frame = frames_.Next()) {
+    frames_.Begin();
+    infos.push_back({frame->index, frame->name, frame->timestamp_ns});
+    if (!before.empty()) changes.push_back(ChangeBetween(before, frame->gray));
+    before = frame->gray;
+    if (progress) progress("look", infos.size(), promised_);
+  }
+  const std::vector<std::size_t> repeats = FindRepeats(changes);
+  auto repeat = repeats.begin();
+  FrameIndex original{};
+  for (std::size_t i = 0; i < infos.size(); ++i) {
+    if (repeat == repeats.end() || *repeat != i) {
+      original = infos[i].index;
+      continue;
+    }
+    repeats_.push_back({infos[i], original});
+    ++repeat;
+  }
+  if (promised_) promised_ = infos.size() - repeats_.size();
+  sequence_.Rewind();
+  decode_ms_ += stopwatch.Milliseconds();
+}
+
 bool SequenceTracker::HasNext() {
-  if (!next_ && !ended_) {
+  LookForRepeats();
+  while (!next_ && !ended_) {
     const Stopwatch stopwatch;
     next_ = frames_.Next();
     ended_ = !next_.has_value();
     decode_ms_ += stopwatch.Milliseconds();
+    if (ended_ || repeats_passed_ == repeats_.size() ||
+        next_->index != repeats_[repeats_passed_].frame.index) {
+      continue;
+    }
+    ++repeats_passed_;
+    next_.reset();
   }
   return !ended_;
 }
@@ -74,6 +117,8 @@ TrackFile SequenceTracker::TrackAll(TrackFile header, const StageProgress& progr
   TrackFile file = std::move(header);
   std::vector<Observation> observations;
   std::vector<TrackEnd> ends;
+  LookForRepeats(progress);
+  file.repeats = repeats_;
   if (progress) progress("track", 0, promised_);
   while (HasNext()) {
     TrackedFrame frame = TrackNext();

@@ -3,6 +3,7 @@
 #include <filesystem>
 #include <memory>
 #include <optional>
+#include <vector>
 
 #include "datasets/readers/sequence.h"
 #include "frontend/track/tracker.h"
@@ -48,7 +49,7 @@ struct TrackedFrame {
 // The first pass frame by frame, for callers that need each frame's tracks at once.
 //
 //   SequenceTracker tracker(*clip, {.source = "night.mp4"});
-//   while (tracker.HasNext()) {
+//   while (tracker.HasNext()) {                       // but the frames that repeat another
 //     const TrackedFrame frame = tracker.TrackNext();
 //     Show(frame.info, frame.result.observations);
 //   }
@@ -62,9 +63,13 @@ class SequenceTracker {
   // Everything in the file but frames and tracks, and where the clip is cut. meta: the
   // tracker's name, its options as JSON, and those of a second pass that is to come.
   const TrackFile& Header() const { return header_; }
+  // Reads the whole clip for frames that repeat the one before (FindRepeats), which are left out;
+  // the first HasNext does it without progress.
+  void LookForRepeats(const StageProgress& progress = {});
+  const std::vector<RepeatedFrame>& Repeats() const { return repeats_; }
   bool HasNext();  // reads the next frame, if not done yet
   TrackedFrame TrackNext();
-  // The header with all frames from the next on, their tracks, and the cuts.
+  // The header with all frames from the next on, their tracks, the repeats and the cuts.
   TrackFile TrackAll(TrackFile header, const StageProgress& progress = {});
 
   // Time so far over all frames.
@@ -73,10 +78,14 @@ class SequenceTracker {
   double track_ms() const { return track_ms_; }  // without detection
 
  private:
+  Sequence& sequence_;
   std::optional<std::size_t> promised_;  // asked before another thread reads ahead
   ReadAhead frames_;
   std::optional<Frame> next_;  // unset: not read yet, or the end
   bool ended_ = false;
+  bool looked_ = false;  // for repeats
+  std::vector<RepeatedFrame> repeats_;
+  std::size_t repeats_passed_ = 0;
   TrackFile header_;
   std::unique_ptr<Tracker> tracker_;
   double decode_ms_ = 0.0;

@@ -252,6 +252,28 @@ TEST(ModelFolder, TrajectoryIsWorldFromCamInEightFields) {
   EXPECT_LT((Eigen::Vector3d(x, y, z) - centre).norm(), 1e-12);
 }
 
+// The frame that repeats another has its pose, at its own time, and is no image.
+TEST(ModelFolder, TrajectoryHasTheFramesThatRepeatOthers) {
+  const TempDir dir;
+  Reconstruction written = TrueReconstruction(SmallScene());
+  const auto last = std::prev(written.cam_from_world.end());
+  for (const auto& [frame, pose] : written.cam_from_world) {
+    written.timestamps_ns[frame] = 1'000'000'000 * std::int64_t{ToInt(frame)};
+  }
+  const FrameIndex copy{ToInt(last->first) + 1};
+  written.repeats = {{{copy, "", 123'500'000'000}, last->first}};
+  WriteReconstruction(dir / "model", written);
+  std::istringstream lines(ReadBytes(dir / "model" / "trajectory.tum"));
+  std::vector<std::string> all;
+  for (std::string line; std::getline(lines, line);) all.push_back(line);
+  ASSERT_EQ(all.size(), written.cam_from_world.size() + 1);
+  EXPECT_THAT(all.back(), testing::StartsWith("123.500000000 "));
+  EXPECT_EQ(all.back().substr(all.back().find(' ')),
+            all[all.size() - 2].substr(all[all.size() - 2].find(' ')));
+  const Reconstruction read = ReadReconstruction(dir / "model");
+  EXPECT_EQ(read.timestamps_ns, written.timestamps_ns);
+}
+
 TEST(ModelFolder, PlyHasFifteenBytesAPoint) {
   const TempDir dir;
   const Reconstruction truth = TrueReconstruction(SmallScene());

@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/Geometry>
+
 #include "tests/support/synthetic_tracks.h"
 
 namespace cohort {
@@ -50,6 +52,23 @@ TEST(TurnsByAnotherCamera, IsSaidOfARotationWhoseLensIsAnotherAndOfNoPath) {
     const std::vector<int> keyframes = SelectKeyframes(whitened, given, 2.0, 10);
     const auto widest = WidestPairsOf(whitened, RankPairs(whitened, given, keyframes));
     EXPECT_EQ(TurnsByAnotherCamera(widest, given, 0.1), turns) << static_cast<int>(path);
+  }
+}
+
+// A drone on its legs whose motors run: its camera turns to and fro by 2 px. A camera that turns by
+// 40 px has been turned.
+TEST(ClassifyMotion, AShakingTripodIsStatic) {
+  const Camera camera = test::SyntheticTracksOptions::DefaultCamera();
+  for (const auto& [motion_px, motion] :
+       {std::pair(2.0, ClipMotion::kStatic), std::pair(40.0, ClipMotion::kRotation)}) {
+    WidestPairs widest{.pairs = {{}}, .motion_px = motion_px, .quantile = 0.5};
+    const Eigen::AngleAxisd turn(motion_px / camera.fx, Eigen::Vector3d::UnitY());
+    for (int i = 0; i < 60; ++i) {
+      const Eigen::Vector2d xy(120.0 + 7.0 * i, 60.0 + 40.0 * (i % 9));
+      const auto turned = camera.Project(turn * camera.Unproject(xy).homogeneous().eval());
+      widest.pairs[0].emplace_back(xy, *turned);
+    }
+    EXPECT_EQ(ClassifyMotion(widest, camera, 0.1), motion) << motion_px;
   }
 }
 

@@ -163,6 +163,25 @@ TEST(TrackStore, ReadsBackWhatWasWrittenToTheLastBit) {
   ExpectSame(ReadTrackFile(dir / "bare.tracks"), bare);
 }
 
+TEST(TrackStore, HoldsTheFramesThatRepeatOthers) {
+  const test::TempDir dir;
+  TrackFile file = Example(3);
+  file.repeats = {{Info(3), FrameIndex{2}}, {Info(4), FrameIndex{2}}};
+  WriteTrackFile(dir / "a.tracks", file);
+  const TrackFile read = ReadTrackFile(dir / "a.tracks");
+  EXPECT_EQ(read.FrameCount(), 5U);
+  ASSERT_EQ(read.repeats.size(), 2U);
+  EXPECT_EQ(read.repeats[1].frame.index, FrameIndex{4});
+  EXPECT_EQ(read.repeats[1].frame.name, Info(4).name);
+  EXPECT_EQ(read.repeats[1].frame.timestamp_ns, Info(4).timestamp_ns);
+  EXPECT_EQ(read.repeats[1].original, FrameIndex{2});
+
+  file.repeats = {{Info(2), FrameIndex{1}}};  // which is a frame of its own
+  WriteTrackFile(dir / "a.tracks", file);
+  EXPECT_THAT([&] { ReadTrackFile(dir / "a.tracks"); },
+              ThrowsMessage<Error>(HasSubstr("its frame 2 cannot repeat frame 1")));
+}
+
 TEST(TrackStore, HoldsCamerasOfAllModels) {
   const test::TempDir dir;
   TrackFile file = Example(1);
