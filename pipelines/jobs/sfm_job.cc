@@ -195,6 +195,7 @@ Json SummaryOf(const SfmFigures& figures,
             {"frames", figures.model.frames},
             {"images", figures.images},
             {"points", figures.points},
+            {"points_added", figures.points_added},
             {"failed", figures.model.Failed()},
             {"termination", figures.model.termination},
             {"quality", figures.quality.empty() ? Json() : Json(figures.quality)},
@@ -215,6 +216,7 @@ SfmFigures FiguresOfSummary(const fs::path& folder) {
   UseJsonFile(folder / "summary.json", [&figures](const Json& summary) {
     figures.images = CountAt(summary, "images");
     figures.points = CountAt(summary, "points");
+    figures.points_added = CountAt(summary, "points_added");
     figures.film_better = summary.at("film_better").get<std::vector<std::string>>();
   });
   return figures;
@@ -265,6 +267,7 @@ SfmFigures RunSfmJob(const SfmJobOptions& options) {
         WriteScene(file, model, *sequence, options.scene, folder, ProgressBars());
     figures.images = scene.images.size();
     figures.points = scene.points;
+    figures.points_added = scene.points_added;
     brightness = scene.brightness;
     std::vector<std::string> outputs(kSceneOutputs.begin(), kSceneOutputs.end());
     std::erase_if(outputs, [&folder](const auto& name) { return !fs::exists(folder / name); });
