@@ -280,7 +280,7 @@ bool IsMaskName(const std::string& name) {
 }
 
 // The model in the scene's world, with the undistorted camera and the chosen frames, and the points
-// that at least one of them sees.
+// that at least two of them see: COLMAP aborts on a track of one.
 Reconstruction SceneModel(const Reconstruction& model, const SceneFigures& figures) {
   const RowPoses rows(model.cam_from_world, model.readout, model.camera);
   const Rigid3 model_from_scene = figures.scene_from_model.Inverse();
@@ -313,7 +313,7 @@ Reconstruction SceneModel(const Reconstruction& model, const SceneFigures& figur
         in_scene.views.push_back({view.frame, *undistorted});
       }
     }
-    if (!in_scene.views.empty()) scene.points[feature] = std::move(in_scene);
+    if (in_scene.views.size() > 1) scene.points[feature] = std::move(in_scene);
   }
   UpdateReprojectionErrors(scene);
   return scene;

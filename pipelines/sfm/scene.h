@@ -38,14 +38,15 @@ struct SceneOptions {
              "The minimum motion from one picture of the scene to the next, as a share of the "
              "picture's diagonal; of the frames in between, the sharpest is taken. 0: all frames.",
              Tier::kCommon);
-    v.Number("points",
-             o.points,
-             0,
-             1000000,
-             "The maximum number of points that the scene has in addition to those of the tracks, as "
-             "a start for Gaussian splatting. More points are a better start; the time of this "
-             "stage grows in proportion. 0: none.",
-             Tier::kCommon);
+    v.Number(
+        "points",
+        o.points,
+        0,
+        1000000,
+        "The maximum number of points that the scene has in addition to those of the tracks, as "
+        "a start for Gaussian splatting. More points are a better start; the time of this "
+        "stage grows in proportion. 0: none.",
+        Tier::kCommon);
     v.Flag(
         "brighten",
         o.brighten,
