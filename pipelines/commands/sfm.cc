@@ -21,7 +21,12 @@ void PrintFigures(const SfmFigures& figures, const std::string& out) {
       {"frames with a pose",
        fmt::format("{} of {}", figures.model.registered, figures.model.SceneFrames())},
       {"pictures of the scene", fmt::format("{}", figures.images)},
-      {"points of the scene", fmt::format("{}", figures.points)}};
+      {"points of the scene",
+       figures.points_added == 0 ? fmt::format("{}", figures.points)
+                                 : fmt::format("{}, of which {} of the tracks and {} added",
+                                               figures.points,
+                                               figures.points - figures.points_added,
+                                               figures.points_added)}};
   if (!figures.quality.empty()) rows.push_back({"quality", figures.quality});
   if (figures.expected_error) {
     rows.push_back(

@@ -217,6 +217,7 @@ Json SummaryOf(const SfmFigures& figures,
             {"scene_frames", figures.model.SceneFrames()},
             {"images", figures.images},
             {"points", figures.points},
+            {"points_added", figures.points_added},
             {"failed", figures.model.Failed()},
             {"termination", figures.model.termination},
             {"quality", figures.quality.empty() ? Json() : Json(figures.quality)},
@@ -239,6 +240,7 @@ SfmFigures FiguresOfSummary(const fs::path& folder) {
     figures.images = CountAt(summary, "images");
     figures.points = CountAt(summary, "points");
     figures.notes = summary.at("notes").get<std::vector<std::string>>();
+    figures.points_added = CountAt(summary, "points_added");
     figures.film_better = summary.at("film_better").get<std::vector<std::string>>();
   });
   return figures;
@@ -296,6 +298,7 @@ SfmFigures RunSfmJob(const SfmJobOptions& options) {
         WriteScene(file, model, *sequence, options.scene, folder, ProgressBars());
     figures.images = scene.images.size();
     figures.points = scene.points;
+    figures.points_added = scene.points_added;
     brightness = scene.brightness;
     std::vector<std::string> outputs(kSceneOutputs.begin(), kSceneOutputs.end());
     std::erase_if(outputs, [&folder](const auto& name) { return !fs::exists(folder / name); });

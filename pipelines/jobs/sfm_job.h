@@ -59,6 +59,7 @@ struct SfmFigures {
   ReconstructionSummary model;
   std::size_t images = 0;
   std::size_t points = 0;                // of the scene
+  std::size_t points_added = 0;          // of these, to the points of the tracks
   std::string quality;                   // as in summary.json of the model
   std::optional<double> expected_error;  // of the cameras, share of the extent of their path
   std::optional<double> focal_px;        // of a camera that was not known

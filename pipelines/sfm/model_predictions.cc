@@ -137,12 +137,20 @@ std::optional<Eigen::Vector2d> ModelPredictions::Project(const Eigen::Vector3d& 
 std::optional<Eigen::Matrix2d> ModelPredictions::Warp(FeatureId feature,
                                                       FrameIndex from,
                                                       FrameIndex frame) const {
-  const Eigen::Vector3d& in_world = model_.points.at(feature).in_world;
-  const auto xy = Project(in_world, from);
+  return WarpOfFacingPatch(model_, rows_, model_.points.at(feature).in_world, from, frame);
+}
+
+std::optional<Eigen::Matrix2d> WarpOfFacingPatch(const Reconstruction& model,
+                                                 const RowPoses& rows,
+                                                 const Eigen::Vector3d& in_world,
+                                                 FrameIndex from,
+                                                 FrameIndex to) {
+  const Camera camera = CameraOf(model, from);
+  const Camera camera_to = CameraOf(model, to);
+  const auto xy = rows.Project(camera, from, in_world);
   if (!xy) return std::nullopt;
-  const Rigid3 cam_from_world = rows_.CamFromWorld(from, *xy);
+  const Rigid3 cam_from_world = rows.CamFromWorld(from, *xy);
   const Eigen::Vector3d x = cam_from_world * in_world;
-  const Camera camera = CameraOf(model_, from);
   constexpr double kStepPx = 4.0;
   Eigen::Matrix2d warp;
   for (int axis = 0; axis < 2; ++axis) {
@@ -151,7 +159,7 @@ std::optional<Eigen::Matrix2d> ModelPredictions::Warp(FeatureId feature,
       Eigen::Vector2d beside = *xy;
       beside[axis] += side == 0 ? -kStepPx : kStepPx;
       const Eigen::Vector3d on_patch = x.z() * camera.Unproject(beside).homogeneous();
-      const auto end = Project(cam_from_world.Inverse() * on_patch, frame);
+      const auto end = rows.Project(camera_to, to, cam_from_world.Inverse() * on_patch);
       if (!end) return std::nullopt;
       ends[side] = *end;
     }

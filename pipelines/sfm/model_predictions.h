@@ -14,6 +14,14 @@
 
 namespace cohort {
 
+// Derivative of the picture in `to` by that in `from` at a point of the world, for a surface that
+// faces `from`'s camera; nullopt if it is not in front of both cameras.
+std::optional<Eigen::Matrix2d> WarpOfFacingPatch(const Reconstruction& model,
+                                                 const RowPoses& rows,
+                                                 const Eigen::Vector3d& in_world,
+                                                 FrameIndex from,
+                                                 FrameIndex to);
+
 // Where a model predicts the points of its features in every frame, and how their appearance is
 // warped. A feature's template spans the `template_frames` frames around the middle of those that
 // observed it.
@@ -40,7 +48,7 @@ class ModelPredictions {
 
  private:
   std::optional<Eigen::Vector2d> Project(const Eigen::Vector3d& in_world, FrameIndex frame) const;
-  // Derivative of the picture in `frame` by that in `from`, for a patch that faces `from`'s camera.
+  // Of a patch that faces `from`'s camera.
   std::optional<Eigen::Matrix2d> Warp(FeatureId feature, FrameIndex from, FrameIndex frame) const;
 
   const TrackFile& file_;

@@ -20,6 +20,7 @@
 #include "frontend/storage/output.h"
 #include "pipelines/json/json_file.h"
 #include "pipelines/sfm/for_each_frame.h"
+#include "pipelines/sfm/further_points.h"
 
 namespace cohort {
 namespace {
@@ -279,7 +280,7 @@ bool IsMaskName(const std::string& name) {
 }
 
 // The model in the scene's world, with the undistorted camera and the chosen frames, and the points
-// that at least one of them sees.
+// that at least two of them see: COLMAP aborts on a track of one.
 Reconstruction SceneModel(const Reconstruction& model, const SceneFigures& figures) {
   const RowPoses rows(model.cam_from_world, model.readout, model.camera, model.frame_times);
   const Rigid3 model_from_scene = figures.scene_from_model.Inverse();
@@ -312,21 +313,26 @@ Reconstruction SceneModel(const Reconstruction& model, const SceneFigures& figur
         in_scene.views.push_back({view.frame, *undistorted});
       }
     }
-    if (!in_scene.views.empty()) scene.points[feature] = std::move(in_scene);
+    if (in_scene.views.size() > 1) scene.points[feature] = std::move(in_scene);
   }
   UpdateReprojectionErrors(scene);
   return scene;
 }
 
-std::array<std::uint8_t, 3> RgbOf(const Survey& survey,
-                                  FeatureId feature,
+// Of the points that have a view.
+std::map<FeatureId, Eigen::Vector3d> MeanColours(const Survey& survey) {
+  std::map<FeatureId, Eigen::Vector3d> means;
+  for (const auto& [feature, sum] : survey.colour_sums) {
+    means[feature] = sum / survey.colour_counts.at(feature);
+  }
+  return means;
+}
+
+std::array<std::uint8_t, 3> RgbOf(const Eigen::Vector3d& bgr,
                                   const std::optional<ToneCurve>& tone) {
-  const auto sum = survey.colour_sums.find(feature);
-  if (sum == survey.colour_sums.end()) return {};
-  const Eigen::Vector3d mean = sum->second / survey.colour_counts.at(feature);
   std::array<std::uint8_t, 3> rgb{};
   for (int c = 0; c < 3; ++c) {
-    const double value = mean[2 - c] / 255.0;
+    const double value = bgr[2 - c] / 255.0;
     rgb[static_cast<std::size_t>(c)] =
         cv::saturate_cast<std::uint8_t>(255.0 * (tone ? (*tone)(value) : value));
   }
@@ -392,7 +398,8 @@ void WriteImages(const TrackFile& file,
                  const SceneOptions& options,
                  const SceneFigures& figures,
                  const fs::path& folder,
-                 const StageProgress& progress) {
+                 const StageProgress& progress,
+                 FurtherPoints* further) {  // may be null
   OutputFolder out(folder / "images", IsImageName);
   std::optional<OutputFolder> masks;
   if (figures.masked) masks.emplace(folder / "masks", IsMaskName);
@@ -403,7 +410,9 @@ void WriteImages(const TrackFile& file,
     if (!chosen.contains(frame.index)) return;
     const Camera from = CameraOf(model, frame.index);
     const Camera to = CameraOf(figures.camera, figures.focal_scale, frame.index);
-    cv::Mat picture = undistorter.Undistort(BgrOf(frame), from, to);
+    const cv::Mat bgr = BgrOf(frame);
+    if (further != nullptr) further->Follow(frame, bgr);
+    cv::Mat picture = undistorter.Undistort(bgr, from, to);
     if (!table.empty()) {
       cv::Mat bright;
       cv::LUT(picture, table, bright);
@@ -594,13 +603,29 @@ SceneFigures WriteScene(const TrackFile& file,
   figures.masked = std::ranges::any_of(
       figures.images, [&survey](FrameIndex frame) { return survey.masked.contains(frame); });
 
-  const Reconstruction scene = SceneModel(model, figures);
+  std::optional<FurtherPoints> further;
+  if (options.points > 0) {
+    further.emplace(file, model, figures.images, static_cast<std::size_t>(options.points));
+  }
+  WriteImages(
+      file, model, sequence, options, figures, folder, progress, further ? &*further : nullptr);
+  std::map<FeatureId, Eigen::Vector3d> colours = MeanColours(survey);
+  Reconstruction with_further = model;
+  if (further) {
+    for (auto& [feature, added] : further->Finish()) {
+      colours[feature] = added.bgr;
+      with_further.points[feature] = std::move(added.point);
+    }
+  }
+  const Reconstruction scene = SceneModel(with_further, figures);
   figures.points = scene.points.size();
+  figures.points_added = static_cast<std::size_t>(std::ranges::count_if(
+      scene.points, [&model](const auto& point) { return !model.points.contains(point.first); }));
   ColmapModel written = ToColmapModel(scene);
   for (const auto& [feature, point] : scene.points) {
-    written.points.at(std::uint64_t{ToInt(feature)} + 1).rgb = RgbOf(survey, feature, figures.tone);
+    written.points.at(std::uint64_t{ToInt(feature)} + 1).rgb =
+        RgbOf(colours.at(feature), figures.tone);
   }
-  WriteImages(file, model, sequence, options, figures, folder, progress);
   if (!figures.masked) RemoveMasks(folder);
   OutputFolder sparse(folder / "sparse", {"0"});
   fs::create_directory(sparse.partial() / "0");

@@ -18,6 +18,7 @@ namespace cohort {
 struct SceneOptions {
   int max_images = 300;
   double min_motion = 0.01;
+  int points = 20000;
   bool brighten = false;
   int jpeg_quality = 95;
 
@@ -37,6 +38,15 @@ struct SceneOptions {
              "The minimum motion from one picture of the scene to the next, as a share of the "
              "picture's diagonal; of the frames in between, the sharpest is taken. 0: all frames.",
              Tier::kCommon);
+    v.Number(
+        "points",
+        o.points,
+        0,
+        1000000,
+        "The maximum number of points that the scene has in addition to those of the tracks, as "
+        "a start for Gaussian splatting. More points are a better start; the time of this "
+        "stage grows in proportion. 0: none.",
+        Tier::kCommon);
     v.Flag(
         "brighten",
         o.brighten,
@@ -96,6 +106,7 @@ std::vector<double> BrightnessOfFrames(const TrackFile& file,
 struct SceneFigures {
   std::vector<FrameIndex> images;
   std::size_t points = 0;
+  std::size_t points_added = 0;  // of these (FurtherPoints)
   Camera camera;
   FocalScales focal_scale;  // of the pictures, if the model's focal length changes
   Rigid3 scene_from_model;  // times `scale`
@@ -108,7 +119,8 @@ struct SceneFigures {
 
 // Writes images/, sparse/0/, transforms.json and sparse_pc.ply (docs/files.md), and masks/ if
 // frames have masks, into an existing folder, each whole or not at all. `sequence`: the clip,
-// rewound here and read twice, frame by frame. Throws Error if clip and model do not belong
+// rewound here and read twice, frame by frame. The scene has the model's points, and up to
+// options.points others, followed through its pictures (FurtherPoints). Throws Error if clip and model do not belong
 // together.
 SceneFigures WriteScene(const TrackFile& file,
                         const Reconstruction& model,

@@ -51,11 +51,17 @@ class PlaneScene {
     cv::Mat image(camera_.height_px, camera_.width_px, CV_32FC1);
     for (int y = 0; y < image.rows; ++y) {
       for (int x = 0; x < image.cols; ++x) {
-        const auto hit = Hit(cam_from_world, {static_cast<double>(x), static_cast<double>(y)});
-        image.at<float>(y, x) = static_cast<float>(hit ? TextureAt(*hit) : 0.5);
+        image.at<float>(y, x) = static_cast<float>(
+            ValueAt(cam_from_world, {static_cast<double>(x), static_cast<double>(y)}));
       }
     }
     return image;
+  }
+
+  // The intensity of a pixel.
+  double ValueAt(const Rigid3& cam_from_world, const Eigen::Vector2d& xy) const {
+    const auto hit = Hit(cam_from_world, xy);
+    return hit ? TextureAt(*hit) : 0.5;
   }
 
   // The world point that a pixel shows.
