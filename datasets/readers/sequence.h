@@ -42,6 +42,8 @@ class Sequence {
   // that cannot be decoded ends the sequence: Warning() then names it and the reason.
   virtual std::optional<Frame> Next() = 0;
   virtual void Rewind() = 0;
+  // Whether Rewind works: not for frames that are given one by one and not kept.
+  virtual bool CanRewind() const { return true; }
   // Whether another thread may call Next, one at a time. False if Next runs foreign code.
   virtual bool AnyThreadMayRead() const { return true; }
 

@@ -57,6 +57,7 @@ class ArraySequence final : public Sequence {
     next_ = 0;
   }
 
+  bool CanRewind() const override { return keep_; }
   bool AnyThreadMayRead() const override { return ended_; }
   std::string Name() const override { return "the frames given"; }
   std::filesystem::path ImageRoot() const override { return {}; }

@@ -88,6 +88,7 @@ class MaskedSequence final : public Sequence {
   // Whether the masks cover so much that black and white are probably exchanged.
   bool CoverTooMuch() const;
 
+  bool CanRewind() const override { return sequence_->CanRewind(); }
   bool AnyThreadMayRead() const override { return sequence_->AnyThreadMayRead(); }
   std::string Name() const override { return sequence_->Name(); }
   std::vector<std::filesystem::path> Files() const override { return sequence_->Files(); }

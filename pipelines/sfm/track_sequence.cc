@@ -55,7 +55,7 @@ SequenceTracker::SequenceTracker(Sequence& sequence, const TrackSequenceOptions&
 }
 
 void SequenceTracker::LookForRepeats(const StageProgress& progress) {
-  if (std::exchange(looked_, true)) return;
+  if (std::exchange(looked_, true) || !sequence_.CanRewind()) return;
   const Stopwatch stopwatch;
   std::vector<FrameInfo> infos;
   std::vector<FrameChange> changes;

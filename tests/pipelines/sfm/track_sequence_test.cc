@@ -67,7 +67,7 @@ TEST(TrackSequence, WithASecondPassTellsEveryStageAndWhatCameOfIt) {
       });
   EXPECT_TRUE(file.meta.second_pass);
   const std::map<std::string, std::size_t> all{
-      {"learn", kFrames}, {"measure", kFrames}, {"track", kFrames}};
+      {"learn", kFrames}, {"look", kFrames}, {"measure", kFrames}, {"track", kFrames}};
   EXPECT_EQ(done, all);
 }
 
