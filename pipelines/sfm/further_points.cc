@@ -156,8 +156,8 @@ std::vector<WeightedRay> FurtherPoints::RaysOf(std::span<const Sighting> sightin
 }
 
 bool FurtherPoints::IsDue(const Corner& corner) const {
-  // Every keyframe at first, then every second, every fourth ...: depth needs a wide baseline, which
-  // grows with the time, and each measurement costs the same.
+  // Every keyframe at first, then every second, every fourth ...: depth needs a wide baseline,
+  // which grows with the time, and each measurement costs the same.
   const std::size_t age = now_ - corner.first_keyframe;
   std::size_t step = 1;
   while (age >= kDenseViews * step) step *= 2;

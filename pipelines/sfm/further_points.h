@@ -21,15 +21,15 @@ namespace cohort {
 
 struct FurtherPoint {
   Point3D point;
-  // Standard deviation of its position for exact cameras, as a share of its distance from the camera
-  // that saw it first.
+  // Standard deviation of its position for exact cameras, as a share of its distance from the
+  // camera that saw it first.
   double uncertainty = 0.0;
   Eigen::Vector3d bgr = Eigen::Vector3d::Zero();  // mean over its views, 0..255
 };
 
 // Points in addition to those of a finished reconstruction, whose cameras stay as they are. Corners
-// between its points are followed through keyframes, each by itself: its depth, at first that of the
-// points around it, predicts where the next keyframe shows it. Its patch is measured there
+// between its points are followed through keyframes, each by itself: its depth, at first that of
+// the points around it, predicts where the next keyframe shows it. Its patch is measured there
 // (MeasurePatch), and the point is triangulated again from all of its measurements.
 //
 //   FurtherPoints further(file, model, keyframes, wanted);

@@ -120,8 +120,8 @@ struct SceneFigures {
 // Writes images/, sparse/0/, transforms.json and sparse_pc.ply (docs/files.md), and masks/ if
 // frames have masks, into an existing folder, each whole or not at all. `sequence`: the clip,
 // rewound here and read twice, frame by frame. The scene has the model's points, and up to
-// options.points others, followed through its pictures (FurtherPoints). Throws Error if clip and model do not belong
-// together.
+// options.points others, followed through its pictures (FurtherPoints). Throws Error if clip and
+// model do not belong together.
 SceneFigures WriteScene(const TrackFile& file,
                         const Reconstruction& model,
                         Sequence& sequence,
