@@ -14,8 +14,8 @@ constexpr double kFineSigmaPx = 1.0;
 // The coarse gradients are those of pictures of a quarter of the size: 3 px there.
 constexpr int kCoarse = 4;
 constexpr double kCoarseSigmaPx = 0.75;
-// Below this number, chance agreement is too frequent.
-constexpr std::size_t kLeastPairs = 8;
+// With 9 pairs of a small clip, a few edges along the motion agreed by chance.
+constexpr std::size_t kLeastPairs = 12;
 
 // How many times smaller the pictures are made: text and bars of large pictures are larger, too.
 int Reduction(const cv::Size& size) {
