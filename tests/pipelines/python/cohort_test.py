@@ -127,7 +127,7 @@ class Track(Clip):
         told = []
         cohort.track(self.frames, progress=lambda *what: told.append(what), detector=FEW)
         self.assertIn(("track", 20, 20), told)
-        self.assertEqual({stage for stage, _, _ in told}, {"track", "learn", "measure"})
+        self.assertEqual({stage for stage, _, _ in told}, {"look", "track", "learn", "measure"})
 
         class Enough(Exception):
             pass
