@@ -217,7 +217,7 @@ std::optional<FurtherPoints::Measured> FurtherPoints::MeasureFirst(const Corner&
   const std::array starts{corner.in_world, at_share(0.25), at_share(0.75)};
   for (const int window_px : {kNarrowPx, kWidePx}) {
     for (const Eigen::Vector3d& start : starts) {
-      const auto measured = Measure(corner, smooth, frame, start, window_px);
+      auto measured = Measure(corner, smooth, frame, start, window_px);
       if (!measured) continue;
       if (window_px == kWidePx || measured->m.correlation >= kSure) return measured;
       break;
