@@ -110,7 +110,7 @@ void NoteFrames(const TrackFile& file, Reconstruction& reconstruction) {
 
 std::string DescribeAside(const Aside& aside) {
   const bool one = aside.first == aside.last;
-  const std::string frames =
+  std::string frames =
       one ? fmt::format("frame {}", ToInt(aside.first))
           : fmt::format("frames {} to {}", ToInt(aside.first), ToInt(aside.last));
   switch (aside.kind) {
