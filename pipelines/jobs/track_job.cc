@@ -26,9 +26,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// TrackMeta::fixed_parts, if they are not looked for.
-constexpr const char* kNoFixedParts = "off";
-
 void Count(const TrackFile& file, TrackFigures& figures) {
   figures.frames = file.FrameCount();
   figures.repeats = file.repeats.size();
@@ -39,13 +36,13 @@ void Count(const TrackFile& file, TrackFigures& figures) {
 }
 
 TrackFile DescribeJob(const TrackJobOptions& options,
-                      const Sequence& sequence,
+                      const MaskedSequence& sequence,
                       const SequenceTracker& tracker) {
   TrackFile header = tracker.Header();
   DescribeInput(options.input, sequence, header);
   header.meta.program = fmt::format("cohort {}", kVersion);
   NoteMask(options.masks.mask, header);
-  if (!options.masks.mask_fixed) header.meta.fixed_parts = kNoFixedParts;
+  NoteFixedParts(options.masks, sequence, header);
   return header;
 }
 
@@ -63,7 +60,7 @@ bool IsOfJob(const TrackFile& file, const TrackFile& header) {
     meta.no_second_pass.clear();
     meta.warning.clear();
     meta.cuts.clear();
-    if (meta.fixed_parts != kNoFixedParts) meta.fixed_parts.clear();
+    if (meta.fixed_parts == kFixedPartsMasked) meta.fixed_parts.clear();
     return meta;
   };
   return CanonicalPath(file.source) == CanonicalPath(header.source) &&
@@ -153,7 +150,7 @@ TrackFigures RunTrackJob(const TrackJobOptions& options) {
   if (const std::string found = sequence->FixedPartsFound(); !found.empty()) {
     spdlog::info("{}", found);
   }
-  NoteFixedParts(*sequence, file);
+  NoteFixedParts(options.masks, *sequence, file);
   if (WantsSecondPass(options.second_pass.mode, options.tracker)) {
     const Stopwatch stopwatch;
     file = RunSecondPass(std::move(file), *sequence, options.second_pass);

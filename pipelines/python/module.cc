@@ -215,6 +215,7 @@ TrackFile Track(const ClipArgument& clip,
   DescribeInput(arguments.input, masked, file);
   file.meta.program = fmt::format("cohort {}", kVersion);
   NoteMask(arguments.masks.mask, file);
+  NoteFixedParts(arguments.masks, masked, file);
   if (camera) NoteCamera(camera, file);  // instead of the clip's own
   if (second_pass) {
     file = WithSecondPass(std::move(file), masked, arguments.second_pass, progress).file;

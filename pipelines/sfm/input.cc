@@ -18,8 +18,6 @@
 namespace cohort {
 namespace {
 
-constexpr const char* kFixedPartsMasked = "masked";
-
 Camera ParseCamera(const std::string& text, int width_px, int height_px) {
   std::vector<std::string> words;
   for (std::size_t at = 0; at <= text.size();) {
@@ -163,7 +161,8 @@ void NoteMask(const std::string& mask, TrackFile& file) {
   file.meta.mask_fingerprint = FingerprintOfMasks(mask);
 }
 
-void NoteFixedParts(const MaskedSequence& sequence, TrackFile& file) {
+void NoteFixedParts(const MaskOptions& masks, const MaskedSequence& sequence, TrackFile& file) {
+  if (!masks.mask_fixed) file.meta.fixed_parts = "off";
   if (!sequence.FixedPartsFound().empty()) file.meta.fixed_parts = kFixedPartsMasked;
 }
 

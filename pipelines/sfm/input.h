@@ -108,8 +108,11 @@ void DescribeInput(const InputOptions& options, const Sequence& sequence, TrackF
 // Notes the path of the tracks' mask, which is also the default for the tracks of a refined file.
 // Empty if there is none.
 void NoteMask(const std::string& mask, TrackFile& file);
-// Notes whether fixed parts of the clip, whose first frame was read, are masked.
-void NoteFixedParts(const MaskedSequence& sequence, TrackFile& file);
+// TrackMeta::fixed_parts of a clip that has some.
+inline constexpr const char* kFixedPartsMasked = "masked";
+// Notes whether fixed parts are looked for and, once the first frame was read, whether they are
+// masked.
+void NoteFixedParts(const MaskOptions& masks, const MaskedSequence& sequence, TrackFile& file);
 // Whether the tracks were made with fixed parts masked.
 FixedPartsMask FixedPartsOf(const TrackFile& file);
 

@@ -123,6 +123,20 @@ class Track(Clip):
         self.assertGreater(len(tracks.track_ids), 10)
         self.assertGreater(tracks.observations["x"].min(), 158)
 
+    def test_fixed_parts_of_a_clip_are_noted_so_that_refine_masks_them_too(self):
+        texture = np.kron(np.random.default_rng(5).integers(30, 220, (60, 60)), np.ones((6, 6)))
+        with tempfile.TemporaryDirectory() as folder:
+            for i in range(48):
+                frame = texture[2 * i : 2 * i + 120, 3 * i : 3 * i + 160].astype(np.uint8)
+                frame[90:] = 0
+                (pathlib.Path(folder) / f"{i:03}.pgm").write_bytes(b"P5 160 120 255\n" + frame.tobytes())
+            options = dict(detector=FEW, tracker="klt")
+            tracks = cohort.track(folder, **options)
+            unmasked = cohort.track(folder, mask_fixed=False, **options)
+        self.assertEqual(tracks.meta["fixed_parts"], "masked")
+        self.assertLess(tracks.observations["y"].max(), 90)
+        self.assertEqual(unmasked.meta["fixed_parts"], "off")
+
     def test_progress_is_told_after_every_frame_and_may_end_the_work(self):
         told = []
         cohort.track(self.frames, progress=lambda *what: told.append(what), detector=FEW)
