@@ -58,9 +58,7 @@ class AsideFinder {
   }
 
   std::size_t Observed(std::size_t i) const {
-    const auto in_frame = file_.tracks.InFrame(file_.frames[i].index);
-    return static_cast<std::size_t>(
-        std::ranges::count_if(in_frame, [](const Observation* o) { return IsObserved(*o); }));
+    return file_.tracks.CountObserved(file_.frames[i].index);
   }
   bool ShowsNothing(std::size_t i) const { return Observed(i) < kNoTracks; }
 
@@ -76,13 +74,9 @@ class AsideFinder {
   // Whether the tracks of frame i lie where they lie in the other frame.
   bool StandsStill(std::size_t i, std::size_t other) const {
     constexpr double kStillPx = 0.5;
-    std::vector<double> distances;
-    for (const Observation* o : file_.tracks.InFrame(file_.frames[i].index)) {
-      const Observation* const there = file_.tracks.Find(o->feature, file_.frames[other].index);
-      if (!IsObserved(*o) || there == nullptr || !IsObserved(*there)) continue;
-      distances.push_back((there->xy - o->xy).norm());
-    }
-    return distances.size() >= kEnoughTracks && Median(std::move(distances)) <= kStillPx;
+    std::vector<double> motions =
+        file_.tracks.MotionsPx(file_.frames[i].index, file_.frames[other].index);
+    return motions.size() >= kEnoughTracks && Median(std::move(motions)) <= kStillPx;
   }
 
   // The longest stretch of the range in which every frame stands still with the stretch's first.
@@ -126,37 +120,32 @@ class AsideFinder {
   void AddEdge(const Range& edge, bool at_beginning) {
     constexpr std::size_t kLongestFade = 45;
     if (edge.begin == edge.end) return;
-    const auto from_outside = [&](std::size_t n) {
-      return at_beginning ? edge.begin + n : edge.end - 1 - n;
+    // Frames of the edge, counted from the outside.
+    const auto from_outside = [&](std::size_t begin, std::size_t end) {
+      return at_beginning ? Range{edge.begin + begin, edge.begin + end}
+                          : Range{edge.end - end, edge.end - begin};
     };
-    std::size_t outside = 0;  // how many frames, from outside, are aside
+    const auto frame_from_outside = [&](std::size_t n) { return from_outside(n, n + 1).begin; };
+    const std::size_t all = edge.end - edge.begin;
     std::size_t blank = 0;
-    while (outside < edge.end - edge.begin && ShowsNothing(from_outside(outside))) ++outside;
-    blank = outside;
+    while (blank < all && ShowsNothing(frame_from_outside(blank))) ++blank;
+    std::size_t outside = blank;  // how many frames, from outside, are aside
     AsideKind kind = AsideKind::kBlank;
-    const Range rest =
-        at_beginning ? Range{edge.begin + blank, edge.end} : Range{edge.begin, edge.end - blank};
-    if (const auto still = StillIn(rest); still && !SharesPoints(still->begin)) {
+    if (const auto still = StillIn(from_outside(blank, all));
+        still && !SharesPoints(still->begin)) {
       kind = AsideKind::kCard;
       outside = at_beginning ? still->end - edge.begin : edge.end - still->begin;
     }
     if (outside == 0) return;
-    const std::size_t left = edge.end - edge.begin - outside;
+    const std::size_t left = all - outside;
     if (left <= kLongestFade &&
-        !SharesPoints(from_outside(outside + left / 2 - (left > 0 ? 0 : 1)))) {
-      outside += left;
+        !SharesPoints(frame_from_outside(outside + left / 2 - (left > 0 ? 0 : 1)))) {
+      outside = all;
     }
-    if (kind == AsideKind::kCard && blank > 0 && at_beginning) {
-      Add({edge.begin, edge.begin + blank}, AsideKind::kBlank);
-      Add({edge.begin + blank, edge.begin + outside}, kind);
-    } else if (kind == AsideKind::kCard && blank > 0) {
-      Add({edge.end - outside, edge.end - blank}, kind);
-      Add({edge.end - blank, edge.end}, AsideKind::kBlank);
-    } else {
-      Add(at_beginning ? Range{edge.begin, edge.begin + outside}
-                       : Range{edge.end - outside, edge.end},
-          kind);
-    }
+    // In the clip's order. Add joins the two where they are of one kind.
+    if (at_beginning) Add(from_outside(0, blank), AsideKind::kBlank);
+    Add(from_outside(blank, outside), kind);
+    if (!at_beginning) Add(from_outside(0, blank), AsideKind::kBlank);
   }
 
   const TrackFile& file_;
@@ -173,13 +162,10 @@ std::vector<Aside> FindAsides(const TrackFile& file, const Reconstruction& model
 }
 
 std::size_t CountFrames(const std::vector<Aside>& asides, const TrackFile& file) {
-  const auto is_aside = [&asides](FrameIndex frame) {
-    return std::ranges::any_of(asides, [frame](const Aside& aside) { return aside.Has(frame); });
-  };
   const auto frames = std::ranges::count_if(
-      file.frames, [&](const FrameInfo& frame) { return is_aside(frame.index); });
+      file.frames, [&](const FrameInfo& frame) { return AnyHas(asides, frame.index); });
   const auto repeats = std::ranges::count_if(
-      file.repeats, [&](const RepeatedFrame& repeat) { return is_aside(repeat.original); });
+      file.repeats, [&](const RepeatedFrame& repeat) { return AnyHas(asides, repeat.original); });
   return static_cast<std::size_t>(frames + repeats);
 }
 

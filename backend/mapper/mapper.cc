@@ -289,9 +289,7 @@ std::optional<Doubt> DescribeParts(const JudgedParts& judged,
                                    const Reconstruction& model) {
   const std::vector<Aside> asides = FindAsides(file, model);
   const auto is_aside = [&](int frame) {
-    return std::ranges::any_of(asides, [&](const Aside& aside) {
-      return aside.Has(file.frames[static_cast<std::size_t>(frame)].index);
-    });
+    return AnyHas(asides, file.frames[static_cast<std::size_t>(frame)].index);
   };
   const auto parts = std::ranges::count_if(judged.parts, [&](const WorkingModel& part) {
     return !std::ranges::all_of(part.RegisteredFrames(), is_aside);

@@ -84,14 +84,9 @@ bool AreEven(const FrameTimes& times) {
 std::optional<double> MotionPx(const TrackSet& tracks, FrameIndex from, FrameIndex to) {
   constexpr std::size_t kEnough = 8;
   constexpr double kLeastPx = 0.3;
-  std::vector<double> distances;
-  for (const Observation* o : tracks.InFrame(from)) {
-    if (!IsObserved(*o)) continue;
-    const Observation* const other = tracks.Find(o->feature, to);
-    if (other != nullptr && IsObserved(*other)) distances.push_back((other->xy - o->xy).norm());
-  }
-  if (distances.size() < kEnough) return std::nullopt;
-  const double motion = Median(std::move(distances));
+  std::vector<double> motions = tracks.MotionsPx(from, to);
+  if (motions.size() < kEnough) return std::nullopt;
+  const double motion = Median(std::move(motions));
   if (motion < kLeastPx) return std::nullopt;
   return motion;
 }

@@ -108,11 +108,14 @@ void NoteFrames(const TrackFile& file, Reconstruction& reconstruction) {
   }
 }
 
+bool AnyHas(const std::vector<Aside>& asides, FrameIndex frame) {
+  return std::ranges::any_of(asides, [frame](const Aside& aside) { return aside.Has(frame); });
+}
+
 std::string DescribeAside(const Aside& aside) {
   const bool one = aside.first == aside.last;
-  std::string frames =
-      one ? fmt::format("frame {}", ToInt(aside.first))
-          : fmt::format("frames {} to {}", ToInt(aside.first), ToInt(aside.last));
+  std::string frames = one ? fmt::format("frame {}", ToInt(aside.first))
+                           : fmt::format("frames {} to {}", ToInt(aside.first), ToInt(aside.last));
   switch (aside.kind) {
     case AsideKind::kBlank:
       return fmt::format(

@@ -152,6 +152,7 @@ struct Aside {
   bool Has(FrameIndex frame) const { return first <= frame && frame <= last; }
   bool operator==(const Aside&) const = default;
 };
+bool AnyHas(const std::vector<Aside>& asides, FrameIndex frame);
 
 // "frames 0 to 47 show a still picture, such as a title card"
 std::string DescribeAside(const Aside& aside);

@@ -17,13 +17,6 @@ constexpr int kMinCommon = 20;          // tracks that both frames have observed
 constexpr double kMinAngleDeg = 0.5;    // median triangulation angle, least
 constexpr double kGoodAngleDeg = 12.0;  // and beyond which more is no better
 
-std::size_t CountObserved(const TrackSet& tracks, FrameIndex frame) {
-  const auto in_frame = tracks.InFrame(frame);
-  return static_cast<std::size_t>(std::count_if(in_frame.begin(), in_frame.end(), [](auto* o) {
-    return o->state == ObservationState::kObserved;
-  }));
-}
-
 // How many observed tracks `frame` shares with each frame after it.
 std::vector<std::size_t> CountShared(const TrackSet& tracks, std::size_t start) {
   const auto frames = tracks.frames();
@@ -76,7 +69,7 @@ std::string Reason(const InitialPairSearch& search, std::size_t frames) {
 std::set<std::size_t> EndsToTry(const TrackSet& tracks, std::size_t start) {
   const auto frames = tracks.frames();
   const std::vector<std::size_t> shared = CountShared(tracks, start);
-  const auto features = static_cast<double>(CountObserved(tracks, frames[start]));
+  const auto features = static_cast<double>(tracks.CountObserved(frames[start]));
   std::set<std::size_t> ends;
   for (const double fraction : kSharedFractions) {
     const auto enough = std::max(static_cast<double>(kMinCommon), std::ceil(fraction * features));

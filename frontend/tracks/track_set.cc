@@ -91,11 +91,25 @@ const Observation* TrackSet::Find(FeatureId feature, FrameIndex frame) const {
   return it != track.end() && it->frame == frame ? &*it : nullptr;
 }
 
+std::size_t TrackSet::CountObserved(FrameIndex frame) const {
+  const auto in_frame = InFrame(frame);
+  return static_cast<std::size_t>(std::count_if(
+      in_frame.begin(), in_frame.end(), [](const Observation* o) { return IsObserved(*o); }));
+}
+
+std::vector<double> TrackSet::MotionsPx(FrameIndex from, FrameIndex to) const {
+  std::vector<double> motions;
+  for (const Observation* o : InFrame(from)) {
+    if (!IsObserved(*o)) continue;
+    const Observation* const other = Find(o->feature, to);
+    if (other != nullptr && IsObserved(*other)) motions.push_back((other->xy - o->xy).norm());
+  }
+  return motions;
+}
+
 std::size_t TrackSet::CountObserved() const {
   return static_cast<std::size_t>(
-      std::count_if(observations_.begin(), observations_.end(), [](const Observation& o) {
-        return o.state == ObservationState::kObserved;
-      }));
+      std::count_if(observations_.begin(), observations_.end(), IsObserved));
 }
 
 double TrackSet::MeanObservedLength() const {

@@ -35,6 +35,10 @@ class TrackSet {
   // Null if the feature has no observation in this frame.
   const Observation* Find(FeatureId feature, FrameIndex frame) const;
 
+  std::size_t CountObserved(FrameIndex frame) const;
+  // How far the features that both frames observed moved in between [px], ascending features.
+  std::vector<double> MotionsPx(FrameIndex from, FrameIndex to) const;
+
   // Why tracks ended, ascending features; tracks alive at the end of the clip are not listed.
   std::span<const TrackEnd> ends() const { return ends_; }
 

@@ -27,6 +27,7 @@
 #include "pipelines/evaluation/track_error.h"
 #include "pipelines/jobs/track_doubts.h"
 #include "pipelines/json/json_file.h"
+#include "pipelines/sfm/summary_json.h"
 
 namespace cohort {
 namespace {
@@ -235,12 +236,7 @@ std::vector<FrameIndex> FramesOfModel(const fs::path& folder, const ModelTruth& 
         repeats.insert(FrameIndex{pair.at(0).get<std::uint32_t>()});
       }
     }
-    if (json.contains("asides")) {  // nor are those that show something else missing
-      for (const Json& aside : json.at("asides")) {
-        asides.push_back({FrameIndex{aside.at("first_frame").get<std::uint32_t>()},
-                          FrameIndex{aside.at("last_frame").get<std::uint32_t>()}});
-      }
-    }
+    asides = AsidesOf(json);  // nor are those that show something else missing
     if (json.contains("frame_range")) text = json.at("frame_range").get<std::string>();
   });
   if (!text) return FramesOf(truth);
@@ -262,9 +258,7 @@ std::vector<FrameIndex> FramesOfModel(const fs::path& folder, const ModelTruth& 
   std::vector<FrameIndex> frames;
   for (std::size_t i = 0; i < count; ++i) {
     const FrameIndex frame{static_cast<std::uint32_t>(range.first + i * range.stride)};
-    const bool is_aside =
-        std::ranges::any_of(asides, [frame](const Aside& aside) { return aside.Has(frame); });
-    if (!repeats.contains(frame) && !is_aside) frames.push_back(frame);
+    if (!repeats.contains(frame) && !AnyHas(asides, frame)) frames.push_back(frame);
   }
   return frames;
 }

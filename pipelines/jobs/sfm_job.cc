@@ -157,18 +157,6 @@ std::vector<Stretch> OtherPartsOf(const fs::path& summary) {
   return parts;
 }
 
-std::vector<Aside> AsidesOf(const Json& model) {
-  std::vector<Aside> asides;
-  if (!model.contains("asides")) return asides;
-  for (const Json& aside : model.at("asides")) {
-    asides.push_back({FrameIndex{aside.at("first_frame").get<std::uint32_t>()},
-                      FrameIndex{aside.at("last_frame").get<std::uint32_t>()},
-                      ValueOf(kAsideKindNames, aside.at("shows").get<std::string>())
-                          .value_or(AsideKind::kOtherScene)});
-  }
-  return asides;
-}
-
 SfmFigures FiguresOf(const fs::path& summary) {
   SfmFigures figures;
   UseJsonFile(summary, [&figures](const Json& model) {

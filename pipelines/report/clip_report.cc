@@ -221,13 +221,7 @@ Json PointsOf(const ClipReport& report,
 
 // Median displacement of the features observed in both frames [px]; null without any.
 Json MotionBetween(const TrackSet& tracks, FrameIndex from, FrameIndex to) {
-  std::vector<double> motions;
-  for (const Observation* o : tracks.InFrame(to)) {
-    const Observation* before = tracks.Find(o->feature, from);
-    if (IsObserved(*o) && before != nullptr && IsObserved(*before)) {
-      motions.push_back((o->xy - before->xy).norm());
-    }
-  }
+  std::vector<double> motions = tracks.MotionsPx(from, to);
   return motions.empty() ? Json() : Json(Rounded(InterpolatedMedian(std::move(motions))));
 }
 
@@ -253,12 +247,10 @@ Json PerFrame(const TrackFile& file, const Reconstruction& model) {
   std::map<FrameIndex, std::vector<double>> errors = ReprojectionErrors(model);
   for (std::size_t i = 0; i < file.frames.size(); ++i) {
     const FrameIndex frame = file.frames[i].index;
-    const auto in_frame = file.tracks.InFrame(frame);
-    const auto observed = std::count_if(
-        in_frame.begin(), in_frame.end(), [](const auto* o) { return IsObserved(*o); });
+    const std::size_t observed = file.tracks.CountObserved(frame);
     columns["frame"].push_back(ToInt(frame));
     columns["observed"].push_back(observed);
-    columns["predicted"].push_back(static_cast<std::ptrdiff_t>(in_frame.size()) - observed);
+    columns["predicted"].push_back(file.tracks.InFrame(frame).size() - observed);
     const bool first = i == 0;
     const FrameIndex before = file.frames[first ? 0 : i - 1].index;
     columns["motion_px"].push_back(first ? Json() : MotionBetween(file.tracks, before, frame));

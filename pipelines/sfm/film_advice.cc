@@ -76,20 +76,14 @@ std::vector<Stretch> Losses(const TrackFile& file, double share) {
   return losses;
 }
 
-bool IsAside(const FilmedClip& clip, FrameIndex frame) {
-  return std::ranges::any_of(clip.asides, [frame](const Aside& a) { return a.Has(frame); });
-}
-
 double ObservedIn(const TrackFile& file, FrameIndex frame) {
-  const auto in_frame = file.tracks.InFrame(frame);
-  return static_cast<double>(
-      std::ranges::count_if(in_frame, [](const Observation* o) { return IsObserved(*o); }));
+  return static_cast<double>(file.tracks.CountObserved(frame));
 }
 
 double ObservedInMedian(const FilmedClip& clip) {
   std::vector<double> counts;
   for (const FrameInfo& frame : clip.file.frames) {
-    if (!IsAside(clip, frame.index)) counts.push_back(ObservedIn(clip.file, frame.index));
+    if (!AnyHas(clip.asides, frame.index)) counts.push_back(ObservedIn(clip.file, frame.index));
   }
   return Median(std::move(counts));
 }
@@ -218,7 +212,7 @@ void AdviseOnLight(const FilmedClip& clip,
   const auto is_near_aside = [&](std::size_t i) {
     const std::size_t end = std::min(clip.file.frames.size(), i + kFade + 1);
     for (std::size_t j = i - std::min(i, kFade); j < end; ++j) {
-      if (IsAside(clip, clip.file.frames[j].index)) return true;
+      if (AnyHas(clip.asides, clip.file.frames[j].index)) return true;
     }
     return false;
   };
@@ -253,7 +247,7 @@ ClipMeasures MeasureClip(const FilmedClip& clip) {
   measures.moving_share = MovingShare(clip.file, clip.model);
   std::vector<double> brightness;  // of the scene
   for (std::size_t i = 0; i < clip.file.frames.size() && i < clip.brightness.size(); ++i) {
-    if (!IsAside(clip, clip.file.frames[i].index)) brightness.push_back(clip.brightness[i]);
+    if (!AnyHas(clip.asides, clip.file.frames[i].index)) brightness.push_back(clip.brightness[i]);
   }
   measures.dark = Quantile(brightness, 0.1);
   measures.brightness = Quantile(brightness, 0.5);
@@ -267,7 +261,7 @@ ClipMeasures MeasureClip(const FilmedClip& clip) {
 std::vector<std::string> FilmAdvice(const FilmedClip& clip, const ClipMeasures& measures) {
   std::vector<std::string> advice;
   const TrackFile& file = clip.file;
-  const auto is_aside = [&clip](FrameIndex frame) { return IsAside(clip, frame); };
+  const auto is_aside = [&clip](FrameIndex frame) { return AnyHas(clip.asides, frame); };
   if (file.frames.size() < 3 && clip.model.cam_from_world.empty()) {
     advice.push_back(fmt::format(
         "The clip has {}: a model needs at least three, preferably many, from different positions.",

@@ -5,7 +5,10 @@
 #include <cstring>
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
+#include <utility>
 #include <vector>
+
+#include "frontend/core/statistics.h"
 
 namespace cohort {
 namespace {
@@ -25,7 +28,8 @@ int Reduction(const cv::Size& size) {
 
 cv::Mat Reduced(const cv::Mat& picture, int by) {
   cv::Mat reduced;
-  cv::resize(picture, reduced, {picture.cols / by, picture.rows / by}, 0.0, 0.0, cv::INTER_AREA);
+  const cv::Size size(std::max(1, picture.cols / by), std::max(1, picture.rows / by));
+  cv::resize(picture, reduced, size, 0.0, 0.0, cv::INTER_AREA);
   return reduced;
 }
 
@@ -50,17 +54,14 @@ cv::Mat Grown(const cv::Mat& mask, int by_px) {
   return grown;
 }
 
-float MedianWhere(const cv::Mat& values, const cv::Mat& where) {
-  std::vector<float> sample;
+double MedianWhere(const cv::Mat& values, const cv::Mat& where) {
+  std::vector<double> sample;
   for (int y = 0; y < values.rows; ++y) {
     for (int x = 0; x < values.cols; ++x) {
       if (where.at<std::uint8_t>(y, x) != 0) sample.push_back(values.at<float>(y, x));
     }
   }
-  if (sample.empty()) return 0.0F;
-  const auto middle = sample.begin() + static_cast<std::ptrdiff_t>(sample.size() / 2);
-  std::nth_element(sample.begin(), middle, sample.end());
-  return *middle;
+  return Median(std::move(sample));
 }
 
 void RemoveSpecks(cv::Mat& mask) {
@@ -164,7 +165,7 @@ cv::Mat FixedParts::Standing() const {
   // What noise leaves of its energy in a mean over n pairs is of the order of 1/n.
   const cv::Mat noise = BoxMean(fine_.Energy(pairs_)) * (4.0 / static_cast<double>(pairs_));
   // No features are found on what is fainter than half of the texture.
-  const float faint = MedianWhere(near, near > noise);
+  const double faint = MedianWhere(near, near > noise);
   cv::Mat standing = (far > 0.8 * near) & (far > noise) & (far > faint);
   RemoveSpecks(standing);
   return standing;
@@ -172,14 +173,14 @@ cv::Mat FixedParts::Standing() const {
 
 // Areas that never change and whose outline is fixed. A dark sky does not change either, but its
 // outline moves.
-cv::Mat FixedParts::Dead(const cv::Mat& standing) const {
+cv::Mat FixedParts::Dead() const {
   constexpr double kMostLevels = 2.0;
   constexpr int kOutlinePx = 4;
   cv::Mat dead = (most_ - least_) <= kMostLevels;
   cv::morphologyEx(dead, dead, cv::MORPH_OPEN, cv::Mat::ones(5, 5, CV_8U));
   const cv::Mat far = fine_.Far(pairs_);
   const cv::Mat near = fine_.Near(pairs_);
-  cv::Mat fixed = cv::Mat::zeros(standing.size(), CV_8U);
+  cv::Mat fixed = cv::Mat::zeros(dead.size(), CV_8U);
   cv::Mat labels;
   const int count = cv::connectedComponents(dead, labels);
   for (int i = 1; i < count; ++i) {
@@ -207,8 +208,7 @@ bool FixedParts::RestMoves(const cv::Mat& fixed) const {
 
 cv::Mat FixedParts::Find() const {
   if (pairs_ < kLeastPairs) return {};
-  cv::Mat fixed = Standing();
-  fixed |= Dead(fixed);
+  cv::Mat fixed = Standing() | Dead();
   if (cv::countNonZero(fixed) == 0 || !RestMoves(fixed)) return {};
   constexpr int kHaloPx = 3;  // of compression and of the blur
   cv::resize(Grown(fixed, kHaloPx), fixed, size_, 0.0, 0.0, cv::INTER_NEAREST);

@@ -49,7 +49,7 @@ class FixedParts {
   static Gradients Of(const cv::Mat& levels, double sigma_px);
   static Gradients Directions(const Gradients& g);
   cv::Mat Standing() const;
-  cv::Mat Dead(const cv::Mat& standing) const;
+  cv::Mat Dead() const;
   bool RestMoves(const cv::Mat& fixed) const;
 
   std::size_t pairs_ = 0;

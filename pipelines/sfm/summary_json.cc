@@ -115,6 +115,18 @@ Json DoubtsToJson(const std::vector<Doubt>& doubts) {
   return json;
 }
 
+std::vector<Aside> AsidesOf(const Json& summary) {
+  std::vector<Aside> asides;
+  if (!summary.contains("asides")) return asides;
+  for (const Json& aside : summary.at("asides")) {
+    asides.push_back({FrameIndex{aside.at("first_frame").get<std::uint32_t>()},
+                      FrameIndex{aside.at("last_frame").get<std::uint32_t>()},
+                      ValueOf(kAsideKindNames, aside.at("shows").get<std::string>())
+                          .value_or(AsideKind::kOtherScene)});
+  }
+  return asides;
+}
+
 std::vector<Doubt> DoubtsFromJson(const Json& json) {
   std::vector<Doubt> doubts;
   for (const Json& doubt : json.get_ref<const Json::array_t&>()) {
