@@ -17,6 +17,7 @@
 #include "backend/grow/parts.h"
 #include "backend/judge/aside.h"
 #include "backend/judge/judgement.h"
+#include "backend/judge/moving_share.h"
 #include "backend/mapper/camera_search.h"
 #include "backend/scene/near_world.h"
 #include "backend/scene/row_poses.h"
@@ -276,6 +277,12 @@ void Describe(const JudgedParts& judged,
   add_doubt(DescribeFewPoints(result.reconstruction));
 }
 
+void DoubtMovingThings(const TrackFile& file, MapperResult& result) {
+  if (auto doubt = DescribeMovingThings(file, result.reconstruction)) {
+    result.summary.reasons.push_back(std::move(*doubt));
+  }
+}
+
 MapperResult WithEndOfModel(MapperResult described, const TrackFile& file) {
   NoteFrames(file, described.reconstruction);
   const ReconstructionSummary summary = SummarizeModelOf(file, described.reconstruction);
@@ -364,6 +371,7 @@ MapperResult MapAtOneFocalLength(const TrackFile& file, const MapperOptions& opt
     result.other_parts.push_back(ToReconstruction(judged.parts[i], whitened, judged.readout));
   }
   Describe(judged, whitened, camera, refinement, options, keyframes, result);
+  DoubtMovingThings(file, result);
   if (auto doubt = DescribeParts(judged, file, result.reconstruction)) {
     result.summary.reasons.push_back(std::move(*doubt));
   }
@@ -416,6 +424,7 @@ MapperResult AdjustAtOneFocalLength(const TrackFile& file,
   result.depth_uncertainty = judged.judgements.front().depth_uncertainty;
   result.unexplained_parallax = judged.judgements.front().unexplained_parallax;
   Describe(judged, whitened, start.camera, refinement, options, keyframes, result);
+  DoubtMovingThings(file, result);
   return WithEndOfModel(std::move(result), file);
 }
 

@@ -100,11 +100,12 @@ enum class DoubtCode : std::uint8_t {
   kCamerasUncertain,     // the cameras' positions are uncertain
   kPointsOnALine,        // the points lie along a line
   kFewPoints,            // some of the frames are constrained by few points
+  kThingsMove,           // much of the picture moves on its own
   kNoModelByCeres,       // COLMAP made a model of tracks for which Ceres makes none
   kNotJudged,            // COLMAP made the model, and Ceres did not judge it
   kOther,                // from a file of another version
 };
-inline constexpr ChoiceNames<DoubtCode, 18> kDoubtCodeNames{
+inline constexpr ChoiceNames<DoubtCode, 19> kDoubtCodeNames{
     {{"few-frames", DoubtCode::kFewFrames},
      {"parts", DoubtCode::kParts},
      {"only-turns", DoubtCode::kOnlyTurns},
@@ -120,6 +121,7 @@ inline constexpr ChoiceNames<DoubtCode, 18> kDoubtCodeNames{
      {"cameras-uncertain", DoubtCode::kCamerasUncertain},
      {"points-on-a-line", DoubtCode::kPointsOnALine},
      {"few-points", DoubtCode::kFewPoints},
+     {"things-move", DoubtCode::kThingsMove},
      {"no-model-by-ceres", DoubtCode::kNoModelByCeres},
      {"not-judged", DoubtCode::kNotJudged},
      {"other", DoubtCode::kOther}}};

@@ -9,6 +9,8 @@
 #include <vector>
 
 #include "frontend/core/statistics.h"
+#include "frontend/image/levels.h"
+#include "pipelines/sfm/fixed_pattern.h"
 
 namespace cohort {
 namespace {
@@ -31,13 +33,6 @@ cv::Mat Reduced(const cv::Mat& picture, int by) {
   const cv::Size size(std::max(1, picture.cols / by), std::max(1, picture.rows / by));
   cv::resize(picture, reduced, size, 0.0, 0.0, cv::INTER_AREA);
   return reduced;
-}
-
-cv::Mat Levels(const cv::Mat& gray) {
-  cv::Mat levels;
-  const double white = gray.depth() == CV_8U ? 255.0 : gray.depth() == CV_16U ? 65535.0 : 1.0;
-  gray.convertTo(levels, CV_32F, 255.0 / white);
-  return levels;
 }
 
 cv::Mat BoxMean(const cv::Mat& values) {
@@ -133,7 +128,7 @@ cv::Mat FixedParts::Sums::Energy(std::size_t pairs) const {
 void FixedParts::Add(const cv::Mat& gray, const cv::Mat& next) {
   size_ = gray.size();
   const int by = Reduction(size_);
-  const cv::Mat levels[] = {Levels(Reduced(gray, by)), Levels(Reduced(next, by))};
+  const cv::Mat levels[] = {LevelsOf(Reduced(gray, by)), LevelsOf(Reduced(next, by))};
   const Gradients coarse[] = {Of(Reduced(levels[0], kCoarse), kCoarseSigmaPx),
                               Of(Reduced(levels[1], kCoarse), kCoarseSigmaPx)};
   // Two pairs show the same if they agree as one does within itself, and that is nearly entirely.
@@ -196,9 +191,12 @@ cv::Mat FixedParts::Dead() const {
 }
 
 bool FixedParts::RestMoves(const cv::Mat& fixed) const {
-  cv::Mat rest;
-  cv::resize(fixed, rest, coarse_.near.size(), 0.0, 0.0, cv::INTER_AREA);
-  rest = rest == 0;
+  if (pairs_ < kLeastPairs) return false;
+  cv::Mat rest(coarse_.near.size(), CV_8U, cv::Scalar(255));
+  if (!fixed.empty()) {
+    cv::resize(fixed, rest, rest.size(), 0.0, 0.0, cv::INTER_AREA);
+    rest = rest == 0;
+  }
   const double far = cv::mean(coarse_.Far(pairs_), rest)[0];
   const double near = cv::mean(coarse_.Near(pairs_), rest)[0];
   // Where it moves fast or is very dark, two successive pictures do not agree either.
@@ -215,22 +213,28 @@ cv::Mat FixedParts::Find() const {
   return fixed;
 }
 
-cv::Mat FindFixedParts(Sequence& sequence) {
+WhatStays FindWhatStays(Sequence& sequence) {
   constexpr std::size_t kPairs = 24;
   constexpr std::size_t kMostFrames = 1000;
   // Up to 10 frames apart, so that slow scenes move in between.
   const std::size_t count = sequence.FrameCount().value_or(kMostFrames);
   const std::size_t stride = std::clamp<std::size_t>(count / kPairs, 2, 10);
+  const std::size_t half = std::min(count / stride, kPairs) / 2;
   FixedParts parts;
+  FixedPattern pattern;
   cv::Mat first;
   for (std::size_t i = 0; i < kMostFrames && parts.pairs() < kPairs; ++i) {
     const auto frame = sequence.Next();
     if (!frame) break;
+    pattern.Add(frame->gray, parts.pairs() >= half);
     if (i % stride == 0) first = frame->gray;
     if (i % stride == 1) parts.Add(first, frame->gray);
   }
   sequence.Rewind();
-  return parts.Find();
+  WhatStays stays;
+  stays.parts = parts.Find();
+  if (parts.RestMoves(stays.parts)) stays.pattern = pattern.Find(stays.parts);
+  return stays;
 }
 
 cv::Mat MaskOfFixedParts(const cv::Mat& fixed) {

@@ -26,6 +26,8 @@ class FixedParts {
   // CV_8UC1, not 0 on fixed parts and within a few pixels of them. Empty if there are none, after
   // too few pairs, or if the rest of the pictures does not move either.
   cv::Mat Find() const;
+  // Whether the pictures move beside `fixed` (of Find, or empty). False after too few pairs.
+  bool RestMoves(const cv::Mat& fixed) const;
 
  private:
   struct Gradients {
@@ -50,7 +52,6 @@ class FixedParts {
   static Gradients Directions(const Gradients& g);
   cv::Mat Standing() const;
   cv::Mat Dead() const;
-  bool RestMoves(const cv::Mat& fixed) const;
 
   std::size_t pairs_ = 0;
   cv::Size size_;  // of the pictures; below, they are smaller by a whole number
@@ -61,8 +62,13 @@ class FixedParts {
   cv::Mat most_;
 };
 
-// FixedParts::Find of a clip. Reads its first frames and rewinds it.
-cv::Mat FindFixedParts(Sequence& sequence);
+// What stays in its place in the pictures of a clip; an empty one was not found.
+struct WhatStays {
+  cv::Mat parts;    // FixedParts::Find
+  cv::Mat pattern;  // FixedPattern::Find
+};
+// Reads the clip's first frames and rewinds it.
+WhatStays FindWhatStays(Sequence& sequence);
 
 // CV_8UC1, 0 where the window of a feature would contain a fixed part.
 cv::Mat MaskOfFixedParts(const cv::Mat& fixed);

@@ -1,12 +1,15 @@
 #include "pipelines/sfm/masks.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
+#include <cmath>
 #include <nlohmann/json.hpp>
 #include <opencv2/core.hpp>
 #include <system_error>
 #include <utility>
+#include <vector>
 
 #include "datasets/readers/gray_image.h"
 #include "datasets/readers/image_folder.h"
@@ -17,6 +20,8 @@
 #include "frontend/tracks/frame_name.h"
 #include "pipelines/json/json_file.h"
 #include "pipelines/sfm/fingerprint.h"
+#include "pipelines/sfm/fixed_parts.h"
+#include "pipelines/sfm/fixed_pattern.h"
 
 namespace cohort {
 namespace {
@@ -260,9 +265,11 @@ MaskedSequence::MaskedSequence(std::unique_ptr<Sequence> sequence,
 std::optional<Frame> MaskedSequence::Next() {
   if (look_for_fixed_parts_) {
     look_for_fixed_parts_ = false;
-    if (const cv::Mat fixed = FindFixedParts(*sequence_); !fixed.empty()) {
-      mask_of_fixed_parts_ = MaskOfFixedParts(fixed);
-      paint_over_ = PaintOver(fixed);
+    const WhatStays stays = FindWhatStays(*sequence_);
+    pattern_ = stays.pattern;
+    if (!stays.parts.empty()) {
+      mask_of_fixed_parts_ = MaskOfFixedParts(stays.parts);
+      paint_over_ = PaintOver(stays.parts);
     }
   }
   std::optional<Frame> frame = sequence_->Next();
@@ -276,8 +283,11 @@ std::optional<Frame> MaskedSequence::Next() {
   if (!frame->mask.empty()) count_.covered += ShareOfBlack(frame->mask);
   if (!mask_of_fixed_parts_.empty()) {
     frame->mask = frame->mask.empty() ? mask_of_fixed_parts_ : frame->mask & mask_of_fixed_parts_;
+  }
+  if (!mask_of_fixed_parts_.empty() || !pattern_.empty()) {
     if (frame->color.empty()) frame->color = frame->gray;
     frame->gray = frame->gray.clone();
+    if (!pattern_.empty()) SubtractPattern(pattern_, frame->gray);
     paint_over_.Apply(frame->gray);
   }
   return frame;
@@ -348,11 +358,20 @@ double MaskedSequence::CoveredShare() const {
 }
 
 std::string MaskedSequence::FixedPartsFound() const {
-  if (mask_of_fixed_parts_.empty()) return "";
-  return fmt::format(
-      "{:.2g} % of the pictures stay as they are while the rest moves, such as text, bars or parts "
-      "of the camera or the car: no feature is allowed there; --no-mask-fixed allows them",
-      100.0 * ShareOfBlack(mask_of_fixed_parts_));
+  std::vector<std::string> found;
+  if (!mask_of_fixed_parts_.empty()) {
+    found.push_back(fmt::format(
+        "{:.2g} % of the pictures stay as they are while the rest moves, such as text, bars or "
+        "parts of the camera or the car: no feature is allowed there",
+        100.0 * ShareOfBlack(mask_of_fixed_parts_)));
+  }
+  if (!pattern_.empty()) {
+    found.push_back(
+        fmt::format("the sensor adds a pattern of {:.2g} levels to every picture: it is subtracted",
+                    cv::norm(pattern_) / std::sqrt(static_cast<double>(pattern_.total()))));
+  }
+  if (found.empty()) return "";
+  return fmt::format("{}; --no-mask-fixed leaves the pictures as they are", fmt::join(found, "; "));
 }
 
 bool MaskedSequence::CoverTooMuch() const {

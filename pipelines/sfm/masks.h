@@ -69,8 +69,9 @@ enum class FixedPartsMask : std::uint8_t { kFind, kNone };
 // A sequence whose frames have these masks, beside those of their alpha and of fixed parts.
 class MaskedSequence final : public Sequence {
  public:
-  // Fixed parts are looked for before the first frame is read. They are masked, and painted over in
-  // Frame::gray; the frame's own picture is then Frame::color.
+  // Fixed parts and a fixed pattern are looked for before the first frame is read. In Frame::gray,
+  // parts are painted over (and masked), and the pattern is subtracted; the frame's own picture is
+  // then Frame::color.
   MaskedSequence(std::unique_ptr<Sequence> sequence,
                  ClipMasks masks,
                  bool whole = true,
@@ -83,7 +84,7 @@ class MaskedSequence final : public Sequence {
   // A sentence on what the masks and alpha cover; empty if there is neither, or before the end of
   // the clip was reached once.
   std::string Coverage() const;
-  // A sentence on the fixed parts that are masked; empty if there are none.
+  // A sentence on the fixed parts and the pattern; empty if there are none.
   std::string FixedPartsFound() const;
   // Whether the masks cover so much that black and white are probably exchanged.
   bool CoverTooMuch() const;
@@ -128,6 +129,7 @@ class MaskedSequence final : public Sequence {
   bool look_for_fixed_parts_;
   cv::Mat mask_of_fixed_parts_;  // empty: there are none
   PaintOver paint_over_;
+  cv::Mat pattern_;  // empty: there is none
   Count count_;
   std::optional<Count> of_clip_;  // at its end
   std::string warning_of_masks_;

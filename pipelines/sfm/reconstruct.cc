@@ -106,6 +106,7 @@ bool IsOfTracks(DoubtCode code) {
     case DoubtCode::kCamerasUncertain:
     case DoubtCode::kPointsOnALine:
     case DoubtCode::kFewPoints:
+    case DoubtCode::kThingsMove:
       return true;
     case DoubtCode::kFewFrames:
     case DoubtCode::kParts:

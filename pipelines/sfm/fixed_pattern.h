@@ -1,0 +1,38 @@
+#pragma once
+
+#include <opencv2/core/mat.hpp>
+
+namespace cohort {
+
+// Finds what a sensor adds to all pictures alike while the scene moves: columns or rows of their
+// own brightness, hot pixels, a pattern of all pixels.
+//
+// A and B are the mean pictures of two halves of a clip, without what is smooth. The scene of one is
+// elsewhere in the other, and noise is independent, so K(d) = mean of A(x) B(x + d) is the energy of
+// the pattern at d = 0. A pattern has no neighbours: K(0) must be many times K(3..8 px), which a
+// scene that hardly moves never is.
+class FixedPattern {
+ public:
+  // Successive pictures, CV_8UC1, CV_16UC1 or CV_32FC1 (0..1), of one size; those of the clip's
+  // first half, then those of its second half.
+  void Add(const cv::Mat& gray, bool second_half);
+
+  // CV_32FC1 in levels of 255, to be subtracted from each picture. Empty if there is none, or if it
+  // is too faint beside the change from picture to picture to matter. It is 0 where `fixed`
+  // (CV_8UC1, or empty) is not 0: what FixedParts found.
+  cv::Mat Find(const cv::Mat& fixed) const;
+
+ private:
+  struct Half {
+    cv::Mat sum;  // in levels
+    int frames = 0;
+  };
+  Half halves_[2];
+  cv::Mat last_;
+  double change_ = 0.0;  // the sum of mean squares of differences of successive pictures
+};
+
+// Subtracts a pattern of FixedPattern from a picture, CV_8UC1, CV_16UC1 or CV_32FC1.
+void SubtractPattern(const cv::Mat& pattern, cv::Mat& gray);
+
+}  // namespace cohort
