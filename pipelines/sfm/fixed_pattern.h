@@ -4,13 +4,15 @@
 
 namespace cohort {
 
-// Finds what a sensor adds to all pictures alike while the scene moves: columns or rows of their
-// own brightness, hot pixels, a pattern of all pixels.
+// Finds columns and rows to which a sensor adds a brightness of their own in all pictures.
 //
-// A and B are the mean pictures of two halves of a clip, without what is smooth. The scene of one is
-// elsewhere in the other, and noise is independent, so K(d) = mean of A(x) B(x + d) is the energy of
-// the pattern at d = 0. A pattern has no neighbours: K(0) must be many times K(3..8 px), which a
-// scene that hardly moves never is.
+// A and B are profiles of two halves of a clip: the means of all their pictures over columns (or
+// rows), without what is smooth. The scene of one is elsewhere in the other, and noise is
+// independent, so K(d) = mean of A(x) B(x + d) is the energy of the pattern at d = 0. A pattern has
+// no neighbours: K(0) must be many times K(3..8 px), which a scene that hardly moves never is.
+//
+// Patterns of single pixels, such as hot ones, are left: they make less difference than the noise of
+// their estimate (docs/results/fixed_parts.md).
 class FixedPattern {
  public:
   // Successive pictures, CV_8UC1, CV_16UC1 or CV_32FC1 (0..1), of one size; those of the clip's
@@ -18,8 +20,8 @@ class FixedPattern {
   void Add(const cv::Mat& gray, bool second_half);
 
   // CV_32FC1 in levels of 255, to be subtracted from each picture. Empty if there is none, or if it
-  // is too faint beside the change from picture to picture to matter. It is 0 where `fixed`
-  // (CV_8UC1, or empty) is not 0: what FixedParts found.
+  // is too faint beside the change from picture to picture to matter. Where `fixed` (CV_8UC1, or
+  // empty) is not 0, pictures are not used: what FixedParts found.
   cv::Mat Find(const cv::Mat& fixed) const;
 
  private:

@@ -11,7 +11,6 @@
 #include <utility>
 #include <vector>
 
-#include "backend/geometry/triangulation.h"
 #include "backend/mapper/mapper.h"
 #include "backend/scene/near_world.h"
 #include "frontend/core/statistics.h"
@@ -223,57 +222,6 @@ TrackSet MeasureWith(const TrackFile& file,
   return TrackSet::Build(std::move(observations), std::move(ends));
 }
 
-// The function of the same name in the header, with the row poses of `model`.
-bool MovesOtherwise(std::span<const Observation> track,
-                    const Reconstruction& model,
-                    const RowPoses& rows,
-                    double max_error_px) {
-  constexpr std::size_t kLeastRays = 10;
-  std::vector<Ray> rays;
-  for (const Observation& o : track) {
-    if (!IsObserved(o) || !model.cam_from_world.contains(o.frame)) continue;
-    rays.push_back({rows.CamFromWorld(o.frame, o.xy), CameraOf(model, o.frame).Unproject(o.xy)});
-  }
-  if (rays.size() < kLeastRays) return false;
-  // The bound is largest at the shortest focal length, so that a zoom does not make a point appear
-  // to move.
-  const double max_error = max_error_px / FocalLengthsOf(model).min_px;
-  const std::size_t half = rays.size() / 2;
-  if (TriangulateRobustly(rays, max_error, half)) return false;
-  const Ray& middle = rays[half];
-  constexpr double kInfinitelyFar = 1e6;
-  const Eigen::Vector3d far_point =
-      middle.cam_from_world.Inverse() * (kInfinitelyFar * middle.n.homogeneous()).eval();
-  const auto explained = std::count_if(rays.begin(), rays.end(), [&](const Ray& ray) {
-    const auto error = RayError(ray, far_point);
-    return error && *error <= max_error;
-  });
-  return static_cast<std::size_t>(explained) < half;
-}
-
-// Without the tracks that have no point in any model and contradict the rigid motion of one of
-// them.
-TrackSet WithoutMovers(const TrackSet& tracks,
-                       std::span<const Reconstruction> models,
-                       double max_error_px,
-                       SecondPassFigures& figures) {
-  std::vector<RowPoses> rows;
-  for (const Reconstruction& model : models) rows.push_back(RowsOf(model));
-  std::set<FeatureId> movers;
-  for (const FeatureId feature : tracks.features()) {
-    const bool has_point = std::any_of(models.begin(), models.end(), [&](const auto& model) {
-      return model.points.contains(feature);
-    });
-    if (has_point) continue;
-    const auto track = tracks.Track(feature);
-    for (std::size_t i = 0; i < models.size(); ++i) {
-      if (MovesOtherwise(track, models[i], rows[i], max_error_px)) movers.insert(feature);
-    }
-  }
-  figures.movers = movers.size();
-  return tracks.Select([&](FeatureId feature) { return !movers.contains(feature); });
-}
-
 SecondPass MeasureInLight(const TrackFile& file,
                           std::span<const Reconstruction> models,
                           const Pictures& pictures,
@@ -284,22 +232,12 @@ SecondPass MeasureInLight(const TrackFile& file,
     second.file.tracks =
         MeasureWith(second.file, model, pictures, options, progress, second.figures);
   }
-  if (options.drop_movers) {
-    second.file.tracks = WithoutMovers(
-        second.file.tracks, models, options.measurement.patch.max_distance_px, second.figures);
-  }
   second.file.meta.second_pass = true;
   second.file.meta.second_pass_options = SecondPassOptionsText(options);
   return second;
 }
 
 }  // namespace
-
-bool MovesOtherwise(std::span<const Observation> track,
-                    const Reconstruction& model,
-                    double max_error_px) {
-  return MovesOtherwise(track, model, RowsOf(model), max_error_px);
-}
 
 double SecondPassFigures::Confirmed() const {
   return before == 0 ? 0.0 : static_cast<double>(kept) / static_cast<double>(before);
@@ -312,19 +250,17 @@ void SecondPassFigures::Add(const SecondPassFigures& other) {
   replaced += other.replaced;
   left += other.left;
   masked += other.masked;
-  movers += other.movers;
 }
 
 std::string SecondPassFigures::Brief() const {
   return fmt::format(
       "{} tracks measured again, with {} of {} observations and {} more; {} tracks not found again "
-      "are kept unchanged, {} that contradict the rigid scene are dropped",
+      "are kept unchanged",
       replaced,
       kept,
       before,
       regained,
-      left,
-      movers);
+      left);
 }
 
 SecondPass MeasureAgain(const TrackFile& file,
@@ -396,9 +332,7 @@ SecondPass WithSecondPass(TrackFile file,
       return part.cam_from_world.size() < kLeastFrames;
     });
     models.insert(models.begin(), std::move(result.reconstruction));
-    const std::size_t movers = second.figures.movers;
     second = MeasureInLight(second.file, models, {sequence, lights}, options, progress);
-    second.figures.movers += movers;
   }
   return second;
 }

@@ -20,7 +20,6 @@ inline constexpr ChoiceNames<SecondPassMode, 3> kSecondPassModeNames{
 struct SecondPassOptions {
   SecondPassMode mode = SecondPassMode::kAuto;
   double min_confirmed = 0.5;
-  bool drop_movers = true;
   SecondPassMeasurementOptions measurement;
 
   template <typename Self, typename Visitor>
@@ -46,16 +45,11 @@ struct SecondPassOptions {
              "The share of a feature's observations that must be found again where the model "
              "predicts them; otherwise the feature keeps its track of the first pass.",
              Tier::kCommon);
-    v.Flag("drop_movers",
-           o.drop_movers,
-           "Drop tracks that no point of the rigid scene explains, such as those on a person who "
-           "walks by.",
-           Tier::kCommon);
     SecondPassMeasurementOptions::Visit(o.measurement, v);
   }
 };
 
-// After several rounds (WithSecondPass): the figures of the last one, but the movers of all.
+// After several rounds (WithSecondPass): the figures of the last one.
 struct SecondPassFigures {
   std::size_t before = 0;    // observations of the tracks that are replaced
   std::size_t kept = 0;      // of these, measured again
@@ -63,7 +57,6 @@ struct SecondPassFigures {
   std::size_t replaced = 0;  // tracks
   std::size_t left = 0;      // tracks that have a point, but were not found again
   std::size_t masked = 0;    // tracks entirely in the mask: dropped
-  std::size_t movers = 0;    // tracks dropped
 
   double Confirmed() const;  // kept, as a share
   void Add(const SecondPassFigures& other);
@@ -80,18 +73,11 @@ struct SecondPass {
 // `on`.
 std::string SecondPassOptionsText(const SecondPassOptions& options);
 
-// Whether no point of the scene, near or infinitely far, explains half of the track's observed
-// positions to within `max_error_px`. False with fewer than ten frames with a pose.
-bool MovesOtherwise(std::span<const Observation> track,
-                    const Reconstruction& model,
-                    double max_error_px);
-
 // Measures tracks again where the model's points are seen (SecondPassMeasurer). If a feature is not
 // found in a frame between its sightings, or in one where the first pass had it, the model predicts
 // it. Tracks without a point or with too few measurements, and frames without a pose, stay
-// unchanged, but tracks that MovesOtherwise are dropped: they lie on an object that crosses in
-// front of the scene. `sequence`: the clip, rewound here; nothing is measured where a frame's mask
-// is black. Throws Error if clip, model and tracks do not belong together.
+// unchanged. `sequence`: the clip, rewound here; nothing is measured where a frame's mask is black.
+// Throws Error if clip, model and tracks do not belong together.
 SecondPass MeasureAgain(const TrackFile& file,
                         const Reconstruction& model,
                         Sequence& sequence,

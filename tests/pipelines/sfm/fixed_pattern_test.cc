@@ -55,13 +55,11 @@ TEST(FixedPattern, ColumnsOfASensorAreFoundInItsNoise) {
   EXPECT_LT(ShareLeft(found, columns), 0.2);
 }
 
-TEST(FixedPattern, APatternOfAllPixelsAndHotOnesAreFound) {
-  cv::Mat pattern = GaussianValues({kSensorWidth, kSensorHeight}, 5.0, 6);
-  for (int i = 0; i < 40; ++i)
-    pattern.at<float>((37 * i) % kSensorHeight, (61 * i) % kSensorWidth) = 60.0F;
-  const cv::Mat found = PatternFoundIn(3.0, 10.0, pattern);
+TEST(FixedPattern, RowsAreFoundToo) {
+  const cv::Mat rows = cv::repeat(GaussianValues({1, kSensorHeight}, 6.0, 6), 1, kSensorWidth);
+  const cv::Mat found = PatternFoundIn(3.0, 20.0, rows);
   ASSERT_FALSE(found.empty());
-  EXPECT_LT(ShareLeft(found, pattern), 0.3);
+  EXPECT_LT(ShareLeft(found, rows), 0.2);
 }
 
 TEST(FixedPattern, NoneIsFoundInASceneThatMovesOrStands) {
