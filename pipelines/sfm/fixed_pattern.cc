@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "frontend/image/levels.h"
+#include "pipelines/sfm/fixed_parts.h"
 
 namespace cohort {
 namespace {
@@ -77,10 +78,7 @@ cv::Mat FixedPattern::Find(const cv::Mat& fixed) const {
   std::array<cv::Mat, 2> means;
   for (std::size_t i = 0; i < means.size(); ++i) {
     means[i] = halves_[i].sum / halves_[i].frames;
-    if (fixed.empty()) continue;
-    cv::Mat smooth;
-    cv::blur(means[i], smooth, {31, 31});
-    smooth.copyTo(means[i], fixed);
+    if (!fixed.empty()) PaintOver(fixed).Apply(means[i]);
   }
   cv::Mat pattern = cv::Mat::zeros(last_.size(), CV_32F);
   double energy = 0.0;

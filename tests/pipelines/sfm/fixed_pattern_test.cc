@@ -79,6 +79,9 @@ TEST(FixedPattern, FixedPartsOfThePictureAreNoPattern) {
   cv::Mat fixed;
   cv::dilate(text > 0, fixed, {}, {-1, -1}, 4);
   EXPECT_TRUE(PatternFoundIn(3.0, 5.0, text, fixed).empty());
+  cv::Mat bars = cv::Mat::zeros(kSensorHeight, kSensorWidth, CV_32F);
+  bars.rowRange(0, 40).setTo(-255.0F);
+  EXPECT_TRUE(PatternFoundIn(3.0, 2.0, bars, bars < 0).empty());
 }
 
 TEST(SubtractPattern, TakesLevelsOffPicturesOfAnyDepth) {
