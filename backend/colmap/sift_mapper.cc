@@ -13,6 +13,7 @@
 #include "frontend/core/error.h"
 #include "frontend/core/statistics.h"
 #include "frontend/core/stopwatch.h"
+#include "frontend/image/levels.h"
 #include "frontend/image/read_image.h"
 #include "frontend/image/write_image.h"
 #include "frontend/storage/output.h"
@@ -60,8 +61,7 @@ void WriteFrames(const TrackFile& clip, const SiftOptions& options, const fs::pa
   fs::create_directories(folder);
   for (const FrameInfo& frame : clip.frames) {
     const fs::path path = fs::path(clip.image_root) / frame.name;
-    cv::Mat picture = ReadImage(path, cv::IMREAD_GRAYSCALE | cv::IMREAD_ANYDEPTH);
-    picture.convertTo(picture, CV_32F, picture.depth() == CV_16U ? 255.0 / 65535.0 : 1.0);
+    cv::Mat picture = LevelsOf(ReadImage(path, cv::IMREAD_GRAYSCALE | cv::IMREAD_ANYDEPTH));
     if (options.denoise_sigma_px > 0.0) {
       cv::GaussianBlur(picture, picture, cv::Size(0, 0), options.denoise_sigma_px);
     }

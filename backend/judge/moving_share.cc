@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <utility>
@@ -41,22 +42,25 @@ std::optional<double> MovingShare(const TrackFile& file, const Reconstruction& m
   const RowPoses rows(model.cam_from_world, model.readout, model.camera, model.frame_times);
   std::size_t all = 0;
   std::size_t moving = 0;
+  const auto counts = [&model](const Observation& o) {
+    return IsObserved(o) && model.cam_from_world.contains(o.frame);
+  };
   for (const FeatureId feature : file.tracks.features()) {
+    const auto track = file.tracks.Track(feature);
+    const auto length = static_cast<std::size_t>(std::count_if(track.begin(), track.end(), counts));
+    if (length < kLong) continue;
+    all += length;
+    const auto point = model.points.find(feature);
+    if (point != model.points.end() && 2 * point->second.views.size() >= length) continue;
     std::vector<Ray> rays;
     std::vector<double> focals_px;  // of each
-    for (const Observation& o : file.tracks.Track(feature)) {
-      const auto pose = model.cam_from_world.find(o.frame);
-      if (!IsObserved(o) || pose == model.cam_from_world.end()) continue;
+    for (const Observation& o : track) {
+      if (!counts(o)) continue;
       const Camera camera = CameraOf(model, o.frame);
       focals_px.push_back(0.5 * (camera.fx + camera.fy));
-      rays.push_back({model.readout == 0.0 ? pose->second : rows.CamFromWorld(o.frame, o.xy),
-                      camera.Unproject(o.xy)});
+      rays.push_back({rows.CamFromWorld(o.frame, o.xy), camera.Unproject(o.xy)});
     }
-    if (rays.size() < kLong) continue;
-    all += rays.size();
-    const auto point = model.points.find(feature);
-    if (point != model.points.end() && 2 * point->second.views.size() >= rays.size()) continue;
-    if (MisfitOfTrackPx(rays, focals_px, distance) > moves_px) moving += rays.size();
+    if (MisfitOfTrackPx(rays, focals_px, distance) > moves_px) moving += length;
   }
   if (all == 0) return std::nullopt;
   return static_cast<double>(moving) / static_cast<double>(all);

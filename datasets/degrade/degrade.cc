@@ -17,6 +17,7 @@
 #include "frontend/core/random_stream.h"
 #include "frontend/core/statistics.h"
 #include "frontend/core/time_difference.h"
+#include "frontend/image/levels.h"
 
 namespace cohort {
 namespace {
@@ -40,7 +41,7 @@ double Geometric(double level, double clean, double medium, double hard) {
 cv::Mat ToUnit(const cv::Mat& gray) {
   Check(gray.type() == CV_8UC1 || gray.type() == CV_16UC1, "frames are CV_8UC1 or CV_16UC1");
   cv::Mat unit;
-  gray.convertTo(unit, CV_32F, gray.depth() == CV_16U ? 1.0 / 65535.0 : 1.0 / 255.0);
+  gray.convertTo(unit, CV_32F, 1.0 / WhiteLevelOf(gray));
   return unit;
 }
 
@@ -279,8 +280,7 @@ OccludedFrame DrawOccluder(const cv::Mat& gray,
   if (bar.empty()) return result;
   result.mask(bar) = 255;
   cv::Mat pattern;
-  BarPattern(gray.rows, options.seed)
-      .convertTo(pattern, gray.depth(), gray.depth() == CV_16U ? 65535.0 : 255.0);
+  BarPattern(gray.rows, options.seed).convertTo(pattern, gray.depth(), WhiteLevelOf(gray));
   pattern(bar - cv::Point(left, 0)).copyTo(result.gray(bar));
   return result;
 }

@@ -75,10 +75,11 @@ cv::Mat FixedPattern::Find(const cv::Mat& fixed) const {
   constexpr int kLeastFrames = 12;  // of either half
   if (std::min(halves_[0].frames, halves_[1].frames) < kLeastFrames) return {};
   if (std::min(last_.cols, last_.rows) < 8 * kRimPx) return {};
+  const PaintOver paint_over = fixed.empty() ? PaintOver() : PaintOver(fixed);
   std::array<cv::Mat, 2> means;
   for (std::size_t i = 0; i < means.size(); ++i) {
     means[i] = halves_[i].sum / halves_[i].frames;
-    if (!fixed.empty()) PaintOver(fixed).Apply(means[i]);
+    paint_over.Apply(means[i]);
   }
   cv::Mat pattern = cv::Mat::zeros(last_.size(), CV_32F);
   double energy = 0.0;

@@ -11,8 +11,8 @@ namespace cohort {
 // independent, so K(d) = mean of A(x) B(x + d) is the energy of the pattern at d = 0. A pattern has
 // no neighbours: K(0) must be many times K(3..8 px), which a scene that hardly moves never is.
 //
-// Patterns of single pixels, such as hot ones, are left: they make less difference than the noise of
-// their estimate (docs/results/fixed_parts.md).
+// Patterns of single pixels, such as hot ones, are left: subtracting them did harm, since the noise
+// of their estimate is a fixed pattern itself.
 class FixedPattern {
  public:
   // Successive pictures, CV_8UC1, CV_16UC1 or CV_32FC1 (0..1), of one size; those of the clip's
