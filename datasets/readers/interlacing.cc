@@ -48,6 +48,15 @@ std::int64_t Alternations(const cv::Mat& gray, int step) {
   return cv::countNonZero(bright | dark);
 }
 
+bool IsCombed(const cv::Mat& gray) {
+  constexpr double kRatio = 1.15;
+  constexpr double kLeastShare = 1e-4;
+  const auto between_rows = static_cast<double>(Alternations(gray, 1));
+  const auto within_fields = static_cast<double>(Alternations(gray, 2));
+  return between_rows > kRatio * within_fields &&
+         between_rows > kLeastShare * static_cast<double>(gray.total());
+}
+
 // What the first frames show.
 //
 // `idet` sees in which order the fields of a frame follow each other, or that they are of one time;
@@ -58,49 +67,43 @@ std::int64_t Alternations(const cv::Mat& gray, int step) {
 // of one field, and noise equally: 0 to 0.3 times as often in 18 progressive clips, and 0.7 to 1.0
 // times with noise in the dark. In 11 of them that were made interlaced it was 1.4 to 16 times, and
 // less in the two in which nearly nothing moved; in the dark it was 0.9 to 3.4 times.
+//
+// Of film that was telecined to 30 frames a second, two frames of five are combed, and `idet` takes
+// two more for interlaced. A quarter is therefore enough, and progressive frames do not speak
+// against the order of the others.
 struct Evidence {
   int top_first = 0;
   int bottom_first = 0;
   int progressive = 0;
-  std::int64_t between_rows = 0;
-  std::int64_t within_fields = 0;
-  std::int64_t pixels = 0;
+  int combed = 0;  // of those with an order
 
   void Add(AVFrame& frame) {
     const AVDictionaryEntry* entry =
         av_dict_get(frame.metadata, "lavfi.idet.single.current_frame", nullptr, 0);
     const std::string_view seen = entry == nullptr ? "" : entry->value;
-    if (seen == "tff") ++top_first;
-    if (seen == "bff") ++bottom_first;
     if (seen == "progressive") ++progressive;
+    if (seen != "tff" && seen != "bff") return;
+    ++(seen == "tff" ? top_first : bottom_first);
     const cv::Mat gray(frame.height,
                        frame.width,
                        CV_8UC1,
                        frame.data[0],
                        static_cast<std::size_t>(frame.linesize[0]));
-    between_rows += Alternations(gray, 1);
-    within_fields += Alternations(gray, 2);
-    pixels += std::int64_t{frame.height} * frame.width;
+    if (IsCombed(gray)) ++combed;
   }
 
   int Votes() const { return top_first + bottom_first + progressive; }
-  bool Clear(int votes) const {
-    return votes >= kLeastVotes && votes >= kMajority * (Votes() - votes);
+  static bool Clear(int votes, int others) {
+    return votes >= kLeastVotes && votes >= kMajority * others;
   }
-  bool Combed() const {
-    constexpr double kRatio = 1.15;
-    constexpr double kLeastShare = 1e-4;
-    const auto rows = static_cast<double>(between_rows);
-    return rows > kRatio * static_cast<double>(within_fields) &&
-           rows > kLeastShare * static_cast<double>(pixels);
-  }
-  bool IsProgressive() const { return Clear(progressive); }
+  bool Combed() const { return 4 * combed >= top_first + bottom_first && combed > 0; }
+  bool IsProgressive() const { return Clear(progressive, top_first + bottom_first); }
   // A clip that begins slowly is not combed yet.
-  bool Enough() const { return Votes() >= kEnoughVotes && (IsProgressive() || Combed()); }
+  bool Enough() const { return Votes() >= kEnoughVotes && (IsProgressive() || Order()); }
   std::optional<FieldOrder> Order() const {
-    if (!Combed()) return std::nullopt;
-    if (Clear(top_first)) return FieldOrder::kTopFirst;
-    if (Clear(bottom_first)) return FieldOrder::kBottomFirst;
+    if (!Combed() || IsProgressive()) return std::nullopt;
+    if (Clear(top_first, bottom_first)) return FieldOrder::kTopFirst;
+    if (Clear(bottom_first, top_first)) return FieldOrder::kBottomFirst;
     return std::nullopt;
   }
 };

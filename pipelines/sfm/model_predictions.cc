@@ -15,6 +15,10 @@ namespace {
 constexpr double kBorderPx = 5.0;  // nothing is measured nearer to the image border
 // Nothing is measured if it appears this much larger or smaller than its template.
 constexpr double kMaxScale = 2.0;
+// In a frame, as many features are measured at most as the first pass observed in its fullest frame,
+// times this. It bounds the time and the memory where the camera comes back to places it has seen,
+// since every visit adds features: clips of a few seconds stay below it.
+constexpr double kMostOverObserved = 2.0;
 
 // Of a position in the picture.
 bool IsBlack(const cv::Mat& mask, const Eigen::Vector2d& xy) {
@@ -45,11 +49,13 @@ ModelPredictions::ModelPredictions(const TrackFile& file,
     : file_(file),
       model_(model),
       rows_(model.cam_from_world, model.readout, model.camera, model.frame_times) {
+  std::map<FrameIndex, std::size_t> observed_in;
   for (const auto& [feature, point] : model.points) {
     std::vector<FrameIndex> seen;
     for (const Observation& observation : file.tracks.Track(feature)) {
       if (IsObserved(observation) && model.cam_from_world.contains(observation.frame)) {
         seen.push_back(observation.frame);
+        ++observed_in[observation.frame];
       }
     }
     if (seen.empty()) continue;
@@ -60,7 +66,11 @@ ModelPredictions::ModelPredictions(const TrackFile& file,
     const auto end = std::min(count, first + template_frames);
     for (auto i = first; i < end; ++i) template_features_[seen[i]].push_back(feature);
     middle_[feature] = seen[middle];
+    observations_[feature] = seen.size();
   }
+  std::size_t most = 0;
+  for (const auto& [frame, count] : observed_in) most = std::max(most, count);
+  most_in_sight_ = static_cast<std::size_t>(kMostOverObserved * static_cast<double>(most));
 }
 
 void ModelPredictions::Mask(FrameIndex frame, const cv::Mat& mask) {
@@ -106,7 +116,24 @@ std::vector<ModelPrediction> ModelPredictions::InSight(FrameIndex frame) const {
     predictions.push_back(
         {feature, *xy, *warp, observation != nullptr && IsObserved(*observation)});
   }
+  KeepBest(predictions);
   return predictions;
+}
+
+// Those that the first pass observed here, and then those that it observed most often: few points
+// with many observations hold the cameras together better than many points with few.
+void ModelPredictions::KeepBest(std::vector<ModelPrediction>& predictions) const {
+  if (predictions.size() <= most_in_sight_) return;
+  const auto comes_first = [this](const ModelPrediction& a, const ModelPrediction& b) {
+    if (a.observed_in_first_pass != b.observed_in_first_pass) return a.observed_in_first_pass;
+    const std::size_t count_a = observations_.at(a.feature);
+    const std::size_t count_b = observations_.at(b.feature);
+    return count_a != count_b ? count_a > count_b : a.feature < b.feature;
+  };
+  std::ranges::nth_element(
+      predictions, predictions.begin() + static_cast<std::ptrdiff_t>(most_in_sight_), comes_first);
+  predictions.resize(most_in_sight_);
+  std::ranges::sort(predictions, {}, &ModelPrediction::feature);
 }
 
 bool ModelPredictions::Knows(FeatureId feature, FrameIndex frame) const {

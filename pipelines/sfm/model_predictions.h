@@ -35,7 +35,7 @@ class ModelPredictions {
   void Mask(FrameIndex frame, const cv::Mat& mask);
   // Predicts the features whose template includes the frame.
   std::vector<ModelPrediction> ForTemplates(FrameIndex frame) const;
-  // Predicts all features that can be measured in the frame.
+  // Predicts the features that can be measured in the frame: all of them, up to a bound.
   std::vector<ModelPrediction> InSight(FrameIndex frame) const;
   // Whether both the feature's point and the frame's camera are in the model.
   bool Knows(FeatureId feature, FrameIndex frame) const;
@@ -47,6 +47,7 @@ class ModelPredictions {
   std::optional<Eigen::Vector2d> InPicture(FeatureId feature, FrameIndex frame) const;
 
  private:
+  void KeepBest(std::vector<ModelPrediction>& predictions) const;
   std::optional<Eigen::Vector2d> Project(const Eigen::Vector3d& in_world, FrameIndex frame) const;
   // Of a patch that faces `from`'s camera.
   std::optional<Eigen::Matrix2d> Warp(FeatureId feature, FrameIndex from, FrameIndex frame) const;
@@ -61,6 +62,8 @@ class ModelPredictions {
   std::map<FrameIndex, std::set<FeatureId>> hidden_;
   std::map<FeatureId, FrameIndex> middle_;  // the template has its view
   std::map<FrameIndex, std::vector<FeatureId>> template_features_;
+  std::map<FeatureId, std::size_t> observations_;  // of the first pass, by the model's cameras
+  std::size_t most_in_sight_ = 0;
 };
 
 }  // namespace cohort

@@ -386,6 +386,22 @@ TEST_F(Decoder, InterlacedFramesAreDeinterlaced) {
   }
 }
 
+// Film of 24 frames a second, of which two of five frames at 30 have the fields of two pictures. They
+// are not flagged.
+TEST_F(Decoder, TelecinedFilmIsDeinterlaced) {
+  for (const auto& [name, field, parity] :
+       {std::tuple("top.mp4", "top", "tff"), std::tuple("bottom.mp4", "bottom", "bff")}) {
+    SCOPED_TRACE(name);
+    FilmFields(name,
+               "-c:v libx264 -crf 10",
+               fmt::format("fps=24,telecine=first_field={}:pattern=23", field),
+               "setfield=prog");
+    ExpectEqual(
+        ColorsOfSequence(name),
+        PicturesOfFfmpeg(name, {160, 120}, fmt::format("bwdif=mode=send_frame:parity={}", parity)));
+  }
+}
+
 // Also those that are flagged as interlaced, as some cameras' are.
 TEST_F(Decoder, ProgressiveFramesAreNotDeinterlaced) {
   const std::string flags = "-c:v libx264 -flags +ilme+ildct -x264opts tff=1";

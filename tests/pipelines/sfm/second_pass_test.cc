@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <memory>
 #include <opencv2/imgproc.hpp>
 #include <utility>
@@ -9,6 +10,7 @@
 
 #include "frontend/core/statistics.h"
 #include "pipelines/sfm/masks.h"
+#include "pipelines/sfm/model_predictions.h"
 #include "tests/support/plane_clip.h"
 #include "tests/support/zoom.h"
 
@@ -90,6 +92,34 @@ TEST_F(SecondPassOfPlanes, PredictsWhatIsHiddenAsUncertainAsTheMeanOfItsSighting
   }
   EXPECT_GE(predicted, 10u);
   EXPECT_GT(second.figures.Confirmed(), 0.8);
+}
+
+// Four sets of features that were observed one after the other, in places that all frames show: those
+// of a camera that comes back again and again.
+TEST_F(SecondPassOfPlanes, MeasuresTwiceAsManyFeaturesAtMostAsTheFirstPassObservedInAFrame) {
+  constexpr std::uint32_t kSets = 4;
+  constexpr std::uint32_t kFramesOfSet = kFrames / kSets;
+  const auto set_of = [](FeatureId feature) { return ToInt(feature) / 10 % kSets; };
+  std::vector<Observation> observations(file_.tracks.observations().begin(),
+                                        file_.tracks.observations().end());
+  std::erase_if(observations, [&](const Observation& o) {
+    return ToInt(o.frame) / kFramesOfSet != set_of(o.feature);
+  });
+  file_.tracks = TrackSet::Build(std::move(observations));
+  std::size_t most_observed = 0;
+  for (std::uint32_t i = 0; i < kFrames; ++i) {
+    most_observed = std::max(most_observed, file_.tracks.InFrame(FrameIndex{i}).size());
+  }
+  ASSERT_LT(2 * most_observed, file_.tracks.features().size());
+  const ModelPredictions predictions(file_, model_, 3);
+  for (std::uint32_t i = 0; i < kFrames; ++i) {
+    std::size_t observed = 0;
+    const std::vector<ModelPrediction> in_sight = predictions.InSight(FrameIndex{i});
+    for (const ModelPrediction& p : in_sight) observed += p.observed_in_first_pass ? 1 : 0;
+    EXPECT_LE(in_sight.size(), 2 * most_observed) << "frame " << i;
+    EXPECT_EQ(observed, file_.tracks.InFrame(FrameIndex{i}).size()) << "frame " << i;
+    EXPECT_TRUE(std::ranges::is_sorted(in_sight, {}, &ModelPrediction::feature)) << "frame " << i;
+  }
 }
 
 // A model that has one feature elsewhere: of that feature alone the first pass's track stays.
