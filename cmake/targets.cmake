@@ -80,10 +80,10 @@ function(cohort_add_library name)
 endfunction()
 
 # What cmake/list_suites.cmake lists after each build of the program.
-function(cohort_list_suites program timeout)
+function(cohort_list_suites program label timeout)
   set(list ${CMAKE_CURRENT_BINARY_DIR}/${program}_suites.cmake)
   add_custom_command(TARGET ${program} POST_BUILD VERBATIM BYPRODUCTS ${list}
-    COMMAND ${CMAKE_COMMAND} -D PROGRAM=$<TARGET_FILE:${program}> -D LABEL=unit -D TIMEOUT=${timeout}
+    COMMAND ${CMAKE_COMMAND} -D PROGRAM=$<TARGET_FILE:${program}> -D LABEL=${label} -D TIMEOUT=${timeout}
             -D OUT=${list} -P ${PROJECT_SOURCE_DIR}/cmake/list_suites.cmake)
   file(WRITE ${CMAKE_CURRENT_BINARY_DIR}/${program}_include.cmake
        "if(EXISTS [=[${list}]=])\n  include([=[${list}]=])\nelse()\n"
@@ -93,12 +93,12 @@ function(cohort_list_suites program timeout)
 endfunction()
 
 # cohort_add_tests(tracks LABEL unit SOURCES a_test.cc LIBRARIES cohort::tracks)
-# One program a folder; CTest lists every suite of it by name where the label is unit, every TEST where
-# it is another (slow, colmap).
+# One program a folder; CTest lists every suite of it by name where the label is unit or with SUITES, for
+# tests that share what takes long to set up; every TEST where it is another (slow, colmap).
 # Under sanitizers, where a program starts slowly, it lists every program twice: half its tests each.
 # What the label `unit` needs is built by the target unit_tests.
 function(cohort_add_tests name)
-  cmake_parse_arguments(ARG "" "LABEL;TIMEOUT" "SOURCES;APART;LIBRARIES" ${ARGN})
+  cmake_parse_arguments(ARG "SUITES" "LABEL;TIMEOUT" "SOURCES;APART;LIBRARIES" ${ARGN})
   if(NOT ARG_TIMEOUT)
     set(ARG_TIMEOUT 900)  # of what hangs: machines are slow at times
   endif()
@@ -112,8 +112,8 @@ function(cohort_add_tests name)
     add_dependencies(unit_tests ${name}_test)
   endif()
   if(NOT COHORT_SANITIZE)
-    if(ARG_LABEL STREQUAL unit)
-      cohort_list_suites(${name}_test ${ARG_TIMEOUT})
+    if(ARG_LABEL STREQUAL unit OR ARG_SUITES)
+      cohort_list_suites(${name}_test ${ARG_LABEL} ${ARG_TIMEOUT})
     else()
       gtest_discover_tests(${name}_test PROPERTIES LABELS ${ARG_LABEL} TIMEOUT ${ARG_TIMEOUT}
                            DISCOVERY_TIMEOUT 60)

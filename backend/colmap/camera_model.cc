@@ -145,21 +145,45 @@ ColmapCamera ToColmapCamera(const Camera& camera, const ColmapCamera& before) {
   return Written(camera, *row);
 }
 
+bool AreAsOne(const ColmapCamera& a, const ColmapCamera& b) {
+  constexpr double kMostPx = 0.1;
+  constexpr int kSteps = 8;
+  if (a == b) return true;
+  const Camera first = FromColmapCamera(a);
+  const Camera second = FromColmapCamera(b);
+  if (first.width_px != second.width_px || first.height_px != second.height_px) return false;
+  for (int i = 0; i <= kSteps; ++i) {
+    for (int j = 0; j <= kSteps; ++j) {
+      const Eigen::Vector2d xy((first.width_px - 1.0) * i / kSteps,
+                               (first.height_px - 1.0) * j / kSteps);
+      const auto there = second.Project(first.Unproject(xy).homogeneous());
+      if (!there || (*there - xy).norm() > kMostPx) return false;
+    }
+  }
+  return true;
+}
+
 std::optional<double> FocalScaleOf(const ColmapCamera& camera, const ColmapCamera& reference) {
-  constexpr double kRounding = 1e-9;
   if (camera == reference) return 1.0;
-  if (reference.params.empty()) return std::nullopt;
+  if (camera.params.empty() || reference.params.empty()) return std::nullopt;
   const double scale = camera.params.front() / reference.params.front();
   ColmapCamera scaled = reference;
   scaled.params[0] = camera.params[0];
-  if (Row(reference.model).two_focals) {
-    const double fy = scale * reference.params.at(1);
-    // Both focal lengths have the same scale, except for rounding.
-    if (!(std::abs(fy - camera.params.at(1)) <= kRounding * std::abs(fy))) return std::nullopt;
-    scaled.params[1] = camera.params[1];
+  if (Row(reference.model).two_focals) scaled.params.at(1) *= scale;
+  // Without the scale if it makes no difference, unless the scale explains all of it.
+  const auto explains_all = [&] {
+    constexpr double kRounding = 1e-9;
+    return camera.model == scaled.model && camera.params.size() == scaled.params.size() &&
+           std::ranges::equal(camera.params, scaled.params, [](double x, double y) {
+             return std::abs(x - y) <= kRounding * std::abs(y);
+           });
+  };
+  if (explains_all() && camera.width_px == scaled.width_px &&
+      camera.height_px == scaled.height_px) {
+    return scale;
   }
-  if (camera != scaled) return std::nullopt;
-  return scale;
+  if (AreAsOne(camera, reference)) return 1.0;
+  return AreAsOne(camera, scaled) ? std::optional(scale) : std::nullopt;
 }
 
 Camera FromColmapCamera(const ColmapCamera& colmap) {

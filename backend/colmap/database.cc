@@ -271,7 +271,7 @@ ColmapCamera ReadCamera(const SqliteStatement& row, const std::filesystem::path&
   return camera;
 }
 
-// By default COLMAP creates one camera per image; identical cameras count as one.
+// By default COLMAP creates one camera per image.
 ColmapCamera ReadCameras(SqliteDatabase& db, const std::filesystem::path& path) {
   auto rows = db.Prepare(
       "SELECT model, width, height, params, prior_focal_length FROM cameras "
@@ -280,7 +280,7 @@ ColmapCamera ReadCameras(SqliteDatabase& db, const std::filesystem::path& path) 
   while (rows.Step()) {
     const ColmapCamera next = ReadCamera(rows, path);
     if (!camera) camera = next;
-    if (next == *camera) continue;
+    if (AreAsOne(next, *camera)) continue;
     ThrowError(
         "COLMAP database {} has several cameras that differ: give a database of a clip with one "
         "camera (colmap feature_extractor --ImageReader.single_camera 1)",

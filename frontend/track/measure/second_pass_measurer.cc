@@ -54,6 +54,23 @@ SecondPassMeasurer::SecondPassMeasurer(const SecondPassMeasurementOptions& optio
   }
 }
 
+SecondPassMeasurer::PackedPicture SecondPassMeasurer::PackedPicture::Of(const cv::Mat& picture) {
+  constexpr double kMostLevel = 65535.0;
+  PackedPicture packed;
+  double most = 0.0;
+  cv::minMaxLoc(picture, &packed.least, &most);
+  packed.step = (most - packed.least) / kMostLevel;
+  const double per_level = packed.step > 0.0 ? 1.0 / packed.step : 0.0;
+  picture.convertTo(packed.levels, CV_16U, per_level, -packed.least * per_level);
+  return packed;
+}
+
+cv::Mat SecondPassMeasurer::PackedPicture::Unpacked() const {
+  cv::Mat picture;
+  if (!levels.empty()) levels.convertTo(picture, CV_32F, step, least);
+  return picture;
+}
+
 void SecondPassMeasurer::Learn(const Frame& frame, std::span<const ModelPrediction> predictions) {
   if (predictions.empty()) return;
   const TimedPart part("templates");
@@ -73,20 +90,25 @@ void SecondPassMeasurer::Learn(const Frame& frame, std::span<const ModelPredicti
       t.sum.full += patch.full;
       if (!t.sum.half.empty()) t.sum.half += patch.half;
     }
-    ++t.frames;
+    if (++t.frames == options_.template_frames) Finish(t);
   });
+}
+
+void SecondPassMeasurer::Finish(Template& t) const {
+  const cv::Mat full = t.sum.full / t.frames;
+  for (const Window& window : windows_) {
+    t.signal_variances.push_back(SignalVariance(full, window.px));
+  }
+  t.full = PackedPicture::Of(full);
+  if (!t.sum.half.empty()) t.half = PackedPicture::Of(t.sum.half / t.frames);
+  t.sum = {};
 }
 
 void SecondPassMeasurer::FinishTemplates() {
   if (learnt_) return;
   learnt_ = true;
   for (auto& [feature, t] : templates_) {
-    t.mean.full = t.sum.full / t.frames;
-    if (!t.sum.half.empty()) t.mean.half = t.sum.half / t.frames;
-    for (const Window& window : windows_) {
-      t.signal_variances.push_back(SignalVariance(t.mean.full, window.px));
-    }
-    t.sum = {};
+    if (!t.sum.full.empty()) Finish(t);
   }
 }
 
@@ -124,7 +146,9 @@ void SecondPassMeasurer::MeasureWith(Window& window,
   }
   ForEachInParallel(tasks.size(), [&](std::size_t i) {
     auto& [prediction, of_feature, deformation, m] = tasks[i];
-    AnchorPatch anchor = of_feature->mean;
+    AnchorPatch anchor;
+    anchor.full = of_feature->full.Unpacked();
+    anchor.half = of_feature->half.Unpacked();
     anchor.warp = deformation->beyond_prediction * prediction->warp;
     anchor.warp_covariance = deformation->covariance;
     m = MeasurePatch(pyramid, anchor, prediction->xy, window.px, kNoiseFactor);

@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 #include <map>
+#include <opencv2/core/mat.hpp>
 #include <optional>
 #include <span>
 #include <vector>
@@ -64,10 +65,21 @@ class SecondPassMeasurer {
   std::vector<Observation> Finish() const;  // all observed; ascending features, frames
 
  private:
+  // A picture with 16 bits a pixel over its own range: a long clip has tens of thousands of
+  // templates, each of two pictures of 61 px a side.
+  struct PackedPicture {
+    cv::Mat levels;
+    double least = 0.0;
+    double step = 0.0;  // from one level to the next
+
+    static PackedPicture Of(const cv::Mat& picture);
+    cv::Mat Unpacked() const;
+  };
   struct Template {
     AnchorPatch sum;
     int frames = 0;
-    AnchorPatch mean;                      // of both, once learnt
+    PackedPicture full;  // of the mean of all frames, once learnt
+    PackedPicture half;
     std::vector<double> signal_variances;  // of the mean, for each window
   };
   // The part of a feature's warp that the predictions miss (a slanted surface), frame to frame.
@@ -94,6 +106,7 @@ class SecondPassMeasurer {
     std::map<FeatureId, std::vector<Sighting>> sightings;
   };
 
+  void Finish(Template& t) const;  // when it has all its frames
   void FinishTemplates();
   void MeasureWith(Window& window,
                    const Frame& frame,

@@ -157,10 +157,32 @@ TEST(ColmapModel, CamerasThatDifferInMoreThanTheFocalLengthAreNotOne) {
     EXPECT_THAT([&] { FromColmapModel(model); },
                 ThrowsMessage<Error>(HasSubstr("has one for all")));
   };
-  fails([](ColmapCamera& camera) { camera.params[1] += 1e-3; });  // fy alone
-  fails([](ColmapCamera& camera) { camera.params[2] += 1e-3; });
-  fails([](ColmapCamera& camera) { camera.params.back() += 1e-3; });
+  fails([](ColmapCamera& camera) { camera.params[1] += 1.0; });  // fy alone
+  fails([](ColmapCamera& camera) { camera.params[2] += 0.2; });
+  fails([](ColmapCamera& camera) { camera.params.back() += 1e-2; });
   fails([](ColmapCamera& camera) { camera.width_px += 1; });
+}
+
+// As programs write them that have a camera for each image, in their own model and to their own
+// digits.
+TEST(ColmapModel, CamerasThatDifferByLessThanATenthOfAPixelAreOne) {
+  const Reconstruction truth = TrueReconstruction(SmallScene(test::FreiburgCamera()));
+  ColmapModel model = ToColmapModel(truth);
+  const ColmapCamera camera = model.cameras.begin()->second;
+  for (auto& [id, image] : model.images) {
+    image.camera_id = id;
+    model.cameras[id] = camera;
+    model.cameras[id].params[0] += 0.01 * (id % 3);
+    model.cameras[id].params[2] -= 0.02 * (id % 2);
+  }
+  ColmapCamera& other = model.cameras.rbegin()->second;
+  other = camera;
+  other.model = ColmapCameraModel::kFullOpencv;
+  other.params.resize(ColmapParameterCount(other.model), 0.0);
+  const Reconstruction read = FromColmapModel(model);
+  EXPECT_TRUE(read.focal_scale.empty());
+  EXPECT_NEAR(read.camera.fx, truth.camera.fx, 0.03);
+  EXPECT_EQ(read.cam_from_world.size(), truth.cam_from_world.size());
 }
 
 TEST(ColmapModel, PointsLieHalfAPixelFurtherThanOurs) {
