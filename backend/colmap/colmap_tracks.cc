@@ -188,8 +188,9 @@ ImportedTracks TracksOfColmapModel(const ColmapModel& model,
   const SharedCamera shared = ShareCamera(model);
   if (shared.other) {
     ThrowError(
-        "COLMAP model {}: image {} has another camera than other images: give a model of a clip "
-        "with one camera",
+        "COLMAP model {}: image {} has another camera than other images, by more than its focal "
+        "length: give a model of a clip with one camera (colmap feature_extractor "
+        "--ImageReader.single_camera 1)",
         path.string(),
         model.images.at(*shared.other).name);
   }

@@ -439,7 +439,8 @@ Reconstruction CamerasOf(const ColmapModel& model) {
   if (model.cameras.empty() || shared.other) {
     ThrowError(
         "the COLMAP model has {} cameras: a reconstruction of cohort has one for all frames, of "
-        "which only the focal length may change",
+        "which only the focal length may change: make the model with one camera (colmap "
+        "feature_extractor --ImageReader.single_camera 1)",
         model.cameras.size());
   }
   Reconstruction reconstruction;
