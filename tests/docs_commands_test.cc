@@ -27,8 +27,7 @@ namespace {
 namespace fs = std::filesystem;
 
 // A fenced block: ```sh is run, a ```text right after it is what it prints; lines of ```console
-// that begin with $ are commands for developers, which may take hours: of those of cohort, only the
-// options are read.
+// that begin with $ are commands for developers.
 struct Block {
   std::string kind;
   std::string text;
@@ -237,8 +236,8 @@ TEST_P(Document, HasCommandsThatRunAndPrintWhatItShows) {
       for (const std::string& command : CommandsOf(block.text)) {
         if (command.starts_with("cohort ") || command.starts_with("snakemake ")) {
           // What a cluster would do is only planned.
-          const test::ProgramEnd end = desk.Run(
-              command + (command.starts_with("snakemake ") ? " --dry-run" : " --dump-config"));
+          const test::ProgramEnd end =
+              desk.Run(command + (command.starts_with("snakemake ") ? " --dry-run" : ""));
           EXPECT_EQ(end.exit_code, 0) << command << "\n" << end.err;
         } else {
           ExpectRuns(command);
