@@ -98,6 +98,15 @@ bool Holds(const ModelRow& row, const Camera& camera) {
   return !rest.HasDistortion();
 }
 
+bool AreEqualButForRounding(const ColmapCamera& a, const ColmapCamera& b) {
+  constexpr double kRounding = 1e-9;
+  const auto is_near = [](double x, double y) {
+    return std::abs(x - y) <= kRounding * std::abs(y);
+  };
+  return a.model == b.model && a.width_px == b.width_px && a.height_px == b.height_px &&
+         std::ranges::equal(a.params, b.params, is_near);
+}
+
 }  // namespace
 
 bool IsStartOfColmap(const ColmapCamera& camera) {
@@ -171,18 +180,8 @@ std::optional<double> FocalScaleOf(const ColmapCamera& camera, const ColmapCamer
   ColmapCamera scaled = reference;
   scaled.params[0] = camera.params[0];
   if (Row(reference.model).two_focals) scaled.params.at(1) *= scale;
-  // Without the scale if it makes no difference, unless the scale explains all of it.
-  const auto explains_all = [&] {
-    constexpr double kRounding = 1e-9;
-    return camera.model == scaled.model && camera.params.size() == scaled.params.size() &&
-           std::ranges::equal(camera.params, scaled.params, [](double x, double y) {
-             return std::abs(x - y) <= kRounding * std::abs(y);
-           });
-  };
-  if (explains_all() && camera.width_px == scaled.width_px &&
-      camera.height_px == scaled.height_px) {
-    return scale;
-  }
+  // A scale that explains all of the difference is kept, however small.
+  if (AreEqualButForRounding(camera, scaled)) return scale;
   if (AreAsOne(camera, reference)) return 1.0;
   return AreAsOne(camera, scaled) ? std::optional(scale) : std::nullopt;
 }

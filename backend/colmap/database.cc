@@ -271,7 +271,7 @@ ColmapCamera ReadCamera(const SqliteStatement& row, const std::filesystem::path&
   return camera;
 }
 
-// By default COLMAP creates one camera per image.
+// By default COLMAP creates one camera per image. The one that they are is calibrated if all are.
 ColmapCamera ReadCameras(SqliteDatabase& db, const std::filesystem::path& path) {
   auto rows = db.Prepare(
       "SELECT model, width, height, params, prior_focal_length FROM cameras "
@@ -280,7 +280,10 @@ ColmapCamera ReadCameras(SqliteDatabase& db, const std::filesystem::path& path) 
   while (rows.Step()) {
     const ColmapCamera next = ReadCamera(rows, path);
     if (!camera) camera = next;
-    if (AreAsOne(next, *camera)) continue;
+    if (AreAsOne(next, *camera)) {
+      camera->prior_focal_length = camera->prior_focal_length && next.prior_focal_length;
+      continue;
+    }
     ThrowError(
         "COLMAP database {} has several cameras that differ: give a database of a clip with one "
         "camera (colmap feature_extractor --ImageReader.single_camera 1)",

@@ -99,7 +99,7 @@ struct Evidence {
   static bool Clear(int votes, int others) {
     return votes >= kLeastVotes && votes >= kMajority * others;
   }
-  bool Combed() const { return 4 * combed >= top_first + bottom_first && combed > 0; }
+  bool Combed() const { return 4 * combed >= top_first + bottom_first; }
   bool IsProgressive() const { return Clear(progressive, top_first + bottom_first); }
   // A clip that begins slowly is not combed yet.
   bool Enough() const { return Votes() >= kEnoughVotes && (IsProgressive() || Order()); }

@@ -65,8 +65,7 @@ ModelPredictions::ModelPredictions(const TrackFile& file,
     const auto first = std::max<std::ptrdiff_t>(0, middle - half);
     const auto end = std::min(count, first + template_frames);
     for (auto i = first; i < end; ++i) template_features_[seen[i]].push_back(feature);
-    middle_[feature] = seen[middle];
-    observations_[feature] = seen.size();
+    features_[feature] = {.middle = seen[middle], .observations = seen.size()};
   }
   std::size_t most = 0;
   for (const auto& [frame, count] : observed_in) most = std::max(most, count);
@@ -82,7 +81,7 @@ void ModelPredictions::Mask(FrameIndex frame, const cv::Mat& mask) {
     if (IsBlackAround(mask, o->xy)) inside_mask_[frame].insert(o->feature);
   }
   if (!model_.cam_from_world.contains(frame)) return;
-  for (const auto& [feature, middle] : middle_) {
+  for (const auto& [feature, seen] : features_) {
     const auto xy = InPicture(feature, frame);
     if (xy && IsBlack(mask, *xy)) hidden_[frame].insert(feature);
   }
@@ -95,7 +94,7 @@ std::vector<ModelPrediction> ModelPredictions::ForTemplates(FrameIndex frame) co
   if (it == template_features_.end()) return predictions;
   for (const FeatureId feature : it->second) {
     const auto xy = Project(model_.points.at(feature).in_world, frame);
-    const auto warp = Warp(feature, middle_.at(feature), frame);
+    const auto warp = Warp(feature, features_.at(feature).middle, frame);
     if (xy && warp) predictions.push_back({feature, *xy, *warp});
   }
   return predictions;
@@ -105,10 +104,10 @@ std::vector<ModelPrediction> ModelPredictions::InSight(FrameIndex frame) const {
   const TimedPart part("projection");
   std::vector<ModelPrediction> predictions;
   if (!model_.cam_from_world.contains(frame)) return predictions;
-  for (const auto& [feature, middle] : middle_) {
+  for (const auto& [feature, seen] : features_) {
     const auto xy = InPicture(feature, frame);
     if (!xy) continue;
-    const auto warp = Warp(feature, middle, frame);
+    const auto warp = Warp(feature, seen.middle, frame);
     if (!warp) continue;
     const double scale = std::sqrt(warp->determinant());
     if (!(scale <= kMaxScale && scale >= 1.0 / kMaxScale)) continue;
@@ -126,8 +125,8 @@ void ModelPredictions::KeepBest(std::vector<ModelPrediction>& predictions) const
   if (predictions.size() <= most_in_sight_) return;
   const auto comes_first = [this](const ModelPrediction& a, const ModelPrediction& b) {
     if (a.observed_in_first_pass != b.observed_in_first_pass) return a.observed_in_first_pass;
-    const std::size_t count_a = observations_.at(a.feature);
-    const std::size_t count_b = observations_.at(b.feature);
+    const std::size_t count_a = features_.at(a.feature).observations;
+    const std::size_t count_b = features_.at(b.feature).observations;
     return count_a != count_b ? count_a > count_b : a.feature < b.feature;
   };
   std::ranges::nth_element(
@@ -137,7 +136,7 @@ void ModelPredictions::KeepBest(std::vector<ModelPrediction>& predictions) const
 }
 
 bool ModelPredictions::Knows(FeatureId feature, FrameIndex frame) const {
-  return middle_.contains(feature) && model_.cam_from_world.contains(frame);
+  return features_.contains(feature) && model_.cam_from_world.contains(frame);
 }
 
 std::optional<Eigen::Vector2d> ModelPredictions::InPicture(FeatureId feature,

@@ -47,6 +47,11 @@ class ModelPredictions {
   std::optional<Eigen::Vector2d> InPicture(FeatureId feature, FrameIndex frame) const;
 
  private:
+  struct Seen {
+    FrameIndex middle{};           // the template has its view
+    std::size_t observations = 0;  // of the first pass, in frames of the model
+  };
+
   void KeepBest(std::vector<ModelPrediction>& predictions) const;
   std::optional<Eigen::Vector2d> Project(const Eigen::Vector3d& in_world, FrameIndex frame) const;
   // Of a patch that faces `from`'s camera.
@@ -60,9 +65,8 @@ class ModelPredictions {
   std::map<FrameIndex, std::set<FeatureId>> masked_;
   std::map<FrameIndex, std::set<FeatureId>> inside_mask_;  // of all of the file
   std::map<FrameIndex, std::set<FeatureId>> hidden_;
-  std::map<FeatureId, FrameIndex> middle_;  // the template has its view
+  std::map<FeatureId, Seen> features_;
   std::map<FrameIndex, std::vector<FeatureId>> template_features_;
-  std::map<FeatureId, std::size_t> observations_;  // of the first pass, by the model's cameras
   std::size_t most_in_sight_ = 0;
 };
 

@@ -6,9 +6,9 @@ import subprocess
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 
 
-def run(*command, **options):
+def run(*command, check=True, **options):
     done = subprocess.run([str(word) for word in command], capture_output=True, text=True, **options)
-    if done.returncode:
+    if check and done.returncode:
         raise RuntimeError(f'{" ".join(str(word) for word in command)}: {(done.stderr.strip() or done.stdout)[-2000:]}')
     return done
 

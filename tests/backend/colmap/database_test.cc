@@ -810,6 +810,17 @@ TEST(ColmapDatabase, CamerasThatAreAlikeAreOne) {
   EXPECT_EQ(ReadColmapDatabase(dir / "a.db").camera.width_px, 640);
 }
 
+TEST(ColmapDatabase, CamerasOfWhichOneIsNotCalibratedAreAGuess) {
+  const TempDir dir;
+  WriteColmapDatabase(dir / "a.db", ThreeFrames());
+  ASSERT_TRUE(ReadColmapDatabase(dir / "a.db").camera.prior_focal_length);
+  Open(dir / "a.db")
+      .Execute(
+          "INSERT INTO cameras SELECT 2, model, width, height, params, 0 FROM cameras; UPDATE "
+          "images SET camera_id = 2 WHERE image_id = 3");
+  EXPECT_FALSE(ReadColmapDatabase(dir / "a.db").camera.prior_focal_length);
+}
+
 TEST(ColmapDatabase, RefusesACameraAndAPairThatCannotBe) {
   const TempDir dir;
   constexpr const char* kNoNumber =
