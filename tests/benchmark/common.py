@@ -1,4 +1,5 @@
-"""The program of a changed copy of the last commit, for scripts that measure what a change does."""
+"""What the scripts of this folder share: running programs, clips without their calibration, and the program of a
+changed copy of the last commit."""
 import os
 import pathlib
 import subprocess
@@ -11,6 +12,16 @@ def run(*command, check=True, **options):
     if check and done.returncode:
         raise RuntimeError(f'{" ".join(str(word) for word in command)}: {(done.stderr.strip() or done.stdout)[-2000:]}')
     return done
+
+
+def without_calibration(folder, copy):
+    """Makes `copy` a clip in TUM layout with the files of `folder` but its calibration."""
+    if not copy.exists():
+        copy.mkdir(parents=True)
+        for entry in pathlib.Path(folder).iterdir():
+            if entry.name != 'calibration.txt':
+                (copy / entry.name).symlink_to(entry.resolve())
+    return copy
 
 
 def check_out(tree):
