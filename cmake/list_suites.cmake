@@ -1,6 +1,6 @@
-# Lists the suites of a GoogleTest program for CTest, a process each: a program that links OpenCV takes
-# a tenth of a second to start, longer than most tests.
-#   cmake -D PROGRAM=a_test -D LABEL=unit -D TIMEOUT=900 -D OUT=a_suites.cmake -P cmake/list_suites.cmake
+# Lists the suites of a GoogleTest program for CTest, a process each: their tests share what takes long
+# to set up.
+#   cmake -D PROGRAM=a_test -D LABEL=slow -D TIMEOUT=900 -D OUT=a_suites.cmake -P cmake/list_suites.cmake
 execute_process(COMMAND "${PROGRAM}" --gtest_list_tests OUTPUT_VARIABLE list COMMAND_ERROR_IS_FATAL ANY)
 # Names of suites begin a line and end in a dot; those of tests are indented.
 string(REGEX MATCHALL "\n[^ \n]+\\." suites "\n${list}")

@@ -92,13 +92,14 @@ function(cohort_list_suites program label timeout)
                TEST_INCLUDE_FILES ${CMAKE_CURRENT_BINARY_DIR}/${program}_include.cmake)
 endfunction()
 
-# cohort_add_tests(tracks LABEL unit SOURCES a_test.cc LIBRARIES cohort::tracks)
-# One program a folder; CTest lists every suite of it by name where the label is unit or with SUITES, for
-# tests that share what takes long to set up; every TEST where it is another (slow, colmap).
-# Under sanitizers, where a program starts slowly, it lists every program twice: half its tests each.
-# What the label `unit` needs is built by the target unit_tests.
+# cohort_add_tests(tracks LABEL unit PARTS 2 SOURCES a_test.cc LIBRARIES cohort::tracks)
+# One program a folder. A program that links OpenCV takes a third of a second to start, longer than most
+# tests: CTest lists PARTS of it that run side by side, each with its share of the tests; with SUITES
+# every suite of it by name, for tests that share what takes long to set up; without either every TEST.
+# Under sanitizers there are two parts of what has no number. What the label `unit` needs is built by the
+# target unit_tests.
 function(cohort_add_tests name)
-  cmake_parse_arguments(ARG "SUITES" "LABEL;TIMEOUT" "SOURCES;APART;LIBRARIES" ${ARGN})
+  cmake_parse_arguments(ARG "SUITES" "LABEL;PARTS;TIMEOUT" "SOURCES;APART;LIBRARIES" ${ARGN})
   if(NOT ARG_TIMEOUT)
     set(ARG_TIMEOUT 900)  # of what hangs: machines are slow at times
   endif()
@@ -111,22 +112,27 @@ function(cohort_add_tests name)
   if(ARG_LABEL STREQUAL unit)
     add_dependencies(unit_tests ${name}_test)
   endif()
-  if(NOT COHORT_SANITIZE)
-    if(ARG_LABEL STREQUAL unit OR ARG_SUITES)
-      cohort_list_suites(${name}_test ${ARG_LABEL} ${ARG_TIMEOUT})
-    else()
-      gtest_discover_tests(${name}_test PROPERTIES LABELS ${ARG_LABEL} TIMEOUT ${ARG_TIMEOUT}
-                           DISCOVERY_TIMEOUT 60)
+  if(COHORT_SANITIZE)
+    set(ARG_TIMEOUT 1800)
+    if(NOT ARG_PARTS)
+      set(ARG_PARTS 2)
     endif()
-    return()
   endif()
-  foreach(half 0 1)
-    set(environment GTEST_TOTAL_SHARDS=2 GTEST_SHARD_INDEX=${half})
-    if(COHORT_COVERAGE)
-      list(APPEND environment LLVM_PROFILE_FILE=${PROJECT_BINARY_DIR}/coverage/%m.profraw)
-    endif()
-    add_test(NAME ${name}.half_${half} COMMAND ${name}_test)
-    set_tests_properties(${name}.half_${half} PROPERTIES LABELS ${ARG_LABEL} TIMEOUT 1800
-                         ENVIRONMENT "${environment}")
-  endforeach()
+  if(ARG_PARTS)
+    foreach(part RANGE 1 ${ARG_PARTS})
+      math(EXPR index "${part} - 1")
+      set(environment GTEST_TOTAL_SHARDS=${ARG_PARTS} GTEST_SHARD_INDEX=${index})
+      if(COHORT_COVERAGE)
+        list(APPEND environment LLVM_PROFILE_FILE=${PROJECT_BINARY_DIR}/coverage/%m.profraw)
+      endif()
+      add_test(NAME ${name}.${part}_of_${ARG_PARTS} COMMAND ${name}_test)
+      set_tests_properties(${name}.${part}_of_${ARG_PARTS} PROPERTIES
+                           LABELS ${ARG_LABEL} TIMEOUT ${ARG_TIMEOUT} ENVIRONMENT "${environment}")
+    endforeach()
+  elseif(ARG_SUITES)
+    cohort_list_suites(${name}_test ${ARG_LABEL} ${ARG_TIMEOUT})
+  else()
+    gtest_discover_tests(${name}_test PROPERTIES LABELS ${ARG_LABEL} TIMEOUT ${ARG_TIMEOUT}
+                         DISCOVERY_TIMEOUT 60)
+  endif()
 endfunction()

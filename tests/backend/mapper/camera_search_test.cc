@@ -33,10 +33,11 @@ std::optional<FoundCamera> Search(const SyntheticTracks& scene, double focal_px)
       whitened, guess, std::nullopt, kAll, SelectKeyframes(whitened, guess, 10.0, 10));
 }
 
-SyntheticTracks Scene(CameraPath path, const Camera& camera) {
+SyntheticTracks Scene(CameraPath path, const Camera& camera, int points = 150) {
   SyntheticTracksOptions options;
   options.path = path;
   options.frames = 40;
+  options.points = points;
   options.noise_px = 0.3;
   options.camera = camera;
   return MakeSyntheticTracks(options);
@@ -150,7 +151,7 @@ TEST(LensChanges, OneCameraForAllFramesIsNoChange) {
 
 TEST(CameraSearch, TellsAFisheyeFromAPinhole) {
   const Camera fisheye = test::FisheyeCamera();
-  const auto found = Search(Scene(CameraPath::kForward, fisheye), 1.2 * fisheye.width_px);
+  const auto found = Search(Scene(CameraPath::kForward, fisheye, 300), 1.2 * fisheye.width_px);
   ASSERT_TRUE(found);
   EXPECT_EQ(found->camera.model, CameraModel::kFisheye);
   EXPECT_NEAR(found->camera.fx, fisheye.fx, 0.03 * fisheye.fx);

@@ -34,6 +34,7 @@ double Ate(const MapperResult& result, const SyntheticTracks& scene) {
 SyntheticTracksOptions Scene(CameraPath path, double noise_px = 0.5) {
   SyntheticTracksOptions options;
   options.path = path;
+  options.points = 150;
   options.noise_px = noise_px;
   return options;
 }
@@ -514,6 +515,7 @@ TEST(IncrementalMapper, SaysWhatIsMissing) {
 TEST(IncrementalMapper, ReconstructsTwoFrames) {
   SyntheticTracksOptions options = Scene(CameraPath::kLateral, 0.2);
   options.frames = 2;
+  options.points = 300;
   const SyntheticTracks scene = MakeSyntheticTracks(options);
   MapperOptions mapper;
   mapper.whitening.min_track_length = 2;

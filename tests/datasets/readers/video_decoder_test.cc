@@ -43,34 +43,66 @@ class Decoder : public testing::Test {
     ASSERT_EQ(end.exit_code, 0) << arguments << "\n" << end.err;
   }
 
-  // Ten noisy frames at 25 Hz.
+  // Files of the same ten noisy frames at 25 Hz.
+  struct OfNoise {
+    std::string name;
+    std::string codec;
+    std::string filters = "null";
+  };
+  void Films(const std::vector<OfNoise>& files, const char* size = "160x120") const {
+    std::string outputs;
+    for (const OfNoise& file : files) {
+      outputs += fmt::format(
+          "-vf \"{}\" -fps_mode passthrough {} {} ", file.filters, file.codec, file.name);
+    }
+    Ffmpeg(
+        fmt::format("-f lavfi -i testsrc2=size={}:rate=25:duration=0.4,"
+                    "noise=alls=20:allf=t:all_seed=1 {}",
+                    size,
+                    outputs));
+  }
   void Film(const std::string& name,
             const std::string& codec,
             const std::string& filters = "null",
             const char* size = "160x120") const {
-    Ffmpeg(
-        fmt::format("-f lavfi -i testsrc2=size={}:rate=25:duration=0.4,"
-                    "noise=alls=20:allf=t:all_seed=1 -vf \"{}\" -fps_mode passthrough {} {}",
-                    size,
-                    filters,
-                    codec,
-                    name));
+    Films({{name, codec, filters}}, size);
   }
 
-  // By the program, which turns them as the file says.
+  // What the program makes of files, which turns them as they say: all by one run, as it takes long
+  // to start.
+  struct OfFfmpeg {
+    std::string name;
+    cv::Size size;
+    std::string filters = "null";
+  };
+  std::vector<std::vector<cv::Mat>> PicturesOfFfmpeg(const std::vector<OfFfmpeg>& files) const {
+    std::string inputs;
+    std::string outputs;
+    for (std::size_t i = 0; i < files.size(); ++i) {
+      inputs += "-i " + files[i].name + " ";
+      outputs += fmt::format(
+          "-map {0}:v -fps_mode passthrough -sws_flags bicubic -vf {1} -pix_fmt bgr24 "
+          "-f rawvideo raw{0} ",
+          i,
+          files[i].filters);
+    }
+    Ffmpeg(inputs + outputs);
+    std::vector<std::vector<cv::Mat>> pictures(files.size());
+    for (std::size_t i = 0; i < files.size(); ++i) {
+      std::string bytes = ReadBytes(Path(fmt::format("raw{}", i)));
+      const std::size_t one = static_cast<std::size_t>(files[i].size.area()) * 3;
+      EXPECT_EQ(bytes.size() % one, 0u);
+      for (std::size_t at = 0; at + one <= bytes.size(); at += one) {
+        pictures[i].push_back(cv::Mat(files[i].size, CV_8UC3, bytes.data() + at).clone());
+      }
+    }
+    return pictures;
+  }
+
   std::vector<cv::Mat> PicturesOfFfmpeg(const std::string& name,
                                         cv::Size size,
                                         const std::string& filters = "null") const {
-    Ffmpeg("-i " + name + " -fps_mode passthrough -sws_flags bicubic -vf " + filters +
-           " -pix_fmt bgr24 -f rawvideo raw");
-    std::string bytes = ReadBytes(Path("raw"));
-    const std::size_t one = static_cast<std::size_t>(size.area()) * 3;
-    EXPECT_EQ(bytes.size() % one, 0u);
-    std::vector<cv::Mat> pictures;
-    for (std::size_t at = 0; at + one <= bytes.size(); at += one) {
-      pictures.push_back(cv::Mat(size, CV_8UC3, bytes.data() + at).clone());
-    }
-    return pictures;
+    return PicturesOfFfmpeg({{name, size, filters}}).front();
   }
 
   std::vector<cv::Mat> Pictures(const std::string& name,
@@ -97,18 +129,20 @@ class Decoder : public testing::Test {
     return colors;
   }
 
-  // 24 fields, of each of which a frame gets every other row. They move by 3 px.
-  void FilmFields(const std::string& name,
-                  const std::string& codec,
-                  const std::string& fields,
-                  const std::string& after = "null") const {
-    Ffmpeg(
-        fmt::format("-f lavfi -i testsrc2=size=160x120:rate=50:duration=0.02,loop=23:1,"
-                    "scroll=h=0.02 -vf \"{},{}\" -fps_mode passthrough {} {}",
-                    fields,
-                    after,
-                    codec,
-                    name));
+  // Files of 24 fields, of each of which a frame gets every other row. They move by 3 px.
+  struct OfFields {
+    std::string name;
+    std::string codec;
+    std::string filters;
+  };
+  void FilmFields(const std::vector<OfFields>& files) const {
+    std::string outputs;
+    for (const OfFields& file : files) {
+      outputs += fmt::format(
+          "-vf \"{}\" -fps_mode passthrough {} {} ", file.filters, file.codec, file.name);
+    }
+    Ffmpeg("-f lavfi -i testsrc2=size=160x120:rate=50:duration=0.02,loop=23:1,scroll=h=0.02 " +
+           outputs);
   }
 
   std::vector<int> Milliseconds(const std::string& name) const {
@@ -141,9 +175,9 @@ void ExpectEqual(const std::vector<cv::Mat>& pictures, const std::vector<cv::Mat
 
 TEST_F(Decoder, AlphaIsAFourthChannelAndChangesNoColour) {
   const std::string cut = "format=argb,geq=r='r(X,Y)':g='g(X,Y)':b='b(X,Y)':a='";
-  Film("opaque.mov", "-c:v qtrle", cut + "255'");
+  Films({{"opaque.mov", "-c:v qtrle", cut + "255'"},
+         {"cut.mov", "-c:v qtrle", cut + "255*gte(X,40)'"}});
   EXPECT_EQ(Pictures("opaque.mov").front().type(), CV_8UC3) << "there is nothing to mask";
-  Film("cut.mov", "-c:v qtrle", cut + "255*gte(X,40)'");
   const std::vector<cv::Mat> opaque = PicturesOfFfmpeg("cut.mov", {160, 120});
   const std::vector<cv::Mat> pictures = Pictures("cut.mov");
   ASSERT_EQ(pictures.size(), opaque.size());
@@ -191,12 +225,15 @@ TEST_F(Decoder, GivesTheSamePicturesAsTheProgramFfmpeg) {
   }
   // No block of a codec divides the sides.
   Ffmpeg("-f lavfi -i testsrc2=size=164x124:rate=25:duration=0.4,noise=alls=20:allf=t " + outputs);
+  std::vector<OfFfmpeg> of_ffmpeg;
   for (const auto& [name, codec] : files) {
-    SCOPED_TRACE(name);
-    const std::vector<cv::Mat> expected =
-        PicturesOfFfmpeg(name, codec.starts_with(odd) ? cv::Size(161, 121) : cv::Size(164, 124));
-    EXPECT_EQ(expected.size(), 10u);
-    ExpectEqual(Pictures(name), expected);
+    of_ffmpeg.push_back({name, codec.starts_with(odd) ? cv::Size(161, 121) : cv::Size(164, 124)});
+  }
+  const auto expected = PicturesOfFfmpeg(of_ffmpeg);
+  for (std::size_t i = 0; i < files.size(); ++i) {
+    SCOPED_TRACE(files[i].first);
+    EXPECT_EQ(expected[i].size(), 10u);
+    ExpectEqual(Pictures(files[i].first), expected[i]);
   }
 }
 
@@ -205,7 +242,7 @@ TEST_F(Decoder, ColoursAreThoseOfTheProgramFfmpeg) {
   const std::string deep = "-c:v libx265 -preset ultrafast -x265-params log-level=0 -pix_fmt ";
   const std::string h264 = "-c:v libx264 -preset ultrafast -pix_fmt ";
   std::string outputs;
-  std::vector<std::string> names;
+  std::vector<OfFfmpeg> files;
   for (const std::string matrix :
        {"unknown", "bt709", "bt470bg", "smpte170m", "smpte240m", "bt2020nc", "fcc"}) {
     for (const std::string range : {"tv", "pc"}) {
@@ -216,20 +253,22 @@ TEST_F(Decoder, ColoursAreThoseOfTheProgramFfmpeg) {
             {h264 + "yuv422p", h264 + "yuv444p", deep + "yuv420p10le", deep + "yuv444p10le"});
       }
       for (const std::string& codec : codecs) {
-        names.push_back(fmt::format("{}.mp4", names.size()));
+        files.push_back({fmt::format("{}.mp4", files.size()), {162, 122}});
         outputs += fmt::format(
-            "-colorspace {} -color_range {} {} {} ", matrix, range, codec, names.back());
+            "-colorspace {} -color_range {} {} {} ", matrix, range, codec, files.back().name);
       }
     }
   }
   Ffmpeg("-f lavfi -i testsrc2=size=162x122:rate=25:duration=0.08 " + outputs);
-  for (const std::string& name : names) {
-    SCOPED_TRACE(name);
-    ExpectEqual(Pictures(name), PicturesOfFfmpeg(name, {162, 122}));
-    ExpectEqual(ColorsOfSequence(name), Pictures(name));
-  }
   Ffmpeg("-f lavfi -i testsrc2=size=1280x720:rate=25:duration=0.08 " + h264 + "yuv420p hd.mp4");
-  ExpectEqual(Pictures("hd.mp4"), PicturesOfFfmpeg("hd.mp4", {1280, 720}));
+  files.push_back({"hd.mp4", {1280, 720}});
+  const auto expected = PicturesOfFfmpeg(files);
+  for (std::size_t i = 0; i < files.size(); ++i) {
+    SCOPED_TRACE(files[i].name);
+    const std::vector<cv::Mat> pictures = Pictures(files[i].name);
+    ExpectEqual(pictures, expected[i]);
+    ExpectEqual(ColorsOfSequence(files[i].name), pictures);
+  }
 }
 
 // With the right matrix, the colours are those that were filmed, to FFmpeg's rounding.
@@ -281,21 +320,38 @@ constexpr const char* kToneMapping =
 
 TEST_F(Decoder, HdrIsToneMapped) {
   const std::string hevc = "-c:v libx265 -preset ultrafast -x265-params log-level=0:lossless=1 ";
-  for (const auto& [kind, transfer] :
-       {std::pair("HLG", "arib-std-b67"), std::pair("PQ", "smpte2084")}) {
+  const std::vector<std::pair<std::string, std::string>> kinds{{"HLG", "arib-std-b67"},
+                                                               {"PQ", "smpte2084"}};
+  std::string outputs;
+  std::string bare;  // states the transfer alone, in odd sizes and other pixels
+  std::vector<OfFfmpeg> of_ffmpeg;
+  for (const auto& [kind, transfer] : kinds) {
+    outputs += fmt::format(
+        "-vf zscale=tin=iec61966-2-1:pin=bt709:t={0}:p=bt2020:m=bt2020nc:r=tv:npl=203,"
+        "format=yuv420p10le -color_primaries bt2020 -color_trc {0} -colorspace bt2020nc "
+        "-color_range tv {1} {2}.mp4 ",
+        transfer,
+        hevc,
+        kind);
+    bare += fmt::format(
+        "-map {} -vf scale=161:121,format=yuv422p10le,setparams=colorspace=unknown:"
+        "color_primaries=unknown -color_trc {} -colorspace unknown -color_primaries unknown "
+        "-c:v ffv1 {}_bare.mkv ",
+        of_ffmpeg.size(),
+        transfer,
+        kind);
+    of_ffmpeg.push_back({kind + ".mp4", {160, 120}, kToneMapping});
+  }
+  Ffmpeg("-f lavfi -i smptehdbars=size=160x120:rate=25:duration=0.2,format=gbrp " + outputs);
+  Ffmpeg("-i HLG.mp4 -i PQ.mp4 " + bare);
+  const auto expected = PicturesOfFfmpeg(of_ffmpeg);
+  for (std::size_t i = 0; i < kinds.size(); ++i) {
+    const std::string& kind = kinds[i].first;
+    const std::string& name = of_ffmpeg[i].name;
     SCOPED_TRACE(kind);
-    const std::string tags = fmt::format(
-        "-color_primaries bt2020 -color_trc {} -colorspace bt2020nc -color_range tv ", transfer);
-    Ffmpeg(
-        fmt::format("-f lavfi -i smptehdbars=size=160x120:rate=25:duration=0.2,format=gbrp -vf "
-                    "zscale=tin=iec61966-2-1:pin=bt709:t={}:p=bt2020:m=bt2020nc:r=tv:npl=203,"
-                    "format=yuv420p10le {} {} a.mp4",
-                    transfer,
-                    tags,
-                    hevc));
-    const std::vector<cv::Mat> pictures = Pictures("a.mp4");
+    const std::vector<cv::Mat> pictures = Pictures(name);
     EXPECT_EQ(pictures.size(), 5u);
-    ExpectEqual(pictures, PicturesOfFfmpeg("a.mp4", {160, 120}, kToneMapping));
+    ExpectEqual(pictures, expected[i]);
     // What is not near white is as it was filmed.
     const cv::Rect yellow(42, 10, 8, 40);
     const cv::Scalar color = cv::mean(pictures.at(0)(yellow));
@@ -303,9 +359,10 @@ TEST_F(Decoder, HdrIsToneMapped) {
     EXPECT_NEAR(color[1], 191, 6);
     EXPECT_NEAR(color[2], 191, 6);
 
-    const auto clip = OpenSequence(Path("a.mp4"));
-    EXPECT_THAT(clip->Warning(),
-                AllOf(HasSubstr("a.mp4 is HDR video"), HasSubstr(kind), HasSubstr("tone-mapped")));
+    const auto clip = OpenSequence(Path(name));
+    EXPECT_THAT(
+        clip->Warning(),
+        AllOf(HasSubstr(name + " is HDR video"), HasSubstr(kind), HasSubstr("tone-mapped")));
     const std::vector<Frame> frames = test::ReadAll(*clip);
     ASSERT_EQ(frames.size(), 5u);
     EXPECT_EQ(cv::norm(frames[3].color, pictures[3], cv::NORM_INF), 0);
@@ -313,13 +370,7 @@ TEST_F(Decoder, HdrIsToneMapped) {
     cv::cvtColor(pictures[3], gray, cv::COLOR_BGR2GRAY);
     EXPECT_EQ(cv::norm(frames[3].gray, gray, cv::NORM_INF), 0);
 
-    // A file that states the transfer alone, in odd sizes and other pixels.
-    Ffmpeg(fmt::format(
-        "-i a.mp4 -vf scale=161:121,format=yuv422p10le,setparams=colorspace=unknown:"
-        "color_primaries=unknown -color_trc {} -colorspace unknown -color_primaries unknown "
-        "-c:v ffv1 bare.mkv",
-        transfer));
-    EXPECT_EQ(ColorsOfSequence("bare.mkv").size(), 5u);
+    EXPECT_EQ(ColorsOfSequence(kind + "_bare.mkv").size(), 5u);
   }
   // SDR in BT.2020 is not HDR.
   Film("sdr.mp4", "-c:v libx264 -color_primaries bt2020 -color_trc bt2020-10 -colorspace bt2020nc");
@@ -327,46 +378,52 @@ TEST_F(Decoder, HdrIsToneMapped) {
 }
 
 struct Fields {
-  const char* name;
-  const char* codec;
-  const char* order;  // of the filter tinterlace
-  const char* parity;
-  const char* after = "null";
+  std::string name;
+  std::string codec;
+  bool is_top;  // the first field
+  std::string after = "null";
   bool flagged = true;
 };
 
 TEST_F(Decoder, InterlacedFramesAreDeinterlaced) {
-  const char* const kTop = "interleave_top";
-  const char* const kBottom = "interleave_bottom";
-  const char* const kFields = "-c:v libx264 -crf 10 -flags +ilme+ildct -x264opts";
-  const char* const kPlain = "-c:v libx264 -crf 10";
-  const std::string top = std::string(kFields) + " tff=1";
-  const std::string bottom = std::string(kFields) + " bff=1";
-  for (const Fields& fields :
-       {Fields{"top.mts", top.c_str(), kTop, "tff"},
-        Fields{"bottom.mp4", bottom.c_str(), kBottom, "bff"},
-        Fields{"dvd.mpg", "-c:v mpeg2video -q:v 2 -flags +ilme+ildct", kTop, "tff"},
-        Fields{"container.mov", "-c:v rawvideo -pix_fmt uyvy422 -field_order tt", kTop, "tff"},
-        // A wrong flag does not count.
-        Fields{"wrong.mp4", bottom.c_str(), kTop, "tff"},
-        Fields{"plain_top.mp4", kPlain, kTop, "tff", "setfield=prog", false},
-        Fields{"plain_bottom.mkv", kPlain, kBottom, "bff", "setfield=prog", false}}) {
+  const std::string plain = "-c:v libx264 -crf 10";
+  const std::string fields_of = plain + " -flags +ilme+ildct -x264opts ";
+  const std::vector<Fields> files{
+      {"top.mts", fields_of + "tff=1", true},
+      {"bottom.mp4", fields_of + "bff=1", false},
+      {"dvd.mpg", "-c:v mpeg2video -q:v 2 -flags +ilme+ildct", true},
+      {"container.mov", "-c:v rawvideo -pix_fmt uyvy422 -field_order tt", true},
+      // A wrong flag does not count.
+      {"wrong.mp4", fields_of + "bff=1", true},
+      {"plain_top.mp4", plain, true, "setfield=prog", false},
+      {"plain_bottom.mkv", plain, false, "setfield=prog", false}};
+  std::vector<OfFields> films;
+  std::vector<OfFfmpeg> of_ffmpeg;
+  for (const Fields& fields : files) {
+    films.push_back(
+        {fields.name,
+         fields.codec,
+         fmt::format(
+             "tinterlace=interleave_{},{}", fields.is_top ? "top" : "bottom", fields.after)});
+    of_ffmpeg.push_back({fields.name,
+                         {160, 120},
+                         fmt::format("{}bwdif=mode=send_frame:parity={}",
+                                     fields.name == "container.mov" ? "format=yuv422p," : "",
+                                     fields.is_top ? "tff" : "bff")});
+  }
+  FilmFields(films);
+  const auto all_expected = PicturesOfFfmpeg(of_ffmpeg);
+  for (std::size_t i = 0; i < files.size(); ++i) {
+    const Fields& fields = files[i];
     SCOPED_TRACE(fields.name);
-    FilmFields(fields.name, fields.codec, std::string("tinterlace=") + fields.order, fields.after);
-    const std::vector<cv::Mat> expected = PicturesOfFfmpeg(
-        fields.name,
-        {160, 120},
-        fmt::format("{}bwdif=mode=send_frame:parity={}",
-                    std::string(fields.name) == "container.mov" ? "format=yuv422p," : "",
-                    fields.parity));
+    const std::vector<cv::Mat>& expected = all_expected[i];
     ASSERT_EQ(expected.size(), 12u);
     ExpectEqual(ColorsOfSequence(fields.name), expected);
     const auto clip = OpenSequence(Path(fields.name));
-    const bool is_top = std::string(fields.parity) == "tff";
     EXPECT_THAT(clip->Warning(),
                 AllOf(HasSubstr(fields.name),
                       HasSubstr(fields.flagged ? " is interlaced, " : "does not state"),
-                      HasSubstr(is_top ? "top field first" : "bottom field first"),
+                      HasSubstr(fields.is_top ? "top field first" : "bottom field first"),
                       HasSubstr("deinterlaced")));
     // Ranges and a second reading give the same frames, with the times of the file.
     const std::vector<Frame> all = test::ReadAll(*clip);
@@ -389,37 +446,44 @@ TEST_F(Decoder, InterlacedFramesAreDeinterlaced) {
 // Film of 24 frames a second, of which two of five frames at 30 have the fields of two pictures. They
 // are not flagged.
 TEST_F(Decoder, TelecinedFilmIsDeinterlaced) {
+  std::vector<OfFields> films;
+  std::vector<OfFfmpeg> of_ffmpeg;
   for (const auto& [name, field, parity] :
        {std::tuple("top.mp4", "top", "tff"), std::tuple("bottom.mp4", "bottom", "bff")}) {
-    SCOPED_TRACE(name);
-    FilmFields(name,
-               "-c:v libx264 -crf 10",
-               fmt::format("fps=24,telecine=first_field={}:pattern=23", field),
-               "setfield=prog");
-    ExpectEqual(
-        ColorsOfSequence(name),
-        PicturesOfFfmpeg(name, {160, 120}, fmt::format("bwdif=mode=send_frame:parity={}", parity)));
+    films.push_back(
+        {name,
+         "-c:v libx264 -crf 10",
+         fmt::format("fps=24,telecine=first_field={}:pattern=23,setfield=prog", field)});
+    of_ffmpeg.push_back({name, {160, 120}, fmt::format("bwdif=mode=send_frame:parity={}", parity)});
+  }
+  FilmFields(films);
+  const auto expected = PicturesOfFfmpeg(of_ffmpeg);
+  for (std::size_t i = 0; i < films.size(); ++i) {
+    SCOPED_TRACE(films[i].name);
+    ExpectEqual(ColorsOfSequence(films[i].name), expected[i]);
   }
 }
 
 // Also those that are flagged as interlaced, as some cameras' are.
 TEST_F(Decoder, ProgressiveFramesAreNotDeinterlaced) {
-  const std::string flags = "-c:v libx264 -flags +ilme+ildct -x264opts tff=1";
-  for (const auto& [name, codec] :
-       {std::pair("plain.mp4", std::string("-c:v libx264")), std::pair("flagged.mp4", flags)}) {
+  const std::string plain = "-c:v libx264";
+  const std::string flagged = plain + " -flags +ilme+ildct -x264opts tff=1";
+  FilmFields({{"plain.mp4", plain, "null"}, {"flagged.mp4", flagged, "null"}});
+  const auto expected = PicturesOfFfmpeg({{"plain.mp4", {160, 120}}, {"flagged.mp4", {160, 120}}});
+  for (const auto& [name, pictures] :
+       {std::pair("plain.mp4", expected[0]), std::pair("flagged.mp4", expected[1])}) {
     SCOPED_TRACE(name);
-    FilmFields(name, codec, "null");
     EXPECT_EQ(OpenSequence(Path(name))->Warning(), "");
-    const std::vector<cv::Mat> expected = PicturesOfFfmpeg(name, {160, 120});
-    ASSERT_EQ(expected.size(), 24u);
-    ExpectEqual(ColorsOfSequence(name), expected);
+    ASSERT_EQ(pictures.size(), 24u);
+    ExpectEqual(ColorsOfSequence(name), pictures);
   }
   // What does not move shows nothing: the flags decide.
-  for (const auto& [name, codec, deinterlaced] :
-       {std::tuple("still.mp4", std::string("-c:v libx264"), false),
-        std::tuple("flagged_still.mp4", flags, true)}) {
-    Ffmpeg(
-        fmt::format("-f lavfi -i color=gray:size=160x120:rate=25:duration=0.4 {} {}", codec, name));
+  Ffmpeg(fmt::format(
+      "-f lavfi -i color=gray:size=160x120:rate=25:duration=0.4 {} still.mp4 {} flagged_still.mp4",
+      plain,
+      flagged));
+  for (const auto& [name, deinterlaced] :
+       {std::pair("still.mp4", false), std::pair("flagged_still.mp4", true)}) {
     const std::string warning = OpenSequence(Path(name))->Warning();
     EXPECT_EQ(warning.find("deinterlaced") != std::string::npos, deinterlaced) << name;
   }
@@ -427,9 +491,10 @@ TEST_F(Decoder, ProgressiveFramesAreNotDeinterlaced) {
 
 TEST_F(Decoder, AnInterlacedVideoMayBeShortOrChangeItsSize) {
   const std::string flags = "-c:v libx264 -flags +ilme+ildct -x264opts tff=1 ";
-  Ffmpeg("-f lavfi -i testsrc2=size=160x120:rate=25:duration=0.04 " + flags + "one.h264");
+  Ffmpeg("-f lavfi -i testsrc2=size=160x120:rate=25:duration=0.04 " +
+         ("-f lavfi -i testsrc2=size=320x240:rate=25:duration=0.4 -map 0 " + flags) +
+         "one.h264 -map 1 " + flags + "other.h264");
   EXPECT_EQ(ColorsOfSequence("one.h264").size(), 1u);
-  Ffmpeg("-f lavfi -i testsrc2=size=320x240:rate=25:duration=0.4 " + flags + "other.h264");
   WriteBytes(Path("change.h264"), ReadBytes(Path("one.h264")) + ReadBytes(Path("other.h264")));
   EXPECT_THAT([&] { test::ReadAll(*OpenSequence(Path("change.h264"))); },
               ThrowsMessage<Error>(AllOf(HasSubstr("change.h264"), HasSubstr("320x240"))));
@@ -466,47 +531,54 @@ TEST_F(Decoder, APhonesPortraitVideoStandsUpright) {
     int a, b, c, d;
     RowOrder rows;
   };
+  const std::vector<Turn> turns{{1, 0, 0, 1, RowOrder::kDown},
+                                {0, 1, -1, 0, RowOrder::kLeft},
+                                {-1, 0, 0, -1, RowOrder::kUp},
+                                {0, -1, 1, 0, RowOrder::kRight},
+                                // Mirrors, of a camera that looks at its user.
+                                {-1, 0, 0, 1, RowOrder::kDown},
+                                {1, 0, 0, -1, RowOrder::kUp},
+                                {0, 1, 1, 0, RowOrder::kRight},
+                                {0, -1, -1, 0, RowOrder::kLeft}};
   Film("a.mp4", "-c:v mpeg4");
   const std::size_t matrix = Find("a.mp4", "tkhd") + 44;
-  for (const Turn& turn : {Turn{1, 0, 0, 1, RowOrder::kDown},
-                           Turn{0, 1, -1, 0, RowOrder::kLeft},
-                           Turn{-1, 0, 0, -1, RowOrder::kUp},
-                           Turn{0, -1, 1, 0, RowOrder::kRight},
-                           // Mirrors, of a camera that looks at its user.
-                           Turn{-1, 0, 0, 1, RowOrder::kDown},
-                           Turn{1, 0, 0, -1, RowOrder::kUp},
-                           Turn{0, 1, 1, 0, RowOrder::kRight},
-                           Turn{0, -1, -1, 0, RowOrder::kLeft}}) {
-    SCOPED_TRACE(fmt::format("{} {} {} {}", turn.a, turn.b, turn.c, turn.d));
+  std::vector<OfFfmpeg> files;
+  for (const Turn& turn : turns) {
     std::string numbers;  // of 16.16 bits
     for (const int value : {turn.a, turn.b, 0, turn.c, turn.d}) {
       numbers += {static_cast<char>(value < 0 ? 255 : 0), static_cast<char>(value), 0, 0};
     }
-    ChangeBytes("a.mp4", matrix, numbers);
-    const cv::Size size = turn.a == 0 ? cv::Size(120, 160) : cv::Size(160, 120);
-    ExpectEqual(Pictures("a.mp4"), PicturesOfFfmpeg("a.mp4", size));
-    const auto clip = OpenSequence(Path("a.mp4"));
-    EXPECT_EQ(test::ReadAll(*clip)[0].gray.size(), size);
-    EXPECT_EQ(clip->SensorRows(), turn.rows);
+    files.push_back({fmt::format("{}.mp4", files.size()),
+                     turn.a == 0 ? cv::Size(120, 160) : cv::Size(160, 120)});
+    fs::copy_file(Path("a.mp4"), Path(files.back().name));
+    ChangeBytes(files.back().name, matrix, numbers);
+  }
+  const auto expected = PicturesOfFfmpeg(files);
+  for (std::size_t i = 0; i < turns.size(); ++i) {
+    const auto& [a, b, c, d, rows] = turns[i];
+    SCOPED_TRACE(fmt::format("{} {} {} {}", a, b, c, d));
+    ExpectEqual(Pictures(files[i].name), expected[i]);
+    const auto clip = OpenSequence(Path(files[i].name));
+    EXPECT_EQ(test::ReadAll(*clip)[0].gray.size(), files[i].size);
+    EXPECT_EQ(clip->SensorRows(), rows);
   }
 }
 
 // As HDV, DV and DVDs store them.
 TEST_F(Decoder, PixelsThatAreNotSquareAreMadeSo) {
-  const auto film = [&](const std::string& name, const std::string& aspect) {
-    Film(name, "-c:v mpeg4", "setsar=" + aspect);
-  };
-  film("hdv.mp4", "4/3");
-  film("dv.mkv", "8/9");
-  for (const auto& [name, size] :
-       {std::pair("hdv.mp4", cv::Size(213, 120)), std::pair("dv.mkv", cv::Size(142, 120))}) {
+  Films({{"hdv.mp4", "-c:v mpeg4", "setsar=4/3"}, {"dv.mkv", "-c:v mpeg4", "setsar=8/9"}});
+  Ffmpeg(
+      "-i hdv.mp4 -i dv.mkv "
+      "-map 0 -vf scale=213:120:flags=bicubic,setsar=1 -c:v ffv1 -pix_fmt bgr24 hdv_square.mkv "
+      "-map 1 -vf scale=142:120:flags=bicubic,setsar=1 -c:v ffv1 -pix_fmt bgr24 dv_square.mkv");
+  const std::vector<OfFfmpeg> squares{{"hdv_square.mkv", {213, 120}},
+                                      {"dv_square.mkv", {142, 120}}};
+  const auto expected = PicturesOfFfmpeg(squares);
+  for (std::size_t i = 0; i < squares.size(); ++i) {
+    const std::string name = i == 0 ? "hdv.mp4" : "dv.mkv";
+    const cv::Size size = squares[i].size;
     SCOPED_TRACE(name);
-    Ffmpeg(
-        fmt::format("-i {} -vf scale={}:{}:flags=bicubic,setsar=1 -c:v ffv1 -pix_fmt bgr24 s.mkv",
-                    name,
-                    size.width,
-                    size.height));
-    ExpectEqual(Pictures(name), PicturesOfFfmpeg("s.mkv", size));
+    ExpectEqual(Pictures(name), expected[i]);
     const auto clip = OpenSequence(Path(name));
     EXPECT_EQ(test::ReadAll(*clip)[0].gray.size(), size);
     EXPECT_THAT(clip->Warning(),
@@ -521,11 +593,16 @@ TEST_F(Decoder, PixelsThatAreNotSquareAreMadeSo) {
 }
 
 TEST_F(Decoder, APixelAspectThatNoCameraHasIsNone) {
+  std::vector<OfNoise> files;
   for (const char* aspect : {"1/1", "161/160", "8/1", "1/8"}) {
-    Film("a.mkv", "-c:v ffv1", fmt::format("setsar={}", aspect));
-    const auto clip = OpenSequence(Path("a.mkv"));
-    EXPECT_EQ(test::ReadAll(*clip)[0].gray.size(), cv::Size(160, 120)) << aspect;
-    EXPECT_EQ(clip->Warning(), "") << aspect;
+    files.push_back(
+        {fmt::format("{}.mkv", files.size()), "-c:v ffv1", std::string("setsar=") + aspect});
+  }
+  Films(files);
+  for (const OfNoise& file : files) {
+    const auto clip = OpenSequence(Path(file.name));
+    EXPECT_EQ(test::ReadAll(*clip)[0].gray.size(), cv::Size(160, 120)) << file.filters;
+    EXPECT_EQ(clip->Warning(), "") << file.filters;
   }
 }
 
@@ -536,7 +613,8 @@ TEST_F(Decoder, AMatroskaThatIsCutShortIsToldToTheFrame) {
     test::ReadAll(*clip);
     return clip->Warning();
   };
-  Film("whole.mkv", "-c:v mpeg4 -g 1");
+  Films({{"whole.mkv", "-c:v mpeg4 -g 1"},
+         {"dark.mkv", "-c:v mpeg4", "select='not(between(n,3,7))'"}});
   EXPECT_EQ(warning("whole.mkv"), "");
   const std::string bytes = ReadBytes(Path("whole.mkv"));
   for (const double share : {0.3, 0.5, 0.7}) {
@@ -544,28 +622,28 @@ TEST_F(Decoder, AMatroskaThatIsCutShortIsToldToTheFrame) {
     EXPECT_THAT(warning("cut.mkv"), HasSubstr("truncated")) << share;
   }
   // Frames that were not exposed in time are none that are missing.
-  Film("dark.mkv", "-c:v mpeg4", "select='not(between(n,3,7))'");
   EXPECT_EQ(warning("dark.mkv"), "");
 }
 
 TEST_F(Decoder, TimesAreTheFiles) {
   // A phone in the dark: frames 3 to 5 were not exposed in time.
-  Film("a.mp4", "-c:v mpeg4", "select='not(between(n,3,5))'");
+  const std::string dark = "select='not(between(n,3,5))'";
+  Films({{"a.mp4", "-c:v mpeg4", dark},
+         {"late.mkv", "-c:v mpeg4 -output_ts_offset 3", dark},
+         {"b_frames.mp4", "-c:v mpeg4 -bf 2"}});
   EXPECT_THAT(Milliseconds("a.mp4"), ElementsAre(0, 40, 80, 240, 280, 320, 360));
   // A clip that is cut out of another begins at 0 too.
-  Film("late.mkv", "-c:v mpeg4 -output_ts_offset 3", "select='not(between(n,3,5))'");
   EXPECT_THAT(Milliseconds("late.mkv"), ElementsAre(0, 40, 80, 240, 280, 320, 360));
   // Frames that are stored out of order.
-  Film("b_frames.mp4", "-c:v mpeg4 -bf 2");
   EXPECT_THAT(Milliseconds("b_frames.mp4"),
               ElementsAre(0, 40, 80, 120, 160, 200, 240, 280, 320, 360));
 }
 
 TEST_F(Decoder, TimesThatAreMissingOrStandStillAreOfEvenFrames) {
-  Film("bare.h264", "-c:v libx264 -bf 0");
-  Film("a.mp4", "-c:v mpeg4");
-  Ffmpeg("-i a.mp4 -c copy -bsf:v setts=ts=0 still.mkv");
-  Ffmpeg("-i a.mp4 -c copy -bsf:v \"setts=ts=if(gte(N\\,4)\\,120\\,N*40)\" stops.mkv");
+  Films({{"bare.h264", "-c:v libx264 -bf 0"}, {"a.mp4", "-c:v mpeg4"}});
+  Ffmpeg(
+      "-i a.mp4 -c copy -bsf:v setts=ts=0 still.mkv "
+      "-c copy -bsf:v \"setts=ts=if(gte(N\\,4)\\,120\\,N*40)\" stops.mkv");
   for (const char* name : {"bare.h264", "still.mkv", "stops.mkv"}) {
     EXPECT_THAT(Milliseconds(name), ElementsAre(0, 40, 80, 120, 160, 200, 240, 280, 320, 360))
         << name;
@@ -594,9 +672,9 @@ TEST_F(Decoder, ADamagedPacketCostsItsFrameAlone) {
 }
 
 TEST_F(Decoder, FramesThatChangeTheirSizeAreAnError) {
-  Film("a.h264", "-c:v libx264");
-  Film("b.h264", "-c:v libx264", "null", "320x240");
-  Film("c.h264", "-c:v libx264", "null", "64x48");
+  Films({{"a.h264", "-c:v libx264"},
+         {"b.h264", "-c:v libx264", "scale=320:240"},
+         {"c.h264", "-c:v libx264", "scale=64:48"}});
   for (const char* other : {"b.h264", "c.h264"}) {
     WriteBytes(Path("change.h264"), ReadBytes(Path("a.h264")) + ReadBytes(Path(other)));
     EXPECT_THAT([&] { test::ReadAll(*OpenSequence(Path("change.h264"))); },
@@ -619,6 +697,7 @@ TEST_F(Decoder, AFrameThatIsSmallerThanItsHeaderSaysHasTheSizeThatItHas) {
 TEST_F(Decoder, AbsurdSizesAreRefusedInALine) {
   // 60000 = 0xea60.
   Film("a.avi", "-c:v mjpeg");
+  std::string bytes = ReadBytes(Path("a.avi"));
   ChangeBytes("a.avi", Find("a.avi", "strf") + 12, std::string("\x60\xea\0\0\x60\xea\0\0", 8));
   Film("a.mkv", "-c:v mpeg4", "null", "320x256");
   const std::size_t header = Find("a.mkv", "\xb0\x82\x01\x40\xba\x82");
@@ -629,8 +708,6 @@ TEST_F(Decoder, AbsurdSizesAreRefusedInALine) {
                 ThrowsMessage<Error>(AllOf(HasSubstr(name), HasSubstr("60000x60000"))));
   }
   // Where only the frames themselves say so.
-  Film("b.avi", "-c:v mjpeg");
-  std::string bytes = ReadBytes(Path("b.avi"));
   for (std::size_t at = 0; (at = bytes.find("\xff\xc0", at + 1)) != std::string::npos;) {
     bytes.replace(at + 5, 4, "\xea\x60\xea\x60");
   }
@@ -649,8 +726,9 @@ TEST_F(Decoder, ACountOfFramesIsBelievedWhereItIsOne) {
 }
 
 TEST_F(Decoder, SoundAndCoverArtAreNoVideo) {
-  Ffmpeg("-f lavfi -i sine -t 1 -c:a aac sound.m4a");
-  Ffmpeg("-f lavfi -i color=red:size=64x64 -frames:v 1 cover.png");
+  Ffmpeg(
+      "-f lavfi -i sine=duration=1 -f lavfi -i color=red:size=64x64:rate=1:duration=1 "
+      "-map 0 -c:a aac sound.m4a -map 1 cover.png");
   Ffmpeg("-i sound.m4a -i cover.png -map 0 -map 1 -c copy -disposition:v attached_pic song.m4a");
   for (const char* name : {"sound.m4a", "song.m4a"}) {
     EXPECT_THAT([&] { OpenSequence(Path(name)); },

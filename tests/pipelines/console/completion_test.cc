@@ -51,27 +51,44 @@ class Completion : public testing::Test {
 
 class BashCompletionTest : public Completion {
  protected:
-  // The words of a line as bash splits them, the last of them to be completed.
-  std::vector<std::string> Complete(const std::vector<std::string>& words) const {
-    std::string line;
-    for (const std::string& word : words) line += " '" + word + "'";
-    const std::string script = Write("run.bash",
-                                     fmt::format("cd '{}'\n"
-                                                 "source '{}'\n"
-                                                 "COMP_WORDS=({}) COMP_CWORD={}\n"
-                                                 "_cohort\n"
-                                                 "printf '%s\\n' \"${{COMPREPLY[@]}}\"\n",
-                                                 dir_.path().string(),
-                                                 Write("completion", BashCompletion(AllCommands())),
-                                                 line,
-                                                 words.size() - 1));
-    const test::ProgramEnd end = test::RunShell("bash --norc '" + script + "'");
+  using Words = std::vector<std::string>;
+
+  // The replies to each of several lines, by one bash: their words as bash splits them, the last of
+  // them to be completed.
+  std::vector<Words> CompleteAll(const std::vector<Words>& lines) const {
+    std::string script = fmt::format("cd '{}'\nsource '{}'\n",
+                                     dir_.path().string(),
+                                     Write("completion", BashCompletion(AllCommands())));
+    for (const Words& words : lines) {
+      script += fmt::format(
+          "COMPREPLY=() COMP_WORDS=('{}') COMP_CWORD={}\n"
+          "_cohort\n"
+          "printf '%s\\n' \"${{COMPREPLY[@]}}\" '{}'\n",
+          fmt::join(words, "' '"),
+          words.size() - 1,
+          kEnd);
+    }
+    const test::ProgramEnd end = test::RunShell("bash --norc '" + Write("run.bash", script) + "'");
     EXPECT_EQ(end.exit_code, 0);
     EXPECT_EQ(end.err, "");
-    std::vector<std::string> replies = LinesOf(end.out);
-    if (replies == std::vector<std::string>{""}) replies.clear();
+    std::vector<Words> replies(1);
+    for (const std::string& line : LinesOf(end.out)) {
+      if (line == kEnd) {
+        replies.emplace_back();
+      } else {
+        replies.back().push_back(line);
+      }
+    }
+    replies.pop_back();
+    EXPECT_EQ(replies.size(), lines.size());
+    replies.resize(lines.size());
     return replies;
   }
+
+  Words Complete(const Words& words) const { return CompleteAll({words}).front(); }
+
+ private:
+  static constexpr const char* kEnd = "(no more)";
 };
 
 TEST_F(BashCompletionTest, OffersTheCommands) {
@@ -85,16 +102,24 @@ TEST_F(BashCompletionTest, OffersTheCommands) {
 TEST_F(BashCompletionTest, OffersTheOptionsThatPeopleUseThenAll) {
   for (const Command& command : AllCommands()) {
     SCOPED_TRACE(command.name);
-    const std::vector<std::string> common = Complete({"cohort", command.name, "--"});
-    EXPECT_THAT(common, AllOf(Contains("--help"), Contains("--config"), Each(StartsWith("--"))));
+    std::vector<Words> lines{{"cohort", command.name, "--"}};
+    std::vector<Tier> tiers;
     for (const OptionHelp& option : command.options) {
       if (option.IsPositional()) continue;
       const std::string& name = option.names.front();
-      const std::string given =
-          option.left.starts_with("--[no-]") ? "--no-" + name.substr(2) : name;
-      EXPECT_EQ(std::count(common.begin(), common.end(), given), option.tier == Tier::kCommon)
+      lines.push_back({"cohort",
+                       command.name,
+                       option.left.starts_with("--[no-]") ? "--no-" + name.substr(2) : name});
+      tiers.push_back(option.tier);
+    }
+    const std::vector<Words> replies = CompleteAll(lines);
+    const Words& common = replies.front();
+    EXPECT_THAT(common, AllOf(Contains("--help"), Contains("--config"), Each(StartsWith("--"))));
+    for (std::size_t i = 0; i < tiers.size(); ++i) {
+      const std::string& given = lines[i + 1].back();
+      EXPECT_EQ(std::count(common.begin(), common.end(), given), tiers[i] == Tier::kCommon)
           << given;
-      EXPECT_THAT(Complete({"cohort", command.name, given}), Contains(given));
+      EXPECT_THAT(replies[i + 1], Contains(given));
     }
   }
 }
@@ -134,33 +159,62 @@ TEST_F(BashCompletionTest, WorksInALineThatIsTyped) {
 TEST_F(Completion, OfFishOffersCommandsOptionsAndValues) {
   if (test::RunShell("command -v fish").exit_code != 0) GTEST_SKIP() << "no fish";
   const std::string script = Write("cohort.fish", FishCompletion(AllCommands()));
-  const auto complete = [&](const std::string& line) {
-    const test::ProgramEnd end =
-        test::RunShell(fmt::format("cd '{0}' && PATH={1}:$PATH HOME={1} fish --no-config -c "
-                                   "'source {2}; complete -C\"{3}\"' | cut -f 1",
-                                   dir_.path().string(),
-                                   script_.path().string(),
-                                   script,
-                                   line));
+  // What it offers for each of several lines, by one fish.
+  const std::string end_of_line = "(no more)";
+  const auto complete = [&](const std::vector<std::string>& lines) {
+    std::string text = fmt::format("source {}\n", script);
+    for (const std::string& line : lines) {
+      text += fmt::format("complete -C\"{}\"\necho '{}'\n", line, end_of_line);
+    }
+    const test::ProgramEnd end = test::RunShell(
+        fmt::format("cd '{0}' && PATH={1}:$PATH HOME={1} fish --no-config '{2}' | cut -f 1",
+                    dir_.path().string(),
+                    script_.path().string(),
+                    Write("lines.fish", text)));
     EXPECT_EQ(end.err, "");
-    return LinesOf(end.out);
+    std::vector<std::vector<std::string>> offers(1);
+    for (const std::string& offer : LinesOf(end.out)) {
+      if (offer == end_of_line) {
+        offers.emplace_back();
+      } else {
+        offers.back().push_back(offer);
+      }
+    }
+    offers.pop_back();
+    EXPECT_EQ(offers.size(), lines.size());
+    offers.resize(lines.size());
+    return offers;
   };
-  EXPECT_THAT(complete("cohort re"), UnorderedElementsAre("reconstruct", "refine"));
-  EXPECT_THAT(complete("cohort track --"),
+  const auto offers = complete({"cohort re",
+                                "cohort track --",
+                                "cohort reconstruct --backend c",
+                                "cohort track --features ",
+                                "cohort track --mask a",
+                                "cohort track a"});
+  EXPECT_THAT(offers[0], UnorderedElementsAre("reconstruct", "refine"));
+  EXPECT_THAT(offers[1],
               AllOf(Contains("--features"), Contains("--help"), Not(Contains("--backend"))));
-  EXPECT_THAT(complete("cohort reconstruct --backend c"), UnorderedElementsAre("ceres", "colmap"));
-  EXPECT_THAT(complete("cohort track --features "), IsEmpty());
-  EXPECT_THAT(complete("cohort track --mask a"), ElementsAre("a clip.mp4"));
-  EXPECT_THAT(complete("cohort track a"), ElementsAre("a clip.mp4"));
+  EXPECT_THAT(offers[2], UnorderedElementsAre("ceres", "colmap"));
+  EXPECT_THAT(offers[3], IsEmpty());
+  EXPECT_THAT(offers[4], ElementsAre("a clip.mp4"));
+  EXPECT_THAT(offers[5], ElementsAre("a clip.mp4"));
+
+  std::vector<std::string> rare;  // an option of each command that is not offered at once
+  std::vector<std::string> lines;
   for (const Command& command : AllCommands()) {
     for (const OptionHelp& option : command.options) {
       if (option.IsPositional() || option.left.starts_with("--[no-]")) continue;
       if (option.tier == Tier::kCommon) continue;
-      const std::string& name = option.names.front();
-      EXPECT_THAT(complete("cohort " + command.name + " --"), Not(Contains(name)));
-      EXPECT_THAT(complete("cohort " + command.name + " " + name), Contains(name));
+      rare.push_back(option.names.front());
+      lines.push_back("cohort " + command.name + " --");
+      lines.push_back("cohort " + command.name + " " + rare.back());
       break;
     }
+  }
+  const auto of_rare = complete(lines);
+  for (std::size_t i = 0; i < rare.size(); ++i) {
+    EXPECT_THAT(of_rare[2 * i], Not(Contains(rare[i]))) << lines[2 * i];
+    EXPECT_THAT(of_rare[2 * i + 1], Contains(rare[i])) << lines[2 * i + 1];
   }
 }
 

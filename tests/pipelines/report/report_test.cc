@@ -109,7 +109,14 @@ class Report : public testing::Test {
            Path(out);
   }
 
-  static nlohmann::json Probe(int width_px) {
+  // What there is to see at a width, by one browser each.
+  static const nlohmann::json& Probe(int width_px) {
+    static std::map<int, nlohmann::json> probes;
+    const auto found = probes.find(width_px);
+    return found != probes.end() ? found->second : probes[width_px] = Browsed(width_px);
+  }
+
+  static nlohmann::json Browsed(int width_px) {
     std::string page = test::WithProbes(ReadBytes(Path("out/report.html")));
     page.replace(page.find("<head>"), 6, std::string("<head>") + kProbeHead);
     page.replace(page.rfind("</body>"), 7, std::string(kProbeFoot) + "</body>");
@@ -147,7 +154,7 @@ Figures ReadCsv(const fs::path& path) {
 
 TEST_F(Report, OpensOfflineAndDrawsEverythingWithoutComplaint) {
   if (test::Browser().empty()) GTEST_SKIP() << "no chromium";
-  const auto probe = Probe(1200);
+  const auto& probe = Probe(1200);
   ASSERT_FALSE(probe.is_null());
   EXPECT_EQ(probe["ready"], "true");
   EXPECT_THAT(probe["complaints"].get<std::vector<std::string>>(), IsEmpty());
@@ -216,7 +223,7 @@ TEST_F(Report, ShowsAWorldOfAnyKindUprightAndNearItsOrigin) {
 
 TEST_F(Report, ShowsWhatResultsCsvHas) {
   if (test::Browser().empty()) GTEST_SKIP() << "no chromium";
-  const auto probe = Probe(1200);
+  const auto& probe = Probe(1200);
   ASSERT_FALSE(probe.is_null());
   const Figures figures = ReadCsv(Path("out/results.csv"));
   EXPECT_EQ(probe["cells"].size(), 2u * 2u * 5u);
@@ -243,7 +250,7 @@ TEST_F(Report, ShowsWhatResultsCsvHas) {
 TEST_F(Report, FitsAPhoneAndIsNotBlankThere) {
   if (test::Browser().empty()) GTEST_SKIP() << "no chromium";
   for (const int width_px : {360, 500}) {
-    const auto probe = Probe(width_px);
+    const auto& probe = Probe(width_px);
     ASSERT_FALSE(probe.is_null());
     EXPECT_LE(probe["wider"], 0) << width_px;
   }

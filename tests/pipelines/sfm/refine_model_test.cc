@@ -110,7 +110,7 @@ class RefineModelOfPlanes : public testing::Test {
   std::map<std::uint64_t, Eigen::Vector2d> in_middle_;  // where its points are in the middle frame
 };
 
-TEST_F(RefineModelOfPlanes, CamerasGetNearerToTheTruthAndAllElseStays) {
+TEST_F(RefineModelOfPlanes, CamerasGetNearerToTheTruthAndAllElseStaysAndIsTheSameTwice) {
   const RefinedModel refined = RefineModel(model_, "sparse", clip_, {});
   EXPECT_LT(CameraError(refined.model), 0.3 * CameraError(model_))
       << "in the world that came in, not one of its own";
@@ -130,6 +130,12 @@ TEST_F(RefineModelOfPlanes, CamerasGetNearerToTheTruthAndAllElseStays) {
   }
   EXPECT_EQ(refined.adjusted.ceres->camera_covariances.size(), static_cast<std::size_t>(kFrames));
   EXPECT_GT(refined.found.Confirmed(), 0.8);
+
+  const RefinedModel again = RefineModel(model_, "sparse", clip_, {});
+  ASSERT_EQ(again.model.points.size(), refined.model.points.size());
+  for (const auto& [id, point] : refined.model.points) {
+    EXPECT_EQ(point.xyz, again.model.points.at(id).xyz) << "the same twice is the same";
+  }
 }
 
 // As georeferencing gives them.
@@ -269,12 +275,6 @@ TEST_F(RefineModelOfPlanes, AFrameWithFewPointsKeepsThemAll) {
   const RefinedModel refined = RefineModel(model_, "sparse", clip_, {});
   EXPECT_EQ(refined.contradicted, 0U);
   EXPECT_THAT(refined.model.images, SizeIs(kFrames));
-}
-
-TEST_F(RefineModelOfPlanes, TheSameTwiceIsTheSame) {
-  const RefinedModel a = RefineModel(model_, "sparse", clip_, {});
-  const RefinedModel b = RefineModel(model_, "sparse", clip_, {});
-  for (const auto& [id, point] : a.model.points) EXPECT_EQ(point.xyz, b.model.points.at(id).xyz);
 }
 
 TEST(InWorldOf, CamerasOnALineKeepTheirTurn) {
