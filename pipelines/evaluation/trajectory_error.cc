@@ -195,14 +195,4 @@ double AreaUnderRecall(std::vector<double> errors_deg, double threshold_deg, std
   return area / threshold_deg;
 }
 
-double AreaUnderRecallHistogram(std::span<const double> errors_deg, int threshold_deg) {
-  Check(!errors_deg.empty() && threshold_deg > 0, "recall needs errors and a threshold");
-  double sum = 0.0;
-  for (int edge = 1; edge <= threshold_deg; ++edge) {
-    sum += static_cast<double>(std::count_if(
-        errors_deg.begin(), errors_deg.end(), [&](double error) { return error < edge; }));
-  }
-  return sum / (threshold_deg * static_cast<double>(errors_deg.size()));
-}
-
 }  // namespace cohort

@@ -76,11 +76,8 @@ RelativeErrors ComputeRelativeErrors(std::span<const PosePair> aligned,
 std::vector<double> RelativePoseErrorsDeg(std::span<const PosePair> pairs, double min_baseline);
 
 // Area under the curve of recall over error, from 0 to `threshold`, as a share of the whole: 1 is
-// perfect. Errors missing from `errors_deg`, out of `count`, are failures. The first function gives
-// the exact area under the line through the sorted errors (SuperGlue, COLMAP's benchmark), the
-// second the mean over the bins of 1 degree of the share below the bin's upper edge (PoseDiffusion,
-// VGGSfM), for a whole number of degrees.
+// perfect. Errors missing from `errors_deg`, out of `count`, are failures. The area under the line
+// through the sorted errors is exact (SuperGlue, COLMAP's benchmark).
 double AreaUnderRecall(std::vector<double> errors_deg, double threshold_deg, std::size_t count);
-double AreaUnderRecallHistogram(std::span<const double> errors_deg, int threshold_deg);
 
 }  // namespace cohort

@@ -16,7 +16,7 @@ namespace {
 // The innermost pixels differ from the anchor's by more than so many times what is expected: what
 // is seen there is something else.
 constexpr double kMaxCenterRatio = 4.0;
-constexpr double kLeastSmallCorrelation = 0.1;
+constexpr double kLeastCorrelation = 0.1;  // whatever the noise is, and of a small patch
 // The deviation of a measurement that tells enough [px]; half of it for what comes back.
 constexpr double kMaxSigmaPx = 4.0;
 // From where the other features say that it is [px]; what measurement and prediction leave open is
@@ -73,8 +73,12 @@ Verdict Confirmation::TestPatch(const Feature& feature,
 
 Verdict Confirmation::TestAppearance(const Feature& feature, const Measurement& m) const {
   if (!m.converged) return Verdict::kNotMeasured;
-  const double expected = noise_variance_ + kPatternShare * feature.anchor.signal_variance;
-  if (!(m.correlation >= patch_.min_correlation &&
+  const double variance = feature.anchor.signal_variance;
+  const double expected = noise_variance_ + kPatternShare * variance;
+  // Half of the noise is the anchor's.
+  const double possible =
+      ExpectedCorrelation(variance, 0.5 * noise_variance_, 0.5 * noise_variance_);
+  if (!(m.correlation >= std::max(kLeastCorrelation, patch_.min_correlation * possible) &&
         m.residual_variance <= patch_.max_residual_ratio * expected)) {
     return Verdict::kUnlikeTheAnchor;
   }
@@ -133,7 +137,7 @@ Verdict Confirmation::TestSmallPatchAtPrediction(const Feature& feature,
   } else if (!((m.xy - predicted.expected_xy).norm() <= patch_.max_distance_px)) {
     return Verdict::kTooFarFromStart;
   }
-  if (!(m.correlation >= kLeastSmallCorrelation)) return Verdict::kUnlikeTheAnchor;
+  if (!(m.correlation >= kLeastCorrelation)) return Verdict::kUnlikeTheAnchor;
   if (!(CenterRatio(feature, m.center, 0.0) <= kMaxCenterRatio)) return Verdict::kCenterDiffers;
   return Verdict::kObserved;
 }

@@ -25,8 +25,7 @@ FrameMeasurement::FrameMeasurement(const Pyramid& smooth,
     : smooth_(smooth),
       features_(features),
       calibration_(calibration),
-      starts_(starts),
-      measured_(MeasureFrom(starts_)),
+      measured_(MeasureFrom(starts)),
       confirmation_(smooth, patch, calibration, features, measured_),
       verdicts_(features.size(), Verdict::kNotMeasured),
       observed_(features.size()) {
@@ -35,7 +34,7 @@ FrameMeasurement::FrameMeasurement(const Pyramid& smooth,
     if (!features[f].confirmed) continue;
     Judge(f,
           confirmation_.TestPatch(
-              features[f], measured_[f], starts_.col(static_cast<Eigen::Index>(f))));
+              features[f], measured_[f], starts.col(static_cast<Eigen::Index>(f))));
   }
 }
 
@@ -52,18 +51,6 @@ std::vector<Measurement> FrameMeasurement::MeasureFrom(const Eigen::Matrix2Xd& s
 Measurement FrameMeasurement::MeasureFrom(std::size_t f, const Eigen::Vector2d& start) const {
   const Feature& feature = features_[f];
   return MeasurePatch(smooth_, feature.anchor, start, feature.window_px, calibration_.scale());
-}
-
-void FrameMeasurement::MeasureFromBetter(std::span<const std::size_t> which,
-                                         const Eigen::Matrix2Xd& starts) {
-  const TimedPart part("measurement");
-  ForEachInParallel(which.size(), [&](std::size_t i) {
-    const std::size_t f = which[i];
-    const Eigen::Vector2d better = starts.col(static_cast<Eigen::Index>(f));
-    if (better == starts_.col(static_cast<Eigen::Index>(f))) return;
-    measured_[f] = MeasureFrom(f, better);
-    Judge(f, confirmation_.TestPatch(features_[f], measured_[f], better));
-  });
 }
 
 void FrameMeasurement::Judge(std::size_t f, Verdict verdict) {

@@ -16,18 +16,15 @@ namespace cohort {
 // docs/how_it_works.md, "One frame").
 class FrameMeasurement {
  public:
-  // Aligns the large patch of every feature that the last frame confirmed, from its start (2 x F:
-  // the joint guide's, or Lucas-Kanade's where that is better), and tests the result. The other
-  // features are measured later, from their predictions. `smooth` is the picture denoised for
-  // measuring. All arguments but the starts must outlive this.
+  // Aligns the large patch of every feature that the last frame confirmed, from its start (2 x F,
+  // the guide's), and tests the result. The other features are measured later, from their
+  // predictions. `smooth` is the picture denoised for measuring. All arguments but the starts must
+  // outlive this.
   FrameMeasurement(const Pyramid& smooth,
                    std::span<const Feature> features,
                    const PatchOptions& patch,
                    const CovarianceCalibration& calibration,
                    const Eigen::Matrix2Xd& starts);
-
-  // Measures the large patch of the features `which` again from `starts`, where these differ.
-  void MeasureFromBetter(std::span<const std::size_t> which, const Eigen::Matrix2Xd& starts);
 
   bool IsObserved(std::size_t f) const { return verdicts_[f] == Verdict::kObserved; }
   Verdict verdict(std::size_t f) const { return verdicts_[f]; }
@@ -57,7 +54,6 @@ class FrameMeasurement {
   const Pyramid& smooth_;
   std::span<const Feature> features_;
   const CovarianceCalibration& calibration_;
-  Eigen::Matrix2Xd starts_;
   std::vector<Measurement> measured_;
   Confirmation confirmation_;
   std::vector<Verdict> verdicts_;

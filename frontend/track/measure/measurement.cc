@@ -251,6 +251,12 @@ AnchorPatch TakeAnchor(const Pyramid& pyramid,
   return anchor;
 }
 
+double ExpectedCorrelation(double first_variance, double first_noise, double second_noise) {
+  const double signal = first_variance - first_noise;
+  if (!(signal > 0.0)) return 0.0;
+  return signal / std::sqrt(first_variance * (signal + second_noise));
+}
+
 Measurement MeasurePatch(const Pyramid& current,
                          const AnchorPatch& anchor,
                          const Eigen::Vector2d& start,

@@ -39,7 +39,8 @@ struct PatchOptions {
              o.min_correlation,
              0.0,
              1.0,
-             "a measurement that correlates less with the feature's appearance does not count");
+             "a measurement that correlates less with the feature's appearance does not count; a "
+             "share of what the noise allows");
     v.Number("max_residual_ratio",
              o.max_residual_ratio,
              1.0,
@@ -88,6 +89,11 @@ void NarrowAnchor(int largest_px, AnchorPatch& anchor);
 // The share of the anchor's signal variance that small errors of warp and interpolation leave in a
 // residual.
 inline constexpr double kPatternShare = 0.04;
+
+// The correlation of two windows of one pattern if nothing but noise is between them: with the
+// pattern's variance s = first_variance - first_noise, s / sqrt((s + first_noise)(s +
+// second_noise)). 0 where noise is all that there is.
+double ExpectedCorrelation(double first_variance, double first_noise, double second_noise);
 
 // Picture - anchor over the innermost pixels of the window. It shows whether something occludes the
 // feature itself, when the rim of its window may show other surfaces.

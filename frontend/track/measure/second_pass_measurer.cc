@@ -24,6 +24,12 @@ constexpr double kWarpNoisePerFrame = PatchOptions{}.warp_noise;  // as the trac
 // what it has where the first pass saw it; tuned on the tuning clips with an occluder.
 constexpr double kLeastRelativeCorrelation = 0.7;
 
+// The measurements that are made once more elsewhere: every one at first, and ever fewer the more
+// there are.
+std::size_t EveryOther(double measured_elsewhere) {
+  return 1 + static_cast<std::size_t>(measured_elsewhere / 100.0);
+}
+
 Pyramid SmoothPyramidOf(const Frame& frame, double sigma_px) {
   constexpr int kLevels = 2;
   return SmoothPyramid(BuildPyramid(frame, kLevels), sigma_px);
@@ -36,6 +42,14 @@ double SignalVariance(const cv::Mat& patch, int window_px) {
   cv::Scalar deviation;
   cv::meanStdDev(patch({margin, margin, window_px, window_px}), average, deviation);
   return deviation[0] * deviation[0];
+}
+
+// A place that does not show the feature at `xy`: so far from it, towards the middle of the picture.
+Eigen::Vector2d ElsewhereThan(const Eigen::Vector2d& xy, int distance_px, const Pyramid& pyramid) {
+  const Eigen::Vector2d inwards =
+      0.5 * Eigen::Vector2d(pyramid.levels[0].cols, pyramid.levels[0].rows) - xy;
+  const double length = inwards.norm();
+  return xy + distance_px * (length > distance_px ? inwards / length : Eigen::Vector2d(1.0, 0.0));
 }
 
 // A mean of few values is drawn to `expected`, which counts as so many.
@@ -52,6 +66,21 @@ SecondPassMeasurer::SecondPassMeasurer(const SecondPassMeasurementOptions& optio
   for (const int px : std::set{options.patch.window_px, options.patch.wide_window_px}) {
     windows_.emplace_back().px = px;
   }
+}
+
+void SecondPassMeasurer::Chance::Add(double correlation) {
+  sum += correlation;
+  squares += correlation * correlation;
+  count += 1.0;
+}
+
+double SecondPassMeasurer::Chance::Limit(double correlations) const {
+  constexpr double kSigmas = 3.0;
+  constexpr double kEnough = 20.0;
+  if (count < kEnough) return -1.0;
+  const double mean = sum / count;
+  const double variance = std::max(0.0, squares / count - mean * mean);
+  return mean + kSigmas * std::sqrt(variance / correlations);
 }
 
 SecondPassMeasurer::PackedPicture SecondPassMeasurer::PackedPicture::Of(const cv::Mat& picture) {
@@ -84,23 +113,25 @@ void SecondPassMeasurer::Learn(const Frame& frame, std::span<const ModelPredicti
     const ModelPrediction& prediction = predictions[i];
     const AnchorPatch patch = CopyAnchor(pyramid, prediction.xy, largest_px, prediction.warp);
     Template& t = *templates[i];
-    if (t.frames == 0) {
+    if (t.frames.empty()) {
       t.sum = patch;
     } else {
       t.sum.full += patch.full;
       if (!t.sum.half.empty()) t.sum.half += patch.half;
     }
-    if (++t.frames == options_.template_frames) Finish(t);
+    t.frames.push_back(frame.index);
+    if (static_cast<int>(t.frames.size()) == options_.template_frames) Finish(t);
   });
 }
 
 void SecondPassMeasurer::Finish(Template& t) const {
-  const cv::Mat full = t.sum.full / t.frames;
+  const auto count = static_cast<double>(t.frames.size());
+  const cv::Mat full = t.sum.full / count;
   for (const Window& window : windows_) {
     t.signal_variances.push_back(SignalVariance(full, window.px));
   }
   t.full = PackedPicture::Of(full);
-  if (!t.sum.half.empty()) t.half = PackedPicture::Of(t.sum.half / t.frames);
+  if (!t.sum.half.empty()) t.half = PackedPicture::Of(t.sum.half / count);
   t.sum = {};
 }
 
@@ -110,6 +141,24 @@ void SecondPassMeasurer::FinishTemplates() {
   for (auto& [feature, t] : templates_) {
     if (!t.sum.full.empty()) Finish(t);
   }
+}
+
+AnchorPatch SecondPassMeasurer::WithoutItself(const Template& t,
+                                              FrameIndex frame,
+                                              const ModelPrediction& prediction,
+                                              const Pyramid& pyramid) const {
+  AnchorPatch patch;
+  patch.full = t.full.Unpacked();
+  patch.half = t.half.Unpacked();
+  if (t.frames.size() < 2 || !std::ranges::binary_search(t.frames, frame)) return patch;
+  const AnchorPatch own = CopyAnchor(pyramid, prediction.xy, windows_.back().px, prediction.warp);
+  const auto count = static_cast<double>(t.frames.size());
+  const auto take_out = [count](cv::Mat& mean, const cv::Mat& one) {
+    cv::addWeighted(mean, count / (count - 1.0), one, -1.0 / (count - 1.0), 0.0, mean);
+  };
+  take_out(patch.full, own.full);
+  if (!patch.half.empty()) take_out(patch.half, own.half);
+  return patch;
 }
 
 void SecondPassMeasurer::Measure(const Frame& frame, std::span<const ModelPrediction> predictions) {
@@ -129,6 +178,7 @@ void SecondPassMeasurer::MeasureWith(Window& window,
     const Template* of_feature;
     Deformation* deformation;
     Measurement measured = {};
+    std::optional<double> by_chance = {};  // the correlation with another place
   };
   const auto of_window = static_cast<std::size_t>(&window - windows_.data());
   std::vector<Task> tasks;
@@ -144,20 +194,35 @@ void SecondPassMeasurer::MeasureWith(Window& window,
     known->second.covariance.diagonal().array() += noise * noise;
     tasks.push_back({&prediction, &it->second, &known->second});
   }
+  const std::size_t every_other = EveryOther(window.chance.count);
   ForEachInParallel(tasks.size(), [&](std::size_t i) {
-    auto& [prediction, of_feature, deformation, m] = tasks[i];
-    AnchorPatch anchor;
-    anchor.full = of_feature->full.Unpacked();
-    anchor.half = of_feature->half.Unpacked();
+    auto& [prediction, of_feature, deformation, m, by_chance] = tasks[i];
+    AnchorPatch anchor = WithoutItself(*of_feature, frame.index, *prediction, pyramid);
     anchor.warp = deformation->beyond_prediction * prediction->warp;
     anchor.warp_covariance = deformation->covariance;
     m = MeasurePatch(pyramid, anchor, prediction->xy, window.px, kNoiseFactor);
-    if (m.converged && (m.xy - prediction->xy).norm() <= options_.patch.max_distance_px &&
-        m.correlation >= options_.patch.min_correlation) {
+    // A template is a mean, and has next to no noise.
+    const double possible =
+        ExpectedCorrelation(of_feature->signal_variances[of_window], 0.0, window.noise_variance);
+    const auto counts = [&](const Measurement& m) {
+      return m.converged && m.correlation >= options_.patch.min_correlation * possible;
+    };
+    if (i % every_other == 0) {
+      const Eigen::Vector2d start = ElsewhereThan(prediction->xy, window.px, pyramid);
+      const Measurement other = MeasurePatch(pyramid, anchor, start, window.px, kNoiseFactor);
+      if (counts(other) && (other.xy - start).norm() <= options_.patch.max_distance_px) {
+        by_chance = other.correlation;
+      }
+    }
+    m.converged = counts(m);
+    if (m.converged && (m.xy - prediction->xy).norm() <= options_.patch.max_distance_px) {
       deformation->beyond_prediction = m.warp * prediction->warp.inverse();
       deformation->covariance = m.warp_covariance;
     }
   });
+  for (const Task& task : tasks) {
+    if (task.by_chance) window.chance.Add(*task.by_chance);
+  }
   std::erase_if(tasks, [](const Task& task) { return !task.measured.converged; });
   std::vector<double> variances;
   for (const Task& task : tasks) {
@@ -169,7 +234,7 @@ void SecondPassMeasurer::MeasureWith(Window& window,
   if (variances.size() >= kEnough || window.noise_variance == 0.0) {
     window.noise_variance = Median(std::move(variances));
   }
-  for (const auto& [prediction, of_feature, deformation, m] : tasks) {
+  for (const auto& [prediction, of_feature, deformation, m, by_chance] : tasks) {
     const Eigen::Vector2d d = m.xy - prediction->xy;
     Sighting s;
     s.frame = frame.index;
@@ -236,6 +301,18 @@ std::map<FeatureId, const SecondPassMeasurer::Window*> SecondPassMeasurer::Chose
   return chosen;
 }
 
+bool SecondPassMeasurer::IsChance(const std::vector<Sighting>& sightings,
+                                  const Chance& chance) const {
+  double sum = 0.0;
+  double count = 0.0;
+  for (const Sighting& s : sightings) {
+    if (s.distance_px > options_.patch.max_distance_px) continue;
+    sum += s.correlation;
+    count += 1.0;
+  }
+  return count == 0.0 || sum / count < chance.Limit(count);
+}
+
 std::vector<Observation> SecondPassMeasurer::Finish() const {
   const std::map<FeatureId, const Window*> chosen = ChosenWindows();
   std::vector<double> squares;
@@ -251,12 +328,12 @@ std::vector<Observation> SecondPassMeasurer::Finish() const {
   std::vector<Observation> observations;
   for (const auto& [feature, window] : chosen) {
     const std::vector<Sighting>& sightings = window->sightings.at(feature);
+    if (IsChance(sightings, window->chance)) continue;
     std::vector<double> correlations;
     for (const Sighting& s : sightings) {
       if (s.observed_before) correlations.push_back(s.correlation);
     }
-    const double least = std::max(options_.patch.min_correlation,
-                                  kLeastRelativeCorrelation * Median(std::move(correlations)));
+    const double least = kLeastRelativeCorrelation * Median(std::move(correlations));
     for (const Sighting& s : sightings) {
       if (s.distance_px > options_.patch.max_distance_px || s.correlation < least ||
           s.residual_variance_ratio > options_.patch.max_residual_ratio) {

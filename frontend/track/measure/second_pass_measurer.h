@@ -41,8 +41,9 @@ struct ModelPrediction {
 
 // Measures every feature again where a reconstruction predicts it: without constraint, against one
 // template for all of its track. The template is the mean of several neighbouring frames, brought
-// to one shape by the predictions' warps, so it has less noise than any single frame. This takes
-// two passes over the clip:
+// to one shape by the predictions' warps, so it has less noise than any single frame. A frame is
+// compared with the mean of the others alone: its own noise would hold it where it was predicted,
+// and the model would confirm itself. This takes two passes over the clip:
 //
 //   SecondPassMeasurer measurer(options);
 //   for each frame: measurer.Learn(frame, predictions of features whose template it enters);
@@ -54,7 +55,9 @@ struct ModelPrediction {
 // one includes less of what does not move with the feature.
 //
 // A measurement counts as observed if it lies near the prediction and correlates with the template
-// nearly as well as where the first pass saw the feature; this rejects occluders. Covariances are
+// nearly as well as where the first pass saw the feature; this rejects occluders. No measurement
+// counts of a feature whose template correlates, over all of its track, no better than with other
+// places: in the dark, noise alone looks a little like any template. Covariances are
 // the inverse gradient energy, scaled by one factor for all frames, which makes the distances from
 // the predictions as large as expected.
 class SecondPassMeasurer {
@@ -77,7 +80,7 @@ class SecondPassMeasurer {
   };
   struct Template {
     AnchorPatch sum;
-    int frames = 0;
+    std::vector<FrameIndex> frames;
     PackedPicture full;  // of the mean of all frames, once learnt
     PackedPicture half;
     std::vector<double> signal_variances;  // of the mean, for each window
@@ -98,16 +101,33 @@ class SecondPassMeasurer {
     Eigen::Vector2d xy = Eigen::Vector2d::Zero();
     Eigen::Matrix2d shape = Eigen::Matrix2d::Identity();
   };
+  // The correlations of templates with places that do not show their feature, of which the best in
+  // reach was looked for, as for the feature itself.
+  struct Chance {
+    double sum = 0.0;
+    double squares = 0.0;
+    double count = 0.0;
+
+    void Add(double correlation);
+    // What the mean of so many correlations exceeds by chance once in a thousand times.
+    double Limit(double correlations) const;
+  };
   // All measurements with patches of one size.
   struct Window {
     int px = 0;
     double noise_variance = 0.0;  // of picture minus template
+    Chance chance;
     std::map<FeatureId, Deformation> deformations;
     std::map<FeatureId, std::vector<Sighting>> sightings;
   };
 
   void Finish(Template& t) const;  // when it has all its frames
   void FinishTemplates();
+  // The template without what this frame gave to it.
+  AnchorPatch WithoutItself(const Template& t,
+                            FrameIndex frame,
+                            const ModelPrediction& prediction,
+                            const Pyramid& pyramid) const;
   void MeasureWith(Window& window,
                    const Frame& frame,
                    std::span<const ModelPrediction> predictions,
@@ -120,6 +140,7 @@ class SecondPassMeasurer {
     std::optional<std::size_t> winner = {};
   };
 
+  bool IsChance(const std::vector<Sighting>& sightings, const Chance& chance) const;
   void CompareWindows(FrameIndex frame, std::span<const ModelPrediction> predictions);
   // The window with the least mean square; sums of few frames are shrunk towards those of all.
   std::size_t NearestWindow(const Contest& contest, const Contest& all) const;

@@ -74,6 +74,14 @@ TEST(MeasurePatch, FindsAShiftToAHundredthOfAPixel) {
   }
 }
 
+TEST(ExpectedCorrelation, IsThatOfThePatternUnderBothNoises) {
+  EXPECT_DOUBLE_EQ(ExpectedCorrelation(1.0, 0.0, 0.0), 1.0);
+  EXPECT_DOUBLE_EQ(ExpectedCorrelation(2.0, 1.0, 1.0), 0.5);
+  EXPECT_DOUBLE_EQ(ExpectedCorrelation(1.0, 0.0, 3.0), 0.5);
+  EXPECT_EQ(ExpectedCorrelation(1.0, 1.0, 1.0), 0.0);
+  EXPECT_EQ(ExpectedCorrelation(0.0, 0.0, 0.0), 0.0);
+}
+
 // Between four neighbours, which a picture of one row or column has not.
 TEST(CopyAnchor, OfAPictureOnePixelWideIsThatPixels) {
   const Eigen::Matrix2d warp = Eigen::Rotation2Dd(0.1).toRotationMatrix();
