@@ -3,6 +3,7 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <opencv2/core.hpp>
 #include <set>
 
@@ -23,6 +24,9 @@ constexpr double kWarpNoisePerFrame = PatchOptions{}.warp_noise;  // as the trac
 // A feature is taken for itself where it correlates with its template at least by this share of
 // what it has where the first pass saw it; tuned on the tuning clips with an occluder.
 constexpr double kLeastRelativeCorrelation = 0.7;
+
+// Correlations with other places, for a mean.
+constexpr double kEnoughChance = 20.0;
 
 // The measurements that are made once more elsewhere: every one at first, and ever fewer the more
 // there are.
@@ -52,6 +56,19 @@ Eigen::Vector2d ElsewhereThan(const Eigen::Vector2d& xy, int distance_px, const 
   return xy + distance_px * (length > distance_px ? inwards / length : Eigen::Vector2d(1.0, 0.0));
 }
 
+double Mean(const std::vector<double>& values) {
+  return std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());
+}
+
+// Whether the mean of a feature's correlations exceeds that of other places by less than chance
+// does once in a thousand times.
+bool IsChance(const std::vector<double>& correlations, double by_chance, double spread) {
+  constexpr double kSigmas = 3.0;
+  return correlations.empty() ||
+         Mean(correlations) <
+             by_chance + kSigmas * spread / std::sqrt(static_cast<double>(correlations.size()));
+}
+
 // A mean of few values is drawn to `expected`, which counts as so many.
 double DrawnMean(double sum, double count, double expected) {
   constexpr double kPrior = 6.0;
@@ -66,21 +83,6 @@ SecondPassMeasurer::SecondPassMeasurer(const SecondPassMeasurementOptions& optio
   for (const int px : std::set{options.patch.window_px, options.patch.wide_window_px}) {
     windows_.emplace_back().px = px;
   }
-}
-
-void SecondPassMeasurer::Chance::Add(double correlation) {
-  sum += correlation;
-  squares += correlation * correlation;
-  count += 1.0;
-}
-
-double SecondPassMeasurer::Chance::Limit(double correlations) const {
-  constexpr double kSigmas = 3.0;
-  constexpr double kEnough = 20.0;
-  if (count < kEnough) return -1.0;
-  const double mean = sum / count;
-  const double variance = std::max(0.0, squares / count - mean * mean);
-  return mean + kSigmas * std::sqrt(variance / correlations);
 }
 
 SecondPassMeasurer::PackedPicture SecondPassMeasurer::PackedPicture::Of(const cv::Mat& picture) {
@@ -221,7 +223,9 @@ void SecondPassMeasurer::MeasureWith(Window& window,
     }
   });
   for (const Task& task : tasks) {
-    if (task.by_chance) window.chance.Add(*task.by_chance);
+    if (!task.by_chance) continue;
+    window.chance.sum += *task.by_chance;
+    window.chance.count += 1.0;
   }
   std::erase_if(tasks, [](const Task& task) { return !task.measured.converged; });
   std::vector<double> variances;
@@ -301,16 +305,27 @@ std::map<FeatureId, const SecondPassMeasurer::Window*> SecondPassMeasurer::Chose
   return chosen;
 }
 
-bool SecondPassMeasurer::IsChance(const std::vector<Sighting>& sightings,
-                                  const Chance& chance) const {
-  double sum = 0.0;
-  double count = 0.0;
-  for (const Sighting& s : sightings) {
-    if (s.distance_px > options_.patch.max_distance_px) continue;
-    sum += s.correlation;
-    count += 1.0;
+std::vector<double> SecondPassMeasurer::CorrelationsOf(FeatureId feature,
+                                                       const Window& window) const {
+  std::vector<double> correlations;
+  for (const Sighting& s : window.sightings.at(feature)) {
+    if (s.distance_px <= options_.patch.max_distance_px) correlations.push_back(s.correlation);
   }
-  return count == 0.0 || sum / count < chance.Limit(count);
+  return correlations;
+}
+
+double SecondPassMeasurer::SpreadOfCorrelations(
+    const std::map<FeatureId, const Window*>& chosen) const {
+  double squares = 0.0;
+  double degrees = 0.0;
+  for (const auto& [feature, window] : chosen) {
+    const std::vector<double> correlations = CorrelationsOf(feature, *window);
+    if (correlations.size() < 2) continue;
+    const double mean = Mean(correlations);
+    for (const double c : correlations) squares += (c - mean) * (c - mean);
+    degrees += static_cast<double>(correlations.size()) - 1.0;
+  }
+  return degrees > 0.0 ? std::sqrt(squares / degrees) : 0.0;
 }
 
 std::vector<Observation> SecondPassMeasurer::Finish() const {
@@ -323,12 +338,17 @@ std::vector<Observation> SecondPassMeasurer::Finish() const {
       }
     }
   }
+  const double spread = SpreadOfCorrelations(chosen);
   const double scale = std::max(Median(std::move(squares)) / (2.0 * std::log(2.0)), 1e-6);
 
   std::vector<Observation> observations;
   for (const auto& [feature, window] : chosen) {
     const std::vector<Sighting>& sightings = window->sightings.at(feature);
-    if (IsChance(sightings, window->chance)) continue;
+    const Chance& chance = window->chance;
+    if (chance.count >= kEnoughChance &&
+        IsChance(CorrelationsOf(feature, *window), chance.sum / chance.count, spread)) {
+      continue;
+    }
     std::vector<double> correlations;
     for (const Sighting& s : sightings) {
       if (s.observed_before) correlations.push_back(s.correlation);

@@ -105,12 +105,7 @@ class SecondPassMeasurer {
   // reach was looked for, as for the feature itself.
   struct Chance {
     double sum = 0.0;
-    double squares = 0.0;
     double count = 0.0;
-
-    void Add(double correlation);
-    // What the mean of so many correlations exceeds by chance once in a thousand times.
-    double Limit(double correlations) const;
   };
   // All measurements with patches of one size.
   struct Window {
@@ -140,7 +135,10 @@ class SecondPassMeasurer {
     std::optional<std::size_t> winner = {};
   };
 
-  bool IsChance(const std::vector<Sighting>& sightings, const Chance& chance) const;
+  // The correlations of a feature's measurements near their predictions.
+  std::vector<double> CorrelationsOf(FeatureId feature, const Window& window) const;
+  // The deviation of one feature's correlations from frame to frame, over all features.
+  double SpreadOfCorrelations(const std::map<FeatureId, const Window*>& chosen) const;
   void CompareWindows(FrameIndex frame, std::span<const ModelPrediction> predictions);
   // The window with the least mean square; sums of few frames are shrunk towards those of all.
   std::size_t NearestWindow(const Contest& contest, const Contest& all) const;
