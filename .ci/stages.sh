@@ -27,11 +27,8 @@ stage() { # stage LATEST_START NAME COMMAND...
   seconds+=("$(printf '%6d  %s' $((SECONDS - began)) "$name")")
 }
 
-build_sanitized() { # build_sanitized PRESET TARGET
+sanitized() { # sanitized PRESET TARGET: builds the target, and runs the tests of the preset
   cmake --preset "$1"
   cmake --build "build-$1" --target "$2"
-}
-
-sanitized_tests() { # sanitized_tests PRESET
   ctest --preset "$1" -j "$(nproc)"
 }

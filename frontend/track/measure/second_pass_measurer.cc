@@ -60,6 +60,19 @@ double Mean(const std::vector<double>& values) {
   return std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());
 }
 
+// The deviation of one feature's correlations from frame to frame, over all features.
+double SpreadOf(const std::map<FeatureId, std::vector<double>>& correlations) {
+  double squares = 0.0;
+  double degrees = 0.0;
+  for (const auto& [feature, of_feature] : correlations) {
+    if (of_feature.size() < 2) continue;
+    const double mean = Mean(of_feature);
+    for (const double c : of_feature) squares += (c - mean) * (c - mean);
+    degrees += static_cast<double>(of_feature.size()) - 1.0;
+  }
+  return degrees > 0.0 ? std::sqrt(squares / degrees) : 0.0;
+}
+
 // Whether the mean of a feature's correlations exceeds that of other places by less than chance
 // does once in a thousand times.
 bool IsChance(const std::vector<double>& correlations, double by_chance, double spread) {
@@ -206,8 +219,9 @@ void SecondPassMeasurer::MeasureWith(Window& window,
     // A template is a mean, and has next to no noise.
     const double possible =
         ExpectedCorrelation(of_feature->signal_variances[of_window], 0.0, window.noise_variance);
-    const auto counts = [&](const Measurement& m) {
-      return m.converged && m.correlation >= options_.patch.min_correlation * possible;
+    const auto counts = [&](const Measurement& measured) {
+      return measured.converged &&
+             measured.correlation >= options_.patch.min_correlation * possible;
     };
     if (i % every_other == 0) {
       const Eigen::Vector2d start = ElsewhereThan(prediction->xy, window.px, pyramid);
@@ -314,20 +328,6 @@ std::vector<double> SecondPassMeasurer::CorrelationsOf(FeatureId feature,
   return correlations;
 }
 
-double SecondPassMeasurer::SpreadOfCorrelations(
-    const std::map<FeatureId, const Window*>& chosen) const {
-  double squares = 0.0;
-  double degrees = 0.0;
-  for (const auto& [feature, window] : chosen) {
-    const std::vector<double> correlations = CorrelationsOf(feature, *window);
-    if (correlations.size() < 2) continue;
-    const double mean = Mean(correlations);
-    for (const double c : correlations) squares += (c - mean) * (c - mean);
-    degrees += static_cast<double>(correlations.size()) - 1.0;
-  }
-  return degrees > 0.0 ? std::sqrt(squares / degrees) : 0.0;
-}
-
 std::vector<Observation> SecondPassMeasurer::Finish() const {
   const std::map<FeatureId, const Window*> chosen = ChosenWindows();
   std::vector<double> squares;
@@ -338,7 +338,9 @@ std::vector<Observation> SecondPassMeasurer::Finish() const {
       }
     }
   }
-  const double spread = SpreadOfCorrelations(chosen);
+  std::map<FeatureId, std::vector<double>> near;
+  for (const auto& [feature, window] : chosen) near[feature] = CorrelationsOf(feature, *window);
+  const double spread = SpreadOf(near);
   const double scale = std::max(Median(std::move(squares)) / (2.0 * std::log(2.0)), 1e-6);
 
   std::vector<Observation> observations;
@@ -346,7 +348,7 @@ std::vector<Observation> SecondPassMeasurer::Finish() const {
     const std::vector<Sighting>& sightings = window->sightings.at(feature);
     const Chance& chance = window->chance;
     if (chance.count >= kEnoughChance &&
-        IsChance(CorrelationsOf(feature, *window), chance.sum / chance.count, spread)) {
+        IsChance(near.at(feature), chance.sum / chance.count, spread)) {
       continue;
     }
     std::vector<double> correlations;

@@ -50,6 +50,9 @@ struct ModelPrediction {
 //   for each frame: measurer.Measure(frame, predictions of all features that should be visible);
 //   std::vector<Observation> observations = measurer.Finish();
 //
+// Both passes have the same frames in ascending order, with the same prediction of a feature in a
+// frame.
+//
 // A feature is measured with a narrow and with a wide patch. The patch whose first dozen positions
 // lie nearer to the predictions is used for all of its track: a wide patch has less noise, a narrow
 // one includes less of what does not move with the feature.
@@ -137,8 +140,6 @@ class SecondPassMeasurer {
 
   // The correlations of a feature's measurements near their predictions.
   std::vector<double> CorrelationsOf(FeatureId feature, const Window& window) const;
-  // The deviation of one feature's correlations from frame to frame, over all features.
-  double SpreadOfCorrelations(const std::map<FeatureId, const Window*>& chosen) const;
   void CompareWindows(FrameIndex frame, std::span<const ModelPrediction> predictions);
   // The window with the least mean square; sums of few frames are shrunk towards those of all.
   std::size_t NearestWindow(const Contest& contest, const Contest& all) const;

@@ -43,23 +43,26 @@ class Decoder : public testing::Test {
     ASSERT_EQ(end.exit_code, 0) << arguments << "\n" << end.err;
   }
 
-  // Files of the same ten noisy frames at 25 Hz.
-  struct OfNoise {
+  struct Output {
     std::string name;
     std::string codec;
     std::string filters = "null";
   };
-  void Films(const std::vector<OfNoise>& files, const char* size = "160x120") const {
+  // Files of one source, by one run of the program, as it takes long to start.
+  void FilmFrom(const std::string& source, const std::vector<Output>& files) const {
     std::string outputs;
-    for (const OfNoise& file : files) {
+    for (const Output& file : files) {
       outputs += fmt::format(
           "-vf \"{}\" -fps_mode passthrough {} {} ", file.filters, file.codec, file.name);
     }
-    Ffmpeg(
-        fmt::format("-f lavfi -i testsrc2=size={}:rate=25:duration=0.4,"
-                    "noise=alls=20:allf=t:all_seed=1 {}",
-                    size,
-                    outputs));
+    Ffmpeg("-f lavfi -i " + source + " " + outputs);
+  }
+
+  // Files of the same ten noisy frames at 25 Hz.
+  void Films(const std::vector<Output>& files, const char* size = "160x120") const {
+    FilmFrom(
+        fmt::format("testsrc2=size={}:rate=25:duration=0.4,noise=alls=20:allf=t:all_seed=1", size),
+        files);
   }
   void Film(const std::string& name,
             const std::string& codec,
@@ -68,8 +71,7 @@ class Decoder : public testing::Test {
     Films({{name, codec, filters}}, size);
   }
 
-  // What the program makes of files, which turns them as they say: all by one run, as it takes long
-  // to start.
+  // What the program makes of files, which turns them as they say: all by one run.
   struct OfFfmpeg {
     std::string name;
     cv::Size size;
@@ -130,19 +132,8 @@ class Decoder : public testing::Test {
   }
 
   // Files of 24 fields, of each of which a frame gets every other row. They move by 3 px.
-  struct OfFields {
-    std::string name;
-    std::string codec;
-    std::string filters;
-  };
-  void FilmFields(const std::vector<OfFields>& files) const {
-    std::string outputs;
-    for (const OfFields& file : files) {
-      outputs += fmt::format(
-          "-vf \"{}\" -fps_mode passthrough {} {} ", file.filters, file.codec, file.name);
-    }
-    Ffmpeg("-f lavfi -i testsrc2=size=160x120:rate=50:duration=0.02,loop=23:1,scroll=h=0.02 " +
-           outputs);
+  void FilmFields(const std::vector<Output>& files) const {
+    FilmFrom("testsrc2=size=160x120:rate=50:duration=0.02,loop=23:1,scroll=h=0.02", files);
   }
 
   std::vector<int> Milliseconds(const std::string& name) const {
@@ -397,7 +388,7 @@ TEST_F(Decoder, InterlacedFramesAreDeinterlaced) {
       {"wrong.mp4", fields_of + "bff=1", true},
       {"plain_top.mp4", plain, true, "setfield=prog", false},
       {"plain_bottom.mkv", plain, false, "setfield=prog", false}};
-  std::vector<OfFields> films;
+  std::vector<Output> films;
   std::vector<OfFfmpeg> of_ffmpeg;
   for (const Fields& fields : files) {
     films.push_back(
@@ -446,7 +437,7 @@ TEST_F(Decoder, InterlacedFramesAreDeinterlaced) {
 // Film of 24 frames a second, of which two of five frames at 30 have the fields of two pictures. They
 // are not flagged.
 TEST_F(Decoder, TelecinedFilmIsDeinterlaced) {
-  std::vector<OfFields> films;
+  std::vector<Output> films;
   std::vector<OfFfmpeg> of_ffmpeg;
   for (const auto& [name, field, parity] :
        {std::tuple("top.mp4", "top", "tff"), std::tuple("bottom.mp4", "bottom", "bff")}) {
@@ -593,13 +584,13 @@ TEST_F(Decoder, PixelsThatAreNotSquareAreMadeSo) {
 }
 
 TEST_F(Decoder, APixelAspectThatNoCameraHasIsNone) {
-  std::vector<OfNoise> files;
+  std::vector<Output> files;
   for (const char* aspect : {"1/1", "161/160", "8/1", "1/8"}) {
     files.push_back(
         {fmt::format("{}.mkv", files.size()), "-c:v ffv1", std::string("setsar=") + aspect});
   }
   Films(files);
-  for (const OfNoise& file : files) {
+  for (const Output& file : files) {
     const auto clip = OpenSequence(Path(file.name));
     EXPECT_EQ(test::ReadAll(*clip)[0].gray.size(), cv::Size(160, 120)) << file.filters;
     EXPECT_EQ(clip->Warning(), "") << file.filters;

@@ -31,6 +31,25 @@ std::vector<std::string> LinesOf(const std::string& text) {
   return lines;
 }
 
+// What a shell prints after its replies to one line.
+constexpr const char* kEnd = "(no more)";
+
+// The replies to each of so many lines.
+std::vector<std::vector<std::string>> RepliesIn(const std::string& printed, std::size_t lines) {
+  std::vector<std::vector<std::string>> replies(1);
+  for (const std::string& line : LinesOf(printed)) {
+    if (line == kEnd) {
+      replies.emplace_back();
+    } else {
+      replies.back().push_back(line);
+    }
+  }
+  replies.pop_back();
+  EXPECT_EQ(replies.size(), lines);
+  replies.resize(lines);
+  return replies;
+}
+
 // A folder with a clip and a folder in it, where the shells are.
 class Completion : public testing::Test {
  protected:
@@ -71,24 +90,10 @@ class BashCompletionTest : public Completion {
     const test::ProgramEnd end = test::RunShell("bash --norc '" + Write("run.bash", script) + "'");
     EXPECT_EQ(end.exit_code, 0);
     EXPECT_EQ(end.err, "");
-    std::vector<Words> replies(1);
-    for (const std::string& line : LinesOf(end.out)) {
-      if (line == kEnd) {
-        replies.emplace_back();
-      } else {
-        replies.back().push_back(line);
-      }
-    }
-    replies.pop_back();
-    EXPECT_EQ(replies.size(), lines.size());
-    replies.resize(lines.size());
-    return replies;
+    return RepliesIn(end.out, lines.size());
   }
 
   Words Complete(const Words& words) const { return CompleteAll({words}).front(); }
-
- private:
-  static constexpr const char* kEnd = "(no more)";
 };
 
 TEST_F(BashCompletionTest, OffersTheCommands) {
@@ -160,11 +165,10 @@ TEST_F(Completion, OfFishOffersCommandsOptionsAndValues) {
   if (test::RunShell("command -v fish").exit_code != 0) GTEST_SKIP() << "no fish";
   const std::string script = Write("cohort.fish", FishCompletion(AllCommands()));
   // What it offers for each of several lines, by one fish.
-  const std::string end_of_line = "(no more)";
   const auto complete = [&](const std::vector<std::string>& lines) {
     std::string text = fmt::format("source {}\n", script);
     for (const std::string& line : lines) {
-      text += fmt::format("complete -C\"{}\"\necho '{}'\n", line, end_of_line);
+      text += fmt::format("complete -C\"{}\"\necho '{}'\n", line, kEnd);
     }
     const test::ProgramEnd end = test::RunShell(
         fmt::format("cd '{0}' && PATH={1}:$PATH HOME={1} fish --no-config '{2}' | cut -f 1",
@@ -172,18 +176,7 @@ TEST_F(Completion, OfFishOffersCommandsOptionsAndValues) {
                     script_.path().string(),
                     Write("lines.fish", text)));
     EXPECT_EQ(end.err, "");
-    std::vector<std::vector<std::string>> offers(1);
-    for (const std::string& offer : LinesOf(end.out)) {
-      if (offer == end_of_line) {
-        offers.emplace_back();
-      } else {
-        offers.back().push_back(offer);
-      }
-    }
-    offers.pop_back();
-    EXPECT_EQ(offers.size(), lines.size());
-    offers.resize(lines.size());
-    return offers;
+    return RepliesIn(end.out, lines.size());
   };
   const auto offers = complete({"cohort re",
                                 "cohort track --",
