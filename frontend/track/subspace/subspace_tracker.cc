@@ -108,10 +108,6 @@ SubspaceMover::Others SubspaceMover::AskOthers(FrameMeasurement& frame) {
   others.predicted = model_.Predict(frame.observed());
   others.strong = is_strong_ && !others.predicted.empty() && frames_ >= kEnoughFrames;
   if (others.strong) frame.TestPositions(others.predicted);
-  // An occluder that arrives at the rim has moved the last position already.
-  for (std::size_t f = 0; f < features_.size() && frames_ > kEnoughFrames; ++f) {
-    if (features_[f].confirmed && !frame.IsObserved(f)) model_.Forget(f);
-  }
   if (others.predicted.empty()) return others;
   if (frames_ >= kEnoughFrames) calibration_.Update(frame.Residuals(others.predicted));
   others.predicted = model_.Predict(frame.observed());

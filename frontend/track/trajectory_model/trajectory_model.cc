@@ -86,13 +86,6 @@ double TrajectoryModel::Misfit(std::size_t feature) const {
   return MisfitOfFeature(state_, feature);
 }
 
-void TrajectoryModel::Forget(std::size_t feature) {
-  Observation& newest = state_.frames.front().observations[feature];
-  if (newest.anchor) return;
-  newest = {};
-  if (state_.rank > 0) FitFeature(state_, feature);
-}
-
 void TrajectoryModel::Keep(std::span<const std::uint8_t> keep) {
   Check(keep.size() == state_.features.size(), "the model has the tracker's features");
   std::size_t kept = 0;

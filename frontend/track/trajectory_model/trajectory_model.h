@@ -47,9 +47,6 @@ class TrajectoryModel {
   // The factor by which a feature's residuals exceed what their noise explains (MisfitOfFeature).
   double Misfit(std::size_t feature) const;
 
-  // Removes the newest measurement, which was wrong.
-  void Forget(std::size_t feature);
-
   // Drops the features whose entry is 0; the others keep their order.
   void Keep(std::span<const std::uint8_t> keep);
   // Adds a feature that was born at `xy` in the newest frame.
