@@ -28,9 +28,9 @@ inline CameraPose ReadPose(const double* pose) {
   return {Eigen::Quaterniond(pose), Eigen::Vector3d(pose + 4)};
 }
 
-// Cost functions write derivatives by the pose's 6-vector into the first six of the seven columns.
-// This manifold's Jacobian [I_6; 0] passes them on, which saves the chain rule through the
-// quaternion.
+// Cost functions write derivatives with respect to the pose's 6-vector into the first six of the
+// seven columns. This manifold's Jacobian [I_6; 0] passes them on, which saves the chain rule
+// through the quaternion.
 class PoseManifold final : public ceres::Manifold {
  public:
   int AmbientSize() const override { return kPoseSize; }
@@ -96,8 +96,8 @@ class SharedManifold final : public ceres::Manifold {
   SharedVector free_ = SharedVector::Zero();
 };
 
-// Writes those derivatives of a residual by the pose (block 0) and the point (block 1) that Ceres
-// asks for; `d_n`: by the normalised image point.
+// Writes those derivatives of a residual with respect to the pose (block 0) and the point (block 1)
+// that Ceres asks for; `d_n`: the derivative with respect to the normalised image point.
 inline void WriteSceneDerivatives(const NormalisedProjection& p,
                                   const Eigen::Matrix2d& d_n,
                                   double** jacobians) {

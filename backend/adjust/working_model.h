@@ -90,7 +90,7 @@ class WorkingModel {
   // Updates the inliers, and measures the noise. An observation further than max_error (whitened)
   // or kMaxReprojectionPx off is an outlier; points behind a camera, seen at too small an angle or
   // by fewer than three frames (two in a model of two) are dropped. Returns how many observations
-  // changed sides. `widen` scales the bound in pixels, for a start that is known to be rough.
+  // changed. `widen` scales the bound in pixels, for a start that is known to be rough.
   int UpdateInliers(std::span<const int> tracks, double max_error, double widen = 1.0);
   int UpdateAllInliers(double max_error);
   // Updates the frame's tracks, but only their observations in frames near it, which bounds the

@@ -45,8 +45,8 @@ ColmapCamera ToColmapCamera(const Camera& camera, const ColmapCamera& before);
 // The result is `known`. Throws Error on another model or a wrong number of parameters.
 Camera FromColmapCamera(const ColmapCamera& colmap);
 
-// Whether both project every ray of the picture to the same place within a tenth of a pixel, in
-// whatever models: no feature is that accurate. Throws Error on invalid parameters.
+// Whether both project every ray of the picture to the same place within a tenth of a pixel,
+// whatever their models: no feature is that accurate. Throws Error on invalid parameters.
 bool AreAsOne(const ColmapCamera& a, const ColmapCamera& b);
 // The focal length of `camera` divided by that of `reference`; nullopt if they differ otherwise by
 // more than AreAsOne allows.

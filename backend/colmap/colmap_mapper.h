@@ -70,14 +70,14 @@ struct ColmapOptions {
 };
 
 struct ColmapResult {
-  Reconstruction reconstruction;  // the model that registered most frames; empty if none did
+  Reconstruction reconstruction;  // the model that registered the most frames; empty if none did
   ReconstructionSummary summary;  // `termination` describes the outcome in one line
   double colmap_seconds = 0.0;    // of summary.seconds, in the colmap program
   std::filesystem::path log;      // all that COLMAP printed
 };
 
 // Runs COLMAP's incremental mapper on tracks: own database, own initial pair (if fewer than 80 % of
-// the frames register, then the next best and at last COLMAP's), options fit for video, known
+// the frames register, the next best, and finally COLMAP's), options fit for video, known
 // intrinsics kept. The registered frames decide the outcome, not COLMAP's exit code. If a feature
 // has two points (one from false matches, which can bend a camera), one is kept, and COLMAP's
 // bundle_adjuster runs once more to the optimum. `work_folder` is created if missing and keeps

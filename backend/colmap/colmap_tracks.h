@@ -13,9 +13,9 @@ namespace cohort {
 // The tracks formed by a database's verified matches (inliers of two_view_geometries): keypoints
 // connected by matches, over any number of pairs, belong to one point. A point has one position in
 // an image: a match that would give it two is dropped (and counted in left_out). Matches of the
-// pair with most inliers come first, so that a false match neither joins two tracks nor destroys
-// them, as dropping all that it touches would. Keypoints at exactly the same position of an image
-// (SIFT's of several orientations) are merged. Keypoints without a match are dropped.
+// pair with the most inliers come first, so that a false match neither joins two tracks nor
+// destroys them, as dropping all that it touches would. Keypoints at exactly the same position of
+// an image (SIFT's of several orientations) are merged. Keypoints without a match are dropped.
 //
 // Images are matched to frames by name; tracks are numbered by their first image and keypoint
 // there. The camera is included, as a guess if COLMAP refines all of it or has only started with it

@@ -35,7 +35,7 @@ struct ColmapDatabaseOptions {
   }
 };
 
-// COLMAP weighs all observations equally, so weak ones are better left out: those with a deviation
+// COLMAP weights all observations equally, so weak ones are better left out: those with a deviation
 // sqrt(trace(covariance) / 2) above `max_relative_sigma` times the median of the clip, or of their
 // frame if that is larger (a blurred frame must keep its connections). They are marked predicted.
 // Observations without a covariance stay.

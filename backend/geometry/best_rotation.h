@@ -16,7 +16,7 @@ struct BestRotation {
 
 // The best rotation for pairs (source, target) of normalised image points: Wahba's problem, solved
 // by Davenport's quaternion matrix and reweighted for least absolute distances, so that a minority
-// of wrong or of near points does not matter. Identity without pairs.
+// of wrong or near points does not matter. Identity without pairs.
 BestRotation FitRotation(std::span<const std::pair<Eigen::Vector2d, Eigen::Vector2d>> pairs);
 
 }  // namespace cohort

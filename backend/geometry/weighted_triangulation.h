@@ -20,8 +20,8 @@ struct EstimatedPoint {
 };
 
 // The point with the least sum (n(X) - n)^T W (n(X) - n), by Gauss-Newton from `start`, and its
-// covariance (sum J^T W J)^-1 for exact cameras, with J the derivative of n(X) by X. Returns
-// nullopt if the rays do not determine a point or it is not in front of every camera.
+// covariance (sum J^T W J)^-1 for exact cameras, with J the derivative of n(X) with respect to X.
+// Returns nullopt if the rays do not determine a point or it is not in front of every camera.
 std::optional<EstimatedPoint> TriangulateWeighted(std::span<const WeightedRay> rays,
                                                   const Eigen::Vector3d& start);
 

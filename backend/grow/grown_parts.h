@@ -20,14 +20,14 @@ GrownParts GrowParts(const WhitenedTracks& whitened,
                      const Camera& camera,
                      const std::vector<int>& keyframes);
 
-// Extends the parts grown by some tracks to all. Returns nullopt if some tracks do not suffice:
+// Extends the parts grown from some of the tracks to all. Returns nullopt if those do not suffice:
 // they leave a keyframe without a pose or much of the parallax, or there is a seam.
 std::optional<GrownParts> WithAllTracks(const WhitenedTracks& whitened,
                                         const GrownParts& by_some,
                                         const std::vector<int>& keyframes);
 
-// Grows by some of the tracks, which takes less time, and then extends to all. Grows by all tracks
-// if some do not suffice or there is a seam.
+// Grows from some of the tracks, which takes less time, and then extends to all. Grows from all
+// tracks if some do not suffice or there is a seam.
 GrownParts GrowPartsBySome(const WhitenedTracks& whitened,
                            const Camera& camera,
                            const std::vector<int>& keyframes);

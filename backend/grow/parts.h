@@ -22,7 +22,7 @@ PartResult MapPart(const WhitenedTracks& whitened,
 
 // Models of the clip's parts: `first`, which must have a model, with the frames between its
 // keyframes, and models of the keyframes that it left out if the tracks break off. The part with
-// most frames is first.
+// the most frames is first.
 std::vector<WorkingModel> MapRemainingParts(PartResult first,
                                             const Camera& camera,
                                             std::vector<int> keyframes);

@@ -46,7 +46,7 @@ bool TurnsByAnotherCamera(const WidestPairs& widest, const Camera& camera, doubl
 // rotation: parallax lies along the epipolar lines, whereas drifting tracks and moving objects
 // leave as much across them. A drift of s px per coordinate leaves a median of 1.67 s after the
 // best rotation and of 0.67 s across the epipolar lines, a ratio of 2.5 (3 to 4 if few tracks fit
-// their own essential matrix); cameras that moved have 8 and more. `pairs` are those of RankPairs.
+// their own essential matrix); cameras that moved have 8 or more. `pairs` are those of RankPairs.
 ClipMotion ClassifyDrift(const WhitenedTracks& whitened,
                          const Camera& camera,
                          const std::vector<FramePairMotion>& pairs);

@@ -77,7 +77,7 @@ struct MapperOptions {
 // What a reconstruction by Ceres finds besides the model.
 struct CeresFindings {
   std::vector<FeatureId> without_point;  // observed features that have no point in the model
-  // Parts of the clip that could not be tied to the model returned, most frames first.
+  // Parts of the clip that could not be connected to the model returned, most frames first.
   std::vector<Reconstruction> other_parts;
   // Robust standard deviation of an observation's coordinate [px]. With covariances, relative to
   // theirs: 1 if they are right.
@@ -104,7 +104,7 @@ struct MapperResult : CeresFindings {
   Reconstruction reconstruction;            // empty unless kSuccess or kPartial
   ReconstructionSummary summary;            // its termination describes how it ended
   std::optional<LensChanges> lens_changes;  // of the model returned
-  std::vector<std::string> warnings;        // requests that could not be met, a line each
+  std::vector<std::string> warnings;        // requests that could not be met, one line each
 };
 
 // Reconstructs cameras and points from tracks alone. The camera is the file's; it is refined if it

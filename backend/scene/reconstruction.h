@@ -138,7 +138,7 @@ struct Doubt {
 
 std::vector<std::string> SentencesOf(const std::vector<Doubt>& doubts);
 
-// What frames show that do not show the scene of a model (FindAsides in backend/judge/aside.h).
+// What frames outside the scene of a model show (FindAsides in backend/judge/aside.h).
 enum class AsideKind : std::uint8_t { kBlank, kCard, kOtherScene };
 inline constexpr ChoiceNames<AsideKind, 3> kAsideKindNames{
     {{"nothing", AsideKind::kBlank},
@@ -188,7 +188,7 @@ void NoteFrames(const TrackFile& file, Reconstruction& reconstruction);
 
 // Fills everything but seconds and termination. Of the reasons it adds only that too few frames
 // registered. Repeats of registered frames count as registered; `frames` is the number of frames of
-// the clip with its repeats, and `aside` that of those which do not show the scene.
+// the clip with its repeats, and `aside` that of the frames that do not show the scene.
 ReconstructionSummary Summarize(const Reconstruction& reconstruction,
                                 std::size_t frames,
                                 std::size_t aside = 0);

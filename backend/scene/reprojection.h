@@ -25,8 +25,8 @@ inline CameraPose MovedPose(CameraPose pose, const Eigen::Matrix<double, 6, 1>& 
   return pose;
 }
 
-// The normalised image point n(x) = (X/Z, Y/Z) of a point and its derivatives by the pose's
-// 6-vector and by the point.
+// The normalised image point n(x) = (X/Z, Y/Z) of a point and its derivatives with respect to the
+// pose's 6-vector and the point.
 struct NormalisedProjection {
   Eigen::Vector2d n;
   Eigen::Matrix<double, 2, 6> d_pose;
@@ -67,7 +67,7 @@ inline Camera WithIntrinsics(Camera camera, const IntrinsicVector& v) {
   return camera;
 }
 
-// The pixel of a normalised image point and its derivatives by the point and the intrinsics.
+// The pixel of a normalised image point and its derivatives w.r.t. the point and the intrinsics.
 struct PixelProjection {
   Eigen::Vector2d xy;
   Eigen::Matrix2d d_n;

@@ -19,7 +19,7 @@ inline constexpr double kMostFramesApart = 3.0;
 // frame intervals after the middle row, whose pose is the frame's. Between frames, the camera's
 // centre and its rotation vector relative to the frame follow the polynomial through those of the
 // three nearest frames on each side (fewer at the ends of the clip; none beyond three frames away).
-// With two, sways of 5 Hz and more would be underestimated.
+// With two, sways of 5 Hz or more would be underestimated.
 class RowPoses {
  public:
   // `times`: when the frames were taken, in the intervals that `readout` is a share of. Without

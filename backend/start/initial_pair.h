@@ -39,7 +39,7 @@ std::string DescribeInitialPair(const InitialPair& pair);
 //           * evidence,
 // where sideways is the part of the (unit) translation across the optical axis and evidence grows
 // from 0 to 1 as the parallax grows from that of pure noise to six times as much. good_angle is 12
-// degrees, half of it for a plane. The grid has at most 22 starts (of 23 frames), mostly 12, of
+// degrees, half of it for a plane. The grid has at most 22 starts (of 23 frames), usually 12, of
 // three pairs each.
 InitialPairSearch FindInitialPairs(const TrackSet& tracks, const Camera& camera);
 

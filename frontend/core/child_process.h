@@ -12,7 +12,7 @@ namespace cohort {
 
 struct ProgramEnd {
   int exit_code = 0;
-  int signal = 0;                 // that ended it; 0 if none
+  int signal = 0;                 // the one that ended it; 0 if none
   bool out_of_time = false;       // we killed it, by a signal
   bool printed_too_much = false;  // the same
 

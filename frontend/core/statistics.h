@@ -21,7 +21,7 @@ inline double Quantile(std::vector<double> values, double share) {
   return *at;
 }
 
-// Of the chi-square distribution with two degrees of freedom: of a squared whitened residual.
+// The median of chi-square with two degrees of freedom, that of a squared whitened residual.
 inline constexpr double kMedianChiSquare2 = 2.0 * std::numbers::ln2;
 
 inline double Median(std::vector<double> values) { return Quantile(std::move(values), 0.5); }

@@ -35,7 +35,7 @@ class TrajectoryMatrix {
   Line AlongLine(const Eigen::Matrix2Xd& x, const Eigen::Matrix2Xd& c) const;
 
   // Rows 0, 1 of H M for a symmetric H (R x R, of which rows 0, 1 are read): the gradient of a
-  // spectral penalty by x, 2 x F.
+  // spectral penalty with respect to x, 2 x F.
   Eigen::Matrix2Xd TopRowsOfProduct(const Eigen::MatrixXd& H, const Eigen::Matrix2Xd& x) const;
 
  private:

@@ -31,7 +31,7 @@ class Exposure {
 
  private:
   struct Seen {
-    Pyramid picture;  // as it came
+    Pyramid picture;  // as decoded
     LightChange light;
   };
   std::optional<LightChange> LightOf(const Pyramid& picture);

@@ -15,7 +15,7 @@
 #define COHORT_SIMD_CLONES
 #endif
 
-#pragma GCC diagnostic ignored "-Wpsabi"  // of passing lanes: all is inlined
+#pragma GCC diagnostic ignored "-Wpsabi"  // on passing lanes: all is inlined
 #define COHORT_LANES_INLINE __attribute__((always_inline)) inline
 
 namespace cohort {

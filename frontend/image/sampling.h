@@ -18,7 +18,7 @@ void SamplePatch(const cv::Mat& picture, double x, double y, int n, float* value
 void SamplePatchInLanes(
     const cv::Mat& picture, double x, double y, int n, float* values, int stride);
 
-// The same in whole lanes, with the exact derivative of the interpolant by x and y.
+// The same in whole lanes, with the exact derivatives of the interpolant with respect to x and y.
 void SamplePatchWithGradientInLanes(const cv::Mat& picture,
                                     double x,
                                     double y,

@@ -15,7 +15,7 @@ namespace cohort {
 
 // The limits of a statement from its first Step to its last, in instructions of SQLite's virtual
 // machine, in rows, and in bytes of their texts and blobs, in proportion to the file. In a damaged
-// file pages may be each other's children many times, and 50 KB then have 10^16 rows.
+// file, pages may be each other's children many times, so that 50 KB have 10^16 rows.
 struct SqliteWork {
   std::uint64_t instructions = 0;
   std::uint64_t rows = 0;

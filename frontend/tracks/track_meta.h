@@ -24,8 +24,8 @@ struct TrackMeta {
   std::string refined_from = {};
   std::string mask = {};
   std::string mask_fingerprint = {};
-  // Of fixed parts of the pictures: "masked", "off" if they were not looked for, empty if there are
-  // none.
+  // What was done about fixed parts of the pictures: "masked", "off" if they were not looked for;
+  // empty if there are none.
   std::string fixed_parts = {};
 
   std::string fingerprint = {};  // of the clip's files

@@ -99,8 +99,8 @@ struct NpzTracksOptions {
   }
 };
 
-// Tracks as point trackers save them by np.savez, or by np.save the positions alone, T x N or N x
-// T, with or without a first axis of 1:
+// Tracks as point trackers save them with np.savez, or the positions alone with np.save; T x N or N
+// x T, with or without a first axis of 1:
 //   tracks, pred_tracks                                   T x N x 2, pixels x, y
 //   visibility, visibles, vis ... or occluded ...         T x N, bool or 0..1; without: all visible
 //   confidence, conf, score ...                           T x N, optional

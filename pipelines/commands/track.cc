@@ -38,9 +38,9 @@ Command TrackCommand() {
                                       {"history", {"subspace.history_length"}},
                                       {"window",
                                        {"klt.window_px", "subspace.template_px"},
-                                       "The side of the patch of tracker klt and of the template "
-                                       "of descent and of a penalty's guide [px], odd. A larger "
-                                       "one has less noise, but more often lies on two "
+                                       "The side of the patch of tracker klt, and of the template "
+                                       "of descent and of the joint guide [px], odd. A larger one "
+                                       "averages out more noise, but more often covers two "
                                        "surfaces."},
                                       {"constraint", {"subspace.constraint"}},
                                       {"penalty", {"subspace.penalty"}},

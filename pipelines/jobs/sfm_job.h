@@ -66,7 +66,7 @@ struct SfmFigures {
   std::optional<double> focal_sigma_px;
   std::optional<double> camera_uncertainty;  // share of the distance to the scene
   std::vector<Doubt> reasons;                // to doubt the model
-  std::vector<std::string> notes;            // what frames show that do not show the scene
+  std::vector<std::string> notes;            // on the frames that do not show the scene
   std::vector<std::string> film_better;      // FilmAdvice
   std::optional<WriteLock> lock;             // of the scene: held until its page is written
 };

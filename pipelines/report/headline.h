@@ -10,13 +10,13 @@ namespace cohort {
 
 // The role of a rival in the comparison with the cohort.
 enum class RivalRole {
-  kContender,  // if it does better, the headline says so
+  kContender,  // if it does better, the headline reports it
   kBound,      // a bound, not a tracker; its ratios are the cohort's error over its own
   kOther,      // any other tracker of the grid
 };
 
-// A tracker that the cohort is compared with. Of a family (klt: klt, klt21, klt31 ...) the best in
-// each clip and figure counts, which excludes a bad setting as an explanation.
+// A tracker that the cohort is compared with. The best of a family (klt: klt, klt21, klt31 ...)
+// counts in each clip and figure, which excludes a bad setting as an explanation.
 struct Rival {
   std::string name;    // in tables
   std::string family;  // of trackers; of kOther the tracker itself

@@ -14,7 +14,7 @@ namespace cohort {
 //   to undegraded  the same against the reconstruction of the undegraded frames (undegraded.h)
 //   halves         clips without true cameras: how far the camera paths of two halves of the tracks
 //                  disagree, share of the path's extent (evaluation/halves.h); halves that failed,
-//                  together or by themselves, are infinitely apart in the median
+//                  together or on their own, are infinitely apart in the median
 //   in both        frames that both halves registered, of all
 //   rotation       rmse of the relative rotation of neighbouring frames
 //   point error    median distance to the true surface point, after that alignment

@@ -34,7 +34,7 @@ struct ClipMeasures {
   // without points.
   std::optional<double> parallax_deg;
   // The share of tracks, weighted by observations, that no point of the model's static world
-  // explains, of tracks of 10 frames and more: the best point is off by 0.25 % of the picture's
+  // explains, of tracks of 10 frames or more: the best point is off by 0.25 % of the picture's
   // diagonal or more in half of the frames. Unset without a model.
   std::optional<double> moving_share;
   // Mean intensity, 0..1: the 10th percentile over the frames, the median and the 90th.

@@ -8,8 +8,8 @@
 
 namespace cohort {
 
-// Finds what stays in its place in the pictures while the rest moves, from pairs of successive
-// pictures k, k + 1 of a clip: burnt-in text, logos, black bars, a bonnet, dirt on the lens.
+// Finds what stays fixed in the picture while the rest moves, from pairs of successive pictures k,
+// k + 1 of a clip: burnt-in text, logos, black bars, a bonnet, dirt on the lens.
 //
 // With g the gradients of the slightly blurred pictures, a pixel is fixed if the gradients of
 // different pairs agree as well as those within a pair:
@@ -62,7 +62,7 @@ class FixedParts {
   cv::Mat most_;
 };
 
-// What stays in its place in the pictures of a clip; an empty one was not found.
+// What stays fixed in the pictures of a clip; empty if not found.
 struct WhatStays {
   cv::Mat parts;    // FixedParts::Find
   cv::Mat pattern;  // FixedPattern::Find
@@ -74,7 +74,7 @@ WhatStays FindWhatStays(Sequence& sequence);
 cv::Mat MaskOfFixedParts(const cv::Mat& fixed);
 
 // Replaces fixed parts of pictures by the nearest other pixels, since their outlines would hold the
-// tracker's coarse windows in their place.
+// tracker's coarse windows in place.
 class PaintOver {
  public:
   PaintOver() = default;

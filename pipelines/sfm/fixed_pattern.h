@@ -7,12 +7,13 @@ namespace cohort {
 // Finds columns and rows to which a sensor adds a brightness of their own in all pictures.
 //
 // A and B are profiles of two halves of a clip: the means of all their pictures over columns (or
-// rows), without what is smooth. The scene of one is elsewhere in the other, and noise is
+// rows), without what is smooth. The scene moves from one half to the other, and noise is
 // independent, so K(d) = mean of A(x) B(x + d) is the energy of the pattern at d = 0. A pattern has
-// no neighbours: K(0) must be many times K(3..8 px), which a scene that hardly moves never is.
+// no neighbours: K(0) must be many times K(3..8 px), which is never true of a scene that hardly
+// moves.
 //
-// Patterns of single pixels, such as hot ones, are left: subtracting them did harm, since the noise
-// of their estimate is a fixed pattern itself.
+// Patterns of single pixels, such as hot ones, are not subtracted: that did harm, since the noise
+// of their estimate is itself a fixed pattern.
 class FixedPattern {
  public:
   // Successive pictures, CV_8UC1, CV_16UC1 or CV_32FC1 (0..1), of one size; those of the clip's

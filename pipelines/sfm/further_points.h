@@ -28,7 +28,7 @@ struct FurtherPoint {
 };
 
 // Points in addition to those of a finished reconstruction, whose cameras stay as they are. Corners
-// between its points are followed through keyframes, each by itself: its depth, at first that of
+// between its points are followed through keyframes, each on its own: its depth, at first that of
 // the points around it, predicts where the next keyframe shows it. Its patch is measured there
 // (MeasurePatch), and the point is triangulated again from all of its measurements.
 //
@@ -57,7 +57,7 @@ class FurtherPoints {
   struct Sighting {
     FrameIndex frame{};
     Eigen::Vector2d xy = Eigen::Vector2d::Zero();
-    Eigen::Matrix2d shape = Eigen::Matrix2d::Identity();  // covariance but for a factor [px^2]
+    Eigen::Matrix2d shape = Eigen::Matrix2d::Identity();  // covariance up to a factor [px^2]
     cv::Vec3b bgr;
   };
   // A corner that is followed. The first sighting is where it was detected.
@@ -89,7 +89,7 @@ class FurtherPoints {
     // Of each sighting: the squared distance from the point, in units of its shape, for the degrees
     // of freedom that the point leaves.
     std::vector<double> mahalanobis2;
-    double uncertainty = 0.0;  // FurtherPoint's, but for the same factor
+    double uncertainty = 0.0;  // FurtherPoint's, up to the same factor
   };
 
   std::optional<Eigen::Vector2d> Project(const Eigen::Vector3d& in_world, FrameIndex frame) const;

@@ -55,7 +55,7 @@ struct InputOptions {
 };
 
 std::unique_ptr<Sequence> OpenInput(const InputOptions& options);
-// How its frames are masked, as the command line says.
+// How its frames are masked, as the command line specifies.
 struct MaskOptions {
   std::string mask;
   bool mask_fixed = true;
@@ -70,8 +70,8 @@ struct MaskOptions {
            Tier::kCommon);
     v.Flag("mask_fixed",
            o.mask_fixed,
-           "Also masks what stays in its place in the pictures while the rest moves: burnt-in "
-           "text, bars, a bonnet. --no-mask-fixed allows features there.",
+           "Also mask what stays fixed in the picture while the rest moves: burnt-in text, bars, "
+           "a bonnet. --no-mask-fixed allows features there.",
            Tier::kCommon);
   }
 };
@@ -134,7 +134,7 @@ std::string PredictOutside(const TrackFile& file,
                            TrackSet& tracks);
 // Throws Error if the positions of `tracks`, of that name, are not in pixels: nearly all lie
 // between -1 and 1. Returns a sentence if they fill only the top-left part of the pictures, as
-// those of smaller pictures do; else empty. `is_npz`: whether options can mend it.
+// those of smaller pictures do; else empty. `is_npz`: whether options can correct it.
 std::string DoubtOfUnits(const TrackFile& file,
                          const std::string& name,
                          const TrackSet& tracks,

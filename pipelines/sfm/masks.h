@@ -23,14 +23,14 @@ cv::Mat ReadMask(const std::filesystem::path& file);
 // Throws Error if the mask of that name is entirely black.
 void CheckMaskIsOpen(const cv::Mat& mask, const std::string& name);
 
-// The masks of a clip, as --mask names them: a picture for all frames, or one a frame: in a folder,
-// named as COLMAP (`NAME.jpg.png` of the frame NAME.jpg) or Nerfstudio (NAME with any ending) name
-// them, or as the mask_path of a transforms.json, or of that of a folder.
+// The masks of a clip, as --mask names them: a picture for all frames, or one per frame: in a
+// folder, named as COLMAP (`NAME.jpg.png` of the frame NAME.jpg) or Nerfstudio (NAME with any
+// ending) name them, or as the mask_path of a transforms.json, or of that of a folder.
 class ClipMasks {
  public:
   ClipMasks() = default;
-  // None without a path. Reads the picture for all frames, and the names of those of one frame.
-  // Throws Error naming what cannot be read.
+  // No masks without a path. Reads the picture for all frames, or the names of those of single
+  // frames. Throws Error naming what cannot be read.
   explicit ClipMasks(const std::string& path);
   // The picture for all frames, as CheckMaskIsOpen accepts it.
   ClipMasks(cv::Mat mask, std::string name);
@@ -39,12 +39,12 @@ class ClipMasks {
   bool AreOnePerFrame() const { return mask_.empty(); }
   const std::string& name() const { return name_; }
   const std::vector<std::filesystem::path>& files() const { return files_; }
-  // Of the frame of that name: the file, empty if it has none, or there is one for all frames.
+  // The file of the frame of that name; empty if it has none, or if there is one for all frames.
   std::filesystem::path FileOf(const std::string& frame) const;
-  // The mask; empty if it has none.
+  // The mask of that frame; empty if it has none.
   cv::Mat Of(const std::string& frame) const;
-  // Throws Error if the frames are clearly others than those that the masks are named after.
-  // `whole`: whether the sequence has all frames of its source.
+  // Throws Error if the masks are clearly named after other frames. `whole`: whether the sequence
+  // has all frames of its source.
   void CheckBelongTo(const Sequence& sequence, bool whole) const;
 
  private:
@@ -66,7 +66,7 @@ std::string FingerprintOfMasks(const std::string& path);
 // Whether fixed parts of the pictures are masked (FixedParts).
 enum class FixedPartsMask : std::uint8_t { kFind, kNone };
 
-// A sequence whose frames have these masks, beside those of their alpha and of fixed parts.
+// A sequence whose frames have these masks, in addition to those of their alpha and of fixed parts.
 class MaskedSequence final : public Sequence {
  public:
   // Fixed parts and a fixed pattern are looked for before the first frame is read. In Frame::gray,
@@ -82,7 +82,7 @@ class MaskedSequence final : public Sequence {
   std::optional<Frame> Next() override;
   void Rewind() override;
   // A sentence on what the masks and alpha cover; empty if there is neither, or before the end of
-  // the clip was reached once.
+  // the clip has been reached once.
   std::string Coverage() const;
   // A sentence on the fixed parts and the pattern; empty if there are none.
   std::string FixedPartsFound() const;

@@ -14,8 +14,8 @@
 
 namespace cohort {
 
-// Derivative of the picture in `to` by that in `from` at a point of the world, for a surface that
-// faces `from`'s camera; nullopt if it is not in front of both cameras.
+// Derivative of the picture in `to` with respect to that in `from` at a point of the world, for a
+// surface that faces `from`'s camera; nullopt if it is not in front of both cameras.
 std::optional<Eigen::Matrix2d> WarpOfFacingPatch(const Reconstruction& model,
                                                  const RowPoses& rows,
                                                  const Eigen::Vector3d& in_world,
@@ -30,8 +30,9 @@ class ModelPredictions {
   // All but the number must outlive this.
   ModelPredictions(const TrackFile& file, const Reconstruction& model, int template_frames);
 
-  // From now on no feature is visible where the frame's mask (may be empty) is black. It keeps what
-  // the mask covers and not the mask, since those of all frames may need more memory than there is.
+  // From now on no feature is visible where the frame's mask (may be empty) is black. It stores
+  // what the mask covers instead of the mask, since those of all frames may need more memory than
+  // there is.
   void Mask(FrameIndex frame, const cv::Mat& mask);
   // Predicts the features whose template includes the frame.
   std::vector<ModelPrediction> ForTemplates(FrameIndex frame) const;
@@ -41,7 +42,7 @@ class ModelPredictions {
   bool Knows(FeatureId feature, FrameIndex frame) const;
   bool HasMask() const { return has_mask_; }
   bool IsMasked(const Observation& observation) const;  // of the file
-  // Whether all pixels around it are: not one that was born at the edge of the same mask.
+  // Whether all pixels around it are, too: not so for one born at the edge of the same mask.
   bool IsInsideMask(const Observation& observation) const;
   // The position of a feature that the model knows; nullopt off the picture or the mask.
   std::optional<Eigen::Vector2d> InPicture(FeatureId feature, FrameIndex frame) const;

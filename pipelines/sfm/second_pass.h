@@ -85,8 +85,8 @@ SecondPass MeasureAgain(const TrackFile& file,
                         const StageProgress& progress = {});
 
 // Whether a later model has many points at other positions in the pictures than the first of
-// `models`, so far off that features were searched in wrong places, or has frames that none of them
-// had, or nothing in common.
+// `models`, so far off that features were searched for in the wrong places, or has frames that none
+// of them had, or nothing in common.
 bool HaveMoved(std::span<const Reconstruction> models,
                const Reconstruction& now,
                const SecondPassOptions& options);

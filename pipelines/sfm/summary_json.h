@@ -20,7 +20,7 @@ nlohmann::ordered_json DoubtsToJson(const std::vector<Doubt>& doubts);
 // Throws exceptions that UseJsonFile turns into an Error.
 std::vector<Doubt> DoubtsFromJson(const nlohmann::ordered_json& json);
 
-// Entry asides of a summary.json; empty if it has none. Throws as DoubtsFromJson.
+// The entry `asides` of a summary.json; empty if there is none. Throws as DoubtsFromJson.
 std::vector<Aside> AsidesOf(const nlohmann::ordered_json& summary);
 
 // The part of summary.json common to all models: the summary, and which frames were requested.

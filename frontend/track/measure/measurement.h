@@ -34,19 +34,18 @@ struct PatchOptions {
              o.max_distance_px,
              0.1,
              50.0,
-             "a measurement further from where the feature was expected does not count [px]");
+             "maximum distance of a measurement from where the feature was expected [px]");
     v.Number("min_correlation",
              o.min_correlation,
              0.0,
              1.0,
-             "a measurement that correlates less with the feature's appearance does not count; a "
-             "share of what the noise allows");
+             "minimum correlation of a measurement with the feature's appearance, as a share of "
+             "what the noise allows");
     v.Number("max_residual_ratio",
              o.max_residual_ratio,
              1.0,
              100.0,
-             "a measurement whose residual variance is more than so many times what noise explains "
-             "does not count");
+             "maximum residual variance of a measurement, as a multiple of what noise explains");
     v.Number("warp_noise",
              o.warp_noise,
              0.0,

@@ -58,11 +58,11 @@ struct ModelPrediction {
 // one includes less of what does not move with the feature.
 //
 // A measurement counts as observed if it lies near the prediction and correlates with the template
-// nearly as well as where the first pass saw the feature; this rejects occluders. No measurement
-// counts of a feature whose template correlates, over all of its track, no better than with other
-// places: in the dark, noise alone looks a little like any template. Covariances are
-// the inverse gradient energy, scaled by one factor for all frames, which makes the distances from
-// the predictions as large as expected.
+// nearly as well as where the first pass saw the feature; this rejects occluders. No measurement of
+// a feature counts if its template correlates, over the whole track, no better than with other
+// places: in the dark, noise alone resembles any template a little. Covariances are the inverse
+// gradient energy, scaled by one factor for all frames, which makes the distances from the
+// predictions as large as expected.
 class SecondPassMeasurer {
  public:
   explicit SecondPassMeasurer(const SecondPassMeasurementOptions& options);
@@ -104,8 +104,8 @@ class SecondPassMeasurer {
     Eigen::Vector2d xy = Eigen::Vector2d::Zero();
     Eigen::Matrix2d shape = Eigen::Matrix2d::Identity();
   };
-  // The correlations of templates with places that do not show their feature, of which the best in
-  // reach was looked for, as for the feature itself.
+  // The correlations of templates with places that do not show their feature: as for the feature
+  // itself, the best within reach counts.
   struct Chance {
     double sum = 0.0;
     double count = 0.0;
@@ -121,7 +121,7 @@ class SecondPassMeasurer {
 
   void Finish(Template& t) const;  // when it has all its frames
   void FinishTemplates();
-  // The template without what this frame gave to it.
+  // The template without what this frame contributed to it.
   AnchorPatch WithoutItself(const Template& t,
                             FrameIndex frame,
                             const ModelPrediction& prediction,

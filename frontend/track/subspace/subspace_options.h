@@ -51,27 +51,27 @@ struct SubspaceOptions {
         "constraint",
         o.constraint,
         kConstraintNames,
-        "How hard the features hold each other. Strong needs a scene that is mostly rigid; weak "
-        "gives their joint motion no more say than a single feature's patch has.",
+        "How strongly the features constrain each other. Strong requires a mostly rigid scene; "
+        "weak gives their joint motion no more weight than a single feature's patch has.",
         Tier::kCommon);
     v.Choice("penalty",
              o.penalty,
              kPenaltyNames,
-             "What guides the features: none, each of them by Lucas-Kanade; else all of them "
-             "together by the paper's total energy, with this measure of the dimension of their "
-             "joint motion, equations (4) to (6) of the paper.",
+             "What guides the features. none: Lucas-Kanade guides each of them alone; otherwise "
+             "the paper's total energy guides all of them together, with this measure of the "
+             "dimension of their joint motion, equations (4) to (6) of the paper.",
              Tier::kCommon);
     v.Flag("uncentered",
            o.uncentered,
-           "Leave the features' mean motion in before its dimension is measured: that of a"
-           " rigid scene is then 4, not 3.",
+           "Do not subtract the features' mean motion before its dimension is measured: that of a"
+           " rigid scene is then 4 instead of 3.",
            Tier::kCommon);
     v.Number("history_length",
              o.history_length,
              1,
              60,
-             "How many past frames the features hold each other over, the L of the paper. "
-             "More frames tell true motion from noise better; the time grows.",
+             "The number of past frames over which the features constrain each other, the L of "
+             "the paper. More frames distinguish motion from noise better, but take more time.",
              Tier::kCommon);
     v.Odd("template_px", o.template_px, 3, 63, "n of the paper: side of the template [px]");
     v.Number("penalty_weight",
@@ -90,7 +90,8 @@ struct SubspaceOptions {
              o.max_iterations,
              1,
              1000,
-             "max_i of Algorithm 1 and most Newton steps, on each level of the pyramid");
+             "max_i of Algorithm 1, or the maximum number of Newton steps, on each level of the "
+             "pyramid");
   }
 };
 

@@ -27,9 +27,8 @@ struct MeasurementOptions {
              o.max_rank,
              2,
              8,
-             "most rank of the trajectory model, which starts at 2 and grows where the residuals "
-             "ask for "
-             "it; 3: one rigid body");
+             "maximum rank of the trajectory model, which starts at 2 and grows where the "
+             "residuals require it; 3: one rigid body");
     v.Flag("perspective",
            o.perspective,
            "the trajectory model has projective cameras; off: affine ones");
@@ -37,8 +36,8 @@ struct MeasurementOptions {
              o.max_unexplained_frames,
              0,
              100000,
-             "a feature ends that for more frames in a row is not confirmed although nothing hides "
-             "it, or that changes slowly; 0: no check");
+             "a feature ends after more than this many frames in a row in which it is not "
+             "confirmed although nothing hides it, or if it changes slowly; 0: no check");
     v.Flag(
         "fuse",
         o.fuse,

@@ -9,7 +9,7 @@ namespace cohort::trajectory_model {
 
 // Residuals follow Student's t distribution in two dimensions with nu = 4 degrees of freedom. Twice
 // its negative logarithm is (nu + 2) log(1 + s / nu) for a square s = d' information d. The
-// derivative by s is the weight of that square in a sum of squares: 1.5 at s = 0, 0.11 at seven
+// derivative w.r.t. s is the weight of that square in a sum of squares: 1.5 at s = 0, 0.11 at seven
 // deviations. (Lange, Little and Taylor 1989 take nu = 4 where the data do not determine it.)
 inline constexpr double kStudentFreedom = 4.0;
 inline double StudentWeight(double square) {
