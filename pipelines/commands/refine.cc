@@ -54,7 +54,8 @@ void RefineTracks(const RefineCommandOptions& options) {
       MeasureAgain(file, model, sequence, options.of_model.second_pass, ProgressBars());
   if (second.figures.replaced + second.figures.left == 0 && second.figures.masked > 0) {
     ThrowError(
-        "the mask {} covers all {} tracks that have a point: give one that is white where they are",
+        "the mask {} covers all {} tracks that have a point: give a mask that is white at these "
+        "points",
         mask,
         second.figures.masked);
   }

@@ -32,16 +32,16 @@ void CheckOneClip(const ShowOptions& options, const std::vector<TrackFile>& file
   if (both_tell ? a.meta.fingerprint == b.meta.fingerprint : a.source == b.source) return;
   if (a.source != b.source) {
     ThrowError(
-        "{} was made from {}, but {} from {}: give tracks of one clip, or by --images the clip on "
-        "which to show both",
+        "{} was made from {}, but {} from {}: give tracks of one clip, or use --images to name the "
+        "clip on which to show both",
         options.tracks.front(),
         a.source,
         options.tracks.back(),
         b.source);
   }
   ThrowError(
-      "{} and {} were made from {}, which has changed in between: track it again, or give by "
-      "--images the clip on which to show both",
+      "{} and {} were made from {}, which has changed in between: track it again, or use --images "
+      "to name the clip on which to show both",
       options.tracks.front(),
       options.tracks.back(),
       a.source);

@@ -71,7 +71,8 @@ void TellCuts(const TrackFile& file) {
   const std::vector<FrameIndex>& cuts = file.meta.cuts;
   if (cuts.empty()) return;
   spdlog::warn(
-      "the clip is cut at {}: no track goes on there. To use what follows alone, give --frames {}:",
+      "the clip is cut at {}, and no track continues across a cut; to use only the part after it, "
+      "give --frames {}:",
       CutsText(cuts),
       ToInt(cuts.front()));
 }
@@ -107,7 +108,7 @@ void WriteFigures(const TrackFigures& figures, const TrackJobOptions& options) {
 
 void WarnAgain(const TrackFile& tracks) {
   if (tracks.meta.warning.empty()) return;
-  spdlog::warn("{}; without --resume it is made anew", tracks.meta.warning);
+  spdlog::warn("{}; without --resume it is created again", tracks.meta.warning);
 }
 
 TrackFile RunSecondPass(TrackFile file, Sequence& sequence, const SecondPassOptions& options) {
@@ -172,7 +173,7 @@ bool HasTracksOfJob(const TrackJobOptions& options) {
   if (!IsOfJob(file, DescribeJob(options, *sequence, tracker))) {
     ThrowError(
         "cannot resume {}: it was made from another input or with other options; without --resume "
-        "it is made anew",
+        "it is created again",
         options.out);
   }
   WarnAgain(file);

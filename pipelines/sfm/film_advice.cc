@@ -133,8 +133,8 @@ std::string_view WhyNoModel(std::string_view termination) {
            "the picture, or cover them by --mask.";
   }
   if (ended(MapperTermination::kWeakDepth) || says("no initial pair: too little parallax")) {
-    return "The camera moved too little for points that are so uncertain. Walk further, sideways "
-           "to what you film, in more light.";
+    return "The camera moved too little, given how uncertain the points are. Walk further, "
+           "sideways to what you film, in more light.";
   }
   if (ended(MapperTermination::kTooFewTracks)) {
     return "Hardly any points can be tracked from frame to frame. Film textured surfaces, in more "
@@ -261,7 +261,8 @@ std::vector<std::string> FilmAdvice(const FilmedClip& clip, const ClipMeasures& 
   if (measures.parallax_deg && *measures.parallax_deg < kLittleParallaxDeg) {
     advice.push_back(fmt::format(
         "The camera hardly moved: it saw half of the points from directions at most {:.1f} degrees "
-        "apart. Walk further, sideways to what you film; from ten degrees on, depths are reliable.",
+        "apart. Walk further, sideways to what you film; depths are reliable at ten degrees or "
+        "more.",
         *measures.parallax_deg));
   }
   // Static scenes had up to 0.034 (the most: a kitchen, a box of tags), also in the dark and with

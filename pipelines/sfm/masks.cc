@@ -49,7 +49,7 @@ cv::Mat WhiteOf(const cv::Mat& gray, const std::string& name) {
   const double gray_share = share((gray > white / 4.0) & (gray < white * 3.0 / 4.0));
   if (gray_share > kMostGray) {
     ThrowError(
-        "{} is no mask, since {:.0f} % of its pixels are neither black nor white: give a picture "
+        "{} is not a mask: {:.0f} % of its pixels are neither black nor white; give a picture "
         "that is white where features are allowed and black elsewhere",
         name,
         100.0 * gray_share);
@@ -173,7 +173,7 @@ void ClipMasks::ReadFolder(const fs::path& folder) {
   }
   if (files_.empty()) {
     ThrowError(
-        "no masks in {}: give a picture, or a folder with one a frame, such as NAME.png or "
+        "no masks in {}: give a picture, or a folder with one mask per frame, such as NAME.png or "
         "NAME.jpg.png for the frame NAME.jpg",
         folder.string());
   }
@@ -233,8 +233,8 @@ void ClipMasks::CheckBelongTo(const Sequence& sequence, bool whole) const {
   // that count from 0. Each frame but the first would have the mask of the one before it.
   if (!none && (unused == files_.end() || !FileOf(names.front()).empty())) return;
   ThrowError(
-      "the masks of {} are not named after the frames of {}: the frame {} has none, and {} is of "
-      "no frame; name each as its frame, such as {}.png",
+      "the masks of {} are not named after the frames of {}: frame {} has no mask, and {} belongs "
+      "to no frame; name each mask after its frame, such as {}.png",
       name_,
       sequence.Name(),
       names.front(),
@@ -361,7 +361,7 @@ std::string MaskedSequence::FixedPartsFound() const {
   std::vector<std::string> found;
   if (!mask_of_fixed_parts_.empty()) {
     found.push_back(fmt::format(
-        "{:.2g} % of the pictures stay as they are while the rest moves, such as text, bars or "
+        "{:.2g} % of the picture area stays fixed while the rest moves, such as text, bars or "
         "parts of the camera or the car: no feature is allowed there",
         100.0 * ShareOfBlack(mask_of_fixed_parts_)));
   }

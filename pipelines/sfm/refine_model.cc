@@ -53,9 +53,10 @@ void CheckFound(const SecondPassFigures& figures, const fs::path& path, const Se
   constexpr double kLeastFound = 0.1;
   const std::size_t points = figures.replaced + figures.left;
   if (points == 0 && figures.masked > 0) {
-    ThrowError("{}: the mask covers all of its {} points: give one that is white where they are",
-               path.string(),
-               figures.masked);
+    ThrowError(
+        "{}: the mask covers all of its {} points: give a mask that is white at these points",
+        path.string(),
+        figures.masked);
   }
   if (static_cast<double>(figures.replaced) >= kLeastFound * static_cast<double>(points) &&
       figures.replaced > 0) {
@@ -194,8 +195,8 @@ void CheckPointsAreLeft(const Reconstruction& adjusted,
                         const fs::path& path) {
   if (!adjusted.points.empty()) return;
   ThrowError(
-      "{}: none of its {} points is left after an adjustment of its {} images: give COLMAP's "
-      "largest model",
+      "{}: no point of its {} survives the adjustment of its {} images: give COLMAP's largest "
+      "model",
       path.string(),
       before.points,
       before.registered);

@@ -89,7 +89,7 @@ def main():
     began = os.path.getmtime(begun)
     start = time.monotonic()
     exit_code, error = run(command + resume, log, held)
-    if error and "without --resume it is made anew" in error:
+    if error and "without --resume it is created again" in error:
         exit_code, error = run(command, log, held)
     if error and "another run is writing it" in error:
         sys.exit(f"run_scene: error: {error}")

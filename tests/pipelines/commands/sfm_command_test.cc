@@ -138,7 +138,7 @@ TEST_F(Sfm, BarsAndBurntInTextAreMaskedUnasked) {
   const fs::path scene = *dir_ / "of-burnt-in";
   const test::ProgramEnd end = run(scene, "");
   ASSERT_EQ(end.exit_code, 0) << end.err;
-  EXPECT_THAT(end.err, HasSubstr("of the pictures stay as they are while the rest moves"));
+  EXPECT_THAT(end.err, HasSubstr("of the picture area stays fixed while the rest moves"));
   EXPECT_LT(error_of(scene), 0.004);
   const cv::Mat picture = cv::imread((scene / "images/scene_000000.jpg").string(), 0);
   const cv::Mat mask = cv::imread((scene / "masks/scene_000000.jpg.png").string(), 0);

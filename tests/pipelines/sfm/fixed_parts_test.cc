@@ -158,7 +158,7 @@ TEST(MaskedSequence, MasksFixedPartsAndPaintsThemOver) {
   WriteText(as_decoded);
   EXPECT_EQ(cv::norm(frame->color, as_decoded, cv::NORM_INF), 0.0);
   EXPECT_GT(cv::norm(frame->gray, as_decoded, cv::NORM_INF), 20.0) << "the text is painted over";
-  EXPECT_THAT(sequence.FixedPartsFound(), testing::HasSubstr("of the pictures stay as they are"));
+  EXPECT_THAT(sequence.FixedPartsFound(), testing::HasSubstr("of the picture area stays fixed"));
   sequence.Rewind();
   EXPECT_FALSE(sequence.Next()->mask.empty()) << "a second reading has the same masks";
 }

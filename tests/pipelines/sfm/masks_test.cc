@@ -135,8 +135,8 @@ TEST(ReadMask, APictureOfTheClipIsNoMask) {
   cv::randu(picture, 40, 220);
   cv::imwrite(dir / "mask.png", picture);
   EXPECT_THAT([&] { ReadMask(dir / "mask.png"); },
-              ThrowsMessage<Error>(
-                  AllOf(HasSubstr("mask.png is no mask"), HasSubstr("neither black nor white"))));
+              ThrowsMessage<Error>(AllOf(HasSubstr("mask.png is not a mask"),
+                                         HasSubstr("neither black nor white"))));
 }
 
 TEST(ClipMasks, OneThatIsBlackAllOverIsRefused) {
@@ -209,13 +209,13 @@ TEST(MaskedSequence, SaysWhatIsWrongWithMasks) {
   WriteMask(dir / "others/a.png", 8);
   EXPECT_THAT([&] { read("others"); },
               ThrowsMessage<Error>(AllOf(HasSubstr("others are not named after the frames"),
-                                         HasSubstr("others/a.png is of no frame"),
+                                         HasSubstr("others/a.png belongs to no frame"),
                                          HasSubstr("such as 0.png.png"))));
   // Counted from 1 beside frames that are counted from 0.
   for (int i = 1; i <= 3; ++i) WriteMask(dir / fmt::format("from1/{}.png", i), 8);
   EXPECT_THAT([&] { read("from1"); },
-              ThrowsMessage<Error>(
-                  AllOf(HasSubstr("the frame 0.png has none"), HasSubstr("3.png is of no frame"))));
+              ThrowsMessage<Error>(AllOf(HasSubstr("frame 0.png has no mask"),
+                                         HasSubstr("3.png belongs to no frame"))));
   // Of some frames alone.
   WriteMask(dir / "some/1.png", 8);
   EXPECT_THAT(read("some"), HasSubstr("no mask of 2 of the 3 frames, such as 0.png"));

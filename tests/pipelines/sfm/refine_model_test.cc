@@ -192,9 +192,8 @@ TEST_F(RefineModelOfPlanes, AModelOfTwoImagesIsRefused) {
   EXPECT_THAT(
       [&] { RefineModel(two, "sparse/0", clip_, {}); },
       ThrowsMessage<Error>(AllOf(
-          HasSubstr("sparse/0: none of its "),
-          HasSubstr(
-              "points is left after an adjustment of its 2 images: give COLMAP's largest model"))));
+          HasSubstr("sparse/0: no point of its "),
+          HasSubstr("survives the adjustment of its 2 images: give COLMAP's largest model"))));
 }
 
 // As those of pictures that ffmpeg writes, beside a video's, which are named from 0.

@@ -85,7 +85,7 @@ class RunScene(InAFolder):
         old.wait()
         (self.dir / "stale").write_text(
             "cohort: error: cannot resume a/clip.tracks: it was made from another input or with other options; "
-            "without --resume it is made anew\n"
+            "without --resume it is created again\n"
         )
         (self.dir / "wait").unlink()
         self.end(self.start())
