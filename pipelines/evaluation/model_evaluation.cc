@@ -4,14 +4,13 @@
 #include <limits>
 #include <vector>
 
+#include "frontend/core/statistics.h"
 #include "pipelines/evaluation/trajectory_error.h"
 
 namespace cohort {
 namespace {
 
 constexpr std::size_t kMostPosesInPairs = 10'000;  // 0.4 GB of errors
-
-double Rmse(std::vector<double> errors) { return ComputeStatistics(std::move(errors))->rmse; }
 
 // The poses (world_from_cam) of registered frames that have truth, and the counts of registered
 // frames and of frames with truth.
@@ -68,7 +67,7 @@ ModelEvaluation EvaluateModel(const Reconstruction& reconstruction,
     evaluation.auc_10 = AreaUnderRecall(pose_errors, 10.0, of_frames);
     evaluation.auc_20 = AreaUnderRecall(pose_errors, 20.0, of_frames);
   }
-  evaluation.rpe_rot_deg = Rmse(ComputeRelativeErrors(pairs, 1, RelativePairs::kAll).rotation_deg);
+  evaluation.rpe_rot_deg = Rmse(ComputeRelativeErrors(pairs).rotation_deg);
 
   const Alignment alignment = AlignCentres(pairs);
   evaluation.alignment = alignment.status;
@@ -80,13 +79,12 @@ ModelEvaluation EvaluateModel(const Reconstruction& reconstruction,
   std::vector<Eigen::Vector3d> truth_centres;
   for (const PosePair& pair : pairs) truth_centres.push_back(pair.truth.translation);
   evaluation.ate_share = *evaluation.ate_m / Extent(truth_centres);
-  evaluation.rpe_trans_m = Rmse(ComputeRelativeErrors(aligned, 1, RelativePairs::kAll).translation);
+  evaluation.rpe_trans_m = Rmse(ComputeRelativeErrors(aligned).translation);
   if (truth.point && alignment.status == AlignmentStatus::kUnique) {
-    const auto errors =
-        ComputeStatistics(PointErrors(reconstruction, truth_from_model, truth.point));
-    if (errors) {
-      evaluation.point_error_median_m = errors->median;
-      evaluation.points_with_truth = errors->count;
+    const std::vector<double> errors = PointErrors(reconstruction, truth_from_model, truth.point);
+    if (!errors.empty()) {
+      evaluation.point_error_median_m = InterpolatedMedian(errors);
+      evaluation.points_with_truth = errors.size();
     }
   }
   return evaluation;

@@ -153,8 +153,4 @@ ExperimentPlan RunCells(const ExperimentOptions& options) {
   return plan;
 }
 
-ExperimentResults RunExperiment(const ExperimentOptions& options) {
-  return CollectResults(options, RunCells(options));
-}
-
 }  // namespace cohort

@@ -157,7 +157,4 @@ struct ExperimentOptions {
 // `collect` it runs none. Returns the plan, from which CollectResults makes the results.
 ExperimentPlan RunCells(const ExperimentOptions& options);
 
-// Runs the cells and collects the results of all finished ones, including other shards'.
-ExperimentResults RunExperiment(const ExperimentOptions& options);
-
 }  // namespace cohort

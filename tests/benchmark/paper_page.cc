@@ -17,6 +17,7 @@
 #include "datasets/render/synthetic_scene.h"
 #include "datasets/truth/track_truth.h"
 #include "frontend/storage/output.h"
+#include "pipelines/experiment/collection.h"
 #include "pipelines/experiment/experiment.h"
 #include "pipelines/experiment/named_trackers.h"
 #include "pipelines/experiment/paper_protocol.h"
@@ -123,7 +124,7 @@ PageResults Compare(const PageOptions& options, const std::vector<std::string>& 
   experiment.trackers = kBaselines;
   experiment.trackers.insert(experiment.trackers.end(), kOurs.begin(), kOurs.end());
   PageResults results;
-  results.trackers = RunExperiment(experiment);
+  results.trackers = CollectResults(experiment, RunCells(experiment));
   results.occluder_section = OccluderSection({.clips = options.work / "clips",
                                               .work = options.work / "occluder",
                                               .seeds = options.seeds,
@@ -138,7 +139,7 @@ PageResults Compare(const PageOptions& options, const std::vector<std::string>& 
           {{"fuse", true}, {"perspective", model.perspective}, {"max_rank", model.max_rank}}}});
     experiment.trackers.push_back(file.string());
   }
-  results.trajectory_models = RunExperiment(experiment);
+  results.trajectory_models = CollectResults(experiment, RunCells(experiment));
   return results;
 }
 

@@ -16,6 +16,7 @@
 
 #include "frontend/storage/output.h"
 #include "pipelines/console/table.h"
+#include "pipelines/experiment/collection.h"
 #include "pipelines/experiment/experiment.h"
 #include "pipelines/json/json_file.h"
 
@@ -95,7 +96,7 @@ std::vector<Curves> Run(ExperimentOptions options, const OptimizerKind optimizer
       options.trackers.push_back(file.string());
     }
   }
-  const ExperimentResults results = RunExperiment(options);
+  const ExperimentResults results = CollectResults(options, RunCells(options));
   std::map<std::pair<std::string, std::string>, std::vector<double>> logs;  // tracker, level
   for (const ResultRow& row : results.rows) {
     if (row.metric == kL1ErrorMetric) {
