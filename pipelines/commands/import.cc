@@ -24,16 +24,9 @@ namespace cohort {
 namespace {
 
 // Everything in the file except the tracks.
-TrackFile ReadFrames(const InputOptions& input) {
+TrackFile ReadClip(const InputOptions& input) {
   const auto sequence = OpenInput(input);
-  TrackFile file;
-  ProgressBar progress("import", sequence->FrameCount());
-  while (const auto frame = sequence->Next()) {
-    file.width_px = frame->gray.cols;
-    file.height_px = frame->gray.rows;
-    file.frames.push_back({frame->index, frame->name, frame->timestamp_ns});
-    progress.Advance();
-  }
+  TrackFile file = ReadFrames(*sequence, "import", ProgressBars());
   if (!sequence->Warning().empty()) spdlog::warn("{}", sequence->Warning());
   DescribeInput(input, *sequence, file);
   WarnIfCameraDoubtful(file.camera);
@@ -137,7 +130,7 @@ void RunImport(const ImportCommandOptions& options) {
     ThrowUsageError("--npz.* is for NumPy files: leave it out with {}", options.tracks);
   }
   CheckOutputsGiven({options.out});
-  TrackFile file = ReadFrames(options.input);
+  TrackFile file = ReadClip(options.input);
   ImportedTracks imported = ReadTracks(form, options, file);
   if (imported.unknown_images == 1 &&
       CountsFromOne(imported.an_unknown_image, imported.tracks, file.frames)) {

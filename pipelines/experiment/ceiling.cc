@@ -8,6 +8,7 @@
 #include "datasets/truth/position_bound.h"
 #include "frontend/core/random_stream.h"
 #include "frontend/track/track_loop.h"
+#include "pipelines/sfm/input.h"
 
 namespace cohort {
 namespace {
@@ -120,7 +121,7 @@ TrackFile MakeCeilingTracks(Sequence& clip,
     mover.Show(frame->index, NoiseFreeSignal(source->gray, degrade, ToInt(source->index), motion));
     const FrameResult result = loop.Track(*frame);
     observations.insert(observations.end(), result.observations.begin(), result.observations.end());
-    file.frames.push_back({frame->index, frame->name, frame->timestamp_ns});
+    file.frames.push_back(InfoOf(*frame));
     file.width_px = frame->gray.cols;
     file.height_px = frame->gray.rows;
   }

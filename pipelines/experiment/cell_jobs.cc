@@ -177,12 +177,7 @@ Json ReconstructSift(const ExperimentOptions& options, const TrackCell& cell) {
   CheckIsDegraded(cell.condition);
   const InputOptions input = cell.frames;
   const auto frames = OpenInput(input);
-  TrackFile clip;  // without tracks
-  while (const auto frame = frames->Next()) {
-    clip.frames.push_back({frame->index, frame->name, frame->timestamp_ns});
-    clip.width_px = frame->gray.cols;
-    clip.height_px = frame->gray.rows;
-  }
+  TrackFile clip = ReadFrames(*frames);
   DescribeInput(input, *frames, clip);
   const fs::path work = cell.folder / "sift";
   if (clip.image_root.empty()) {

@@ -27,6 +27,7 @@
 #include "pipelines/evaluation/track_error.h"
 #include "pipelines/jobs/track_doubts.h"
 #include "pipelines/json/json_file.h"
+#include "pipelines/sfm/input.h"
 #include "pipelines/sfm/summary_json.h"
 
 namespace cohort {
@@ -116,7 +117,7 @@ void WarnIfOtherFrames(std::span<const FrameInfo> of_subject,
   if (of_subject.empty()) return;
   std::vector<FrameInfo> of_clip;
   while (const auto frame = sequence.Next()) {
-    of_clip.push_back({frame->index, frame->name, frame->timestamp_ns});
+    of_clip.push_back(InfoOf(*frame));
     if (frame->index >= of_subject.back().index) break;
   }
   sequence.Rewind();
@@ -356,10 +357,7 @@ Reconstruction ReadModelOf(const fs::path& folder, Sequence& sequence) {
     }
     return model;
   }
-  std::vector<FrameInfo> frames;
-  while (const auto frame = sequence.Next()) {
-    frames.push_back({frame->index, frame->name, frame->timestamp_ns});
-  }
+  const std::vector<FrameInfo> frames = ReadFrames(sequence).frames;
   const ColmapModel model = ReadColmapModel(folder);
   FrameNames names(frames);
   const bool named = std::any_of(model.images.begin(), model.images.end(), [&](const auto& image) {

@@ -97,6 +97,19 @@ std::unique_ptr<Sequence> OpenSource(const TrackFile& file, const std::string& t
   return OpenInput(input);
 }
 
+FrameInfo InfoOf(const Frame& frame) { return {frame.index, frame.name, frame.timestamp_ns}; }
+
+TrackFile ReadFrames(Sequence& sequence, std::string_view stage, const StageProgress& progress) {
+  TrackFile file;
+  while (const auto frame = sequence.Next()) {
+    file.frames.push_back(InfoOf(*frame));
+    file.width_px = frame->gray.cols;
+    file.height_px = frame->gray.rows;
+    if (progress) progress(stage, file.frames.size(), sequence.FrameCount());
+  }
+  return file;
+}
+
 std::optional<Camera> GivenCamera(const InputOptions& options, int width_px, int height_px) {
   if (!options.camera.empty() && !options.camera_prior.empty()) {
     ThrowUsageError("--camera '{}' and --camera-prior '{}' exclude each other: give one of them",

@@ -4,11 +4,13 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <string_view>
 
 #include "datasets/open_sequence.h"
 #include "frontend/core/options.h"
 #include "frontend/tracks/track_store.h"
 #include "pipelines/sfm/masks.h"
+#include "pipelines/sfm/progress.h"
 
 namespace cohort {
 
@@ -81,6 +83,14 @@ std::unique_ptr<MaskedSequence> OpenInput(const InputOptions& options, const Mas
 // Opens the clip that the tracks were made from, as it was opened then; `tracks` names them. Throws
 // Error if their pictures came from no file.
 std::unique_ptr<Sequence> OpenSource(const TrackFile& file, const std::string& tracks);
+
+// What a .tracks file records of a frame.
+FrameInfo InfoOf(const Frame& frame);
+// The frames of the sequence from the next one on, and their size, without tracks. Progress is that
+// of `stage`.
+TrackFile ReadFrames(Sequence& sequence,
+                     std::string_view stage = {},
+                     const StageProgress& progress = {});
 
 // The camera given, or a guess by the prior given; nullopt if neither is. Throws UsageError on
 // invalid text, and if both are given.

@@ -32,16 +32,6 @@ namespace fs = std::filesystem;
 
 constexpr const char* kTracksName = "clip.tracks";
 
-std::vector<FrameInfo> ReadFrames(Sequence& sequence, const StageProgress& progress) {
-  std::vector<FrameInfo> frames;
-  sequence.Rewind();
-  while (const auto frame = sequence.Next()) {
-    frames.push_back({frame->index, frame->name, frame->timestamp_ns});
-    if (progress) progress("read", frames.size(), sequence.FrameCount());
-  }
-  return frames;
-}
-
 // The shared camera of the images or, if the focal length changes, that of the first image.
 const ColmapCamera& FirstCameraOf(const ColmapModel& model) {
   return model.cameras.at(model.images.begin()->second.camera_id);
@@ -315,7 +305,8 @@ RefinedModel RefineModel(const ColmapModel& model,
   SecondPassOptions measurement = options.second_pass;
   measurement.measurement.patch.max_distance_px = options.model_max_distance_px;
   RefinedModel refined;
-  refined.frames = ReadFrames(sequence, progress);
+  sequence.Rewind();
+  refined.frames = ReadFrames(sequence, "read", progress).frames;
   ModelOfClip clip = ReadModelOfClip(model, refined.frames, path);
   refined.image_ids = clip.image_ids;
   NoteWhatIsLeftOut(clip, path, sequence, refined.notes);

@@ -64,7 +64,7 @@ void SequenceTracker::LookForRepeats(const StageProgress& progress) {
   for (std::optional<Frame> frame = std::exchange(next_, std::nullopt); frame;
        frame = frames_.Next()) {
     frames_.Begin();
-    infos.push_back({frame->index, frame->name, frame->timestamp_ns});
+    infos.push_back(InfoOf(*frame));
     if (!before.empty()) changes.push_back(ChangeBetween(before, frame->gray));
     before = frame->gray;
     if (progress) progress("look", infos.size(), promised_);
@@ -106,7 +106,7 @@ TrackedFrame SequenceTracker::TrackNext() {
   Check(HasNext(), "there is a frame to track");
   frames_.Begin();
   const Stopwatch stopwatch;
-  TrackedFrame frame{{next_->index, next_->name, next_->timestamp_ns}, tracker_->Track(*next_)};
+  TrackedFrame frame{InfoOf(*next_), tracker_->Track(*next_)};
   detect_ms_ += frame.result.detect_ms;
   track_ms_ += stopwatch.Milliseconds() - frame.result.detect_ms;
   next_.reset();
