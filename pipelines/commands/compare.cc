@@ -4,12 +4,12 @@
 
 #include "frontend/storage/write_lock.h"
 #include "pipelines/console/messages.h"
-#include "pipelines/console/version.h"
 #include "pipelines/experiment/collection.h"
 #include "pipelines/experiment/paper_tables.h"
 #include "pipelines/report/headline_output.h"
 #include "pipelines/report/report.h"
 #include "pipelines/report/results_tables.h"
+#include "pipelines/sfm/version.h"
 
 namespace cohort {
 namespace {

@@ -1,6 +1,6 @@
 #include "pipelines/commands/degrade.h"
 
-#include "pipelines/jobs/degrade_job.h"
+#include "pipelines/experiment/degrade_clip.h"
 
 namespace cohort {
 
@@ -11,7 +11,7 @@ Command DegradeCommand() {
                       .positionals = {"input", "out"},
                       .required = {"input", "out"},
                       .short_flags = {{"occluder", {"occluder_px_per_frame"}}}},
-                     RunDegradeJob);
+                     DegradeClip);
 }
 
 }  // namespace cohort

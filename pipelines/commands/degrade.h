@@ -4,7 +4,7 @@
 
 namespace cohort {
 
-// Darkens INPUT and keeps its ground truth (DegradeJob).
+// Darkens INPUT and keeps its ground truth (DegradeClip).
 Command DegradeCommand();
 
 }  // namespace cohort

@@ -6,7 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "pipelines/console/table.h"
-#include "pipelines/jobs/evaluate_job.h"
+#include "pipelines/evaluation/evaluate.h"
 #include "pipelines/json/json_file.h"
 
 namespace cohort {
@@ -44,8 +44,8 @@ void AddRows(const Json& json,
   }
 }
 
-void RunEvaluate(const EvaluateJobOptions& options) {
-  const Json figures = RunEvaluateJob(options);
+void RunEvaluate(const EvaluateOptions& options) {
+  const Json figures = Evaluate(options);
   std::vector<std::vector<std::string>> rows{
       {std::filesystem::is_directory(options.subject)
            ? "figure"

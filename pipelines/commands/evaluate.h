@@ -4,7 +4,7 @@
 
 namespace cohort {
 
-// Evaluates tracks or a model against the ground truth (EvaluateJob) and prints the result.
+// Evaluates tracks or a model against the ground truth (Evaluate) and prints the result.
 Command EvaluateCommand();
 
 }  // namespace cohort

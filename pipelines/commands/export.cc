@@ -16,7 +16,7 @@
 #include "frontend/tracks/track_npz.h"
 #include "pipelines/console/messages.h"
 #include "pipelines/console/progress_bar.h"
-#include "pipelines/jobs/track_doubts.h"
+#include "pipelines/sfm/doubts.h"
 #include "pipelines/sfm/reconstruct.h"
 #include "pipelines/sfm/video_frames.h"
 
@@ -45,7 +45,7 @@ void ExportColmapDatabase(TrackFile file,
   fs::path images = file.image_root;
   const bool from_files = !file.image_root.empty() || !file.source.empty();
   if (file.image_root.empty() && from_files && options.write_frames) {
-    WarnIfVideoChanged(file, options.tracks);
+    ConsoleReport().Warn(DoubtOfVideo(file, options.tracks));
     images = fs::path(options.colmap_database).replace_extension("");
     images += "_images";
     WriteVideoFrames(file, images, ProgressBars());
@@ -69,7 +69,7 @@ TrackFile TracksToExport(TrackFile file,
   if (file.tracks.observations().empty()) {
     spdlog::warn("{} has no observations: there is nothing to export", options.tracks);
   }
-  if (given) WarnIfModelOfOthers(*given, options.model, file, options.tracks);
+  if (given) ConsoleReport().Warn(DoubtOfModel(*given, options.model, file, options.tracks));
   if (!options.global_shutter) return file;
   const Reconstruction model = given ? *given : ReconstructWithCeres(file).reconstruction;
   if (model.readout == 0.0) {

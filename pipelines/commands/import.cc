@@ -15,10 +15,9 @@
 #include "frontend/tracks/track_store.h"
 #include "pipelines/console/messages.h"
 #include "pipelines/console/progress_bar.h"
-#include "pipelines/console/version.h"
-#include "pipelines/jobs/track_doubts.h"
 #include "pipelines/json/option_list.h"
 #include "pipelines/sfm/doubts.h"
+#include "pipelines/sfm/version.h"
 
 namespace cohort {
 namespace {
@@ -29,7 +28,7 @@ TrackFile ReadClip(const InputOptions& input) {
   TrackFile file = ReadFrames(*sequence, "import", ProgressBars());
   if (!sequence->Warning().empty()) spdlog::warn("{}", sequence->Warning());
   DescribeInput(input, *sequence, file);
-  WarnIfCameraDoubtful(file.camera);
+  ConsoleReport().Warn(DoubtOfCamera(file.camera));
   return file;
 }
 
@@ -71,7 +70,7 @@ TracksForm FormOf(const std::string& path) {
 
 ImportedTracks ReadCsv(const ImportCommandOptions& options, const TrackFile& file) {
   TracksCsv csv = ReadTracksCsv(options.tracks);
-  WarnOf(DoubtOfIds(csv, options.tracks));
+  ConsoleReport().Warn(DoubtOfIds(csv, options.tracks));
   ImportedTracks imported;
   imported.tracks = std::move(csv.tracks);
   CheckFramesKnown(imported.tracks, file, options.tracks, options.input.input);
@@ -154,9 +153,10 @@ void RunImport(const ImportCommandOptions& options) {
   if (imported.camera && !given && (!file.camera || imported.camera->known)) {
     NoteCamera(imported.camera, file);
   }
-  TellFocalGuess(file);
+  const JobReport report = ConsoleReport();
+  report.Tell(DescribeFocalGuess(file));
   if (form == TracksForm::kCsv || form == TracksForm::kNpz) {  // the others record their size
-    WarnOf(DoubtOfUnits(file, options.tracks, imported.tracks, form == TracksForm::kNpz));
+    report.Warn(DoubtOfUnits(file, options.tracks, imported.tracks, form == TracksForm::kNpz));
   }
   if (form == TracksForm::kNpz && imported.left_out > 0) {
     spdlog::warn("{}: {} visible positions lie outside the picture and count as predicted{}",
@@ -167,7 +167,7 @@ void RunImport(const ImportCommandOptions& options) {
                        "x, give --npz.axes yx"
                      : "");
   }
-  WarnOf(PredictOutside(file, options.tracks, options.input.input, imported.tracks));
+  report.Warn(PredictOutside(file, options.tracks, options.input.input, imported.tracks));
   const auto observations = imported.tracks.observations();
   if (std::none_of(observations.begin(), observations.end(), IsObserved)) {
     spdlog::warn("{}: none of its {} positions is observed: backends use only observed positions",

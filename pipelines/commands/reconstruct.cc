@@ -1,7 +1,8 @@
 #include "pipelines/commands/reconstruct.h"
 
+#include "pipelines/console/progress_bar.h"
 #include "pipelines/console/table.h"
-#include "pipelines/jobs/reconstruct_job.h"
+#include "pipelines/sfm/reconstruct_file.h"
 
 namespace cohort {
 namespace {
@@ -20,8 +21,8 @@ void PrintSummary(const ReconstructionSummary& summary, const std::string& out) 
            {"ended with", summary.termination}}));
 }
 
-void RunReconstruct(const ReconstructJobOptions& options) {
-  const ReconstructionSummary summary = RunReconstructJob(options);
+void RunReconstruct(const ReconstructFileOptions& options) {
+  const ReconstructionSummary summary = ReconstructFile(options, ConsoleReport());
   PrintSummary(summary, options.out);
   if (summary.Failed()) {
     ThrowError("the reconstruction failed: {} ({}); partial results are in {}",

@@ -4,7 +4,7 @@
 
 namespace cohort {
 
-// Makes a model folder from .tracks (ReconstructJob) and prints its summary. If fewer than 80 % of
+// Makes a model folder from .tracks (ReconstructFile) and prints its summary. If fewer than 80 % of
 // the frames registered, it writes all results and then throws Error, because a part is not a
 // reconstruction of the clip.
 Command ReconstructCommand();

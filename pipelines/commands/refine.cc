@@ -13,7 +13,6 @@
 #include "pipelines/console/command_line.h"
 #include "pipelines/console/progress_bar.h"
 #include "pipelines/console/table.h"
-#include "pipelines/jobs/track_doubts.h"
 #include "pipelines/json/json_file.h"
 #include "pipelines/json/option_list.h"
 #include "pipelines/sfm/doubts.h"
@@ -41,15 +40,16 @@ void RefineTracks(const RefineCommandOptions& options) {
   if (model.points.empty()) {
     ThrowError("{}: the model has no points to measure: reconstruct first", options.model);
   }
-  WarnIfModelOfOthers(model, options.model, file, options.tracks);
+  const JobReport report = ConsoleReport();
+  report.Warn(DoubtOfModel(model, options.model, file, options.tracks));
   const std::string mask = options.mask.empty() ? file.meta.mask : options.mask;
   MaskedSequence sequence(
       options.images.empty() ? OpenSource(file, options.tracks) : OpenSequence(options.images),
       ClipMasks(mask),
       !options.images.empty() || file.meta.frames.empty(),
       FixedPartsOf(file));
-  if (options.images.empty()) WarnIfClipChanged(file, options.tracks, sequence);
-  if (options.mask.empty()) WarnOf(DoubtOfMask(file, options.tracks));
+  if (options.images.empty()) report.Warn(DoubtOfClip(file, options.tracks, sequence));
+  if (options.mask.empty()) report.Warn(DoubtOfMask(file, options.tracks));
   SecondPass second =
       MeasureAgain(file, model, sequence, options.of_model.second_pass, ProgressBars());
   if (second.figures.replaced + second.figures.left == 0 && second.figures.masked > 0) {
@@ -64,7 +64,7 @@ void RefineTracks(const RefineCommandOptions& options) {
   WriteTrackFile(options.out, second.file);
 
   const SecondPassFigures& figures = second.figures;
-  WarnIfSceneDiffers(figures);
+  report.Warn(DoubtOfMeasuring(figures));
   if (!options.json.empty()) {
     WriteJsonFile(options.json,
                   {{"observations_before", figures.before},

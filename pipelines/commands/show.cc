@@ -6,9 +6,9 @@
 #include "frontend/storage/output.h"
 #include "frontend/tracks/track_store.h"
 #include "pipelines/console/progress_bar.h"
-#include "pipelines/jobs/track_doubts.h"
 #include "pipelines/report/clip_report.h"
 #include "pipelines/report/track_video.h"
+#include "pipelines/sfm/doubts.h"
 #include "pipelines/sfm/input.h"
 
 namespace cohort {
@@ -50,7 +50,7 @@ void CheckOneClip(const ShowOptions& options, const std::vector<TrackFile>& file
 std::unique_ptr<Sequence> OpenClipOf(const ShowOptions& options, const TrackFile& file) {
   if (!options.images.empty()) return OpenSequence(options.images);
   auto sequence = OpenSource(file, options.tracks.front());
-  WarnIfClipChanged(file, options.tracks.front(), *sequence);
+  ConsoleReport().Warn(DoubtOfClip(file, options.tracks.front(), *sequence));
   return sequence;
 }
 
@@ -58,7 +58,7 @@ void WritePageOf(const ShowOptions& options, const TrackFile& file, Sequence& se
   ClipReport report;
   if (!options.model.empty()) {
     report = ReadClipReport(options.model);
-    WarnIfModelOfOthers(report.model, options.model, file, options.tracks.front());
+    ConsoleReport().Warn(DoubtOfModel(report.model, options.model, file, options.tracks.front()));
   }
   report.title = sequence.Name();
   WriteClipReport(options.out, report, file, sequence, ProgressBars());

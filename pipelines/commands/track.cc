@@ -1,7 +1,8 @@
 #include "pipelines/commands/track.h"
 
+#include "pipelines/console/progress_bar.h"
 #include "pipelines/console/table.h"
-#include "pipelines/jobs/track_job.h"
+#include "pipelines/sfm/track_clip.h"
 
 namespace cohort {
 namespace {
@@ -24,7 +25,10 @@ void PrintFigures(const TrackFigures& figures, const std::string& out) {
             fmt::format("{:.2f}", figures.PerFrame(figures.second_pass_ms))}}));
 }
 
-void RunTrack(const TrackJobOptions& options) { PrintFigures(RunTrackJob(options), options.out); }
+void RunTrack(const TrackClipOptions& options) {
+  const TrackFigures figures = TrackClip(options, ConsoleReport());
+  PrintFigures(figures, options.out);
+}
 
 }  // namespace
 

@@ -4,7 +4,7 @@
 
 namespace cohort {
 
-// Makes .tracks from INPUT (TrackJob) and prints the figures.
+// Makes .tracks from INPUT (TrackClip) and prints the figures.
 Command TrackCommand();
 
 }  // namespace cohort

@@ -22,7 +22,7 @@
 #include "frontend/core/error.h"
 #include "frontend/storage/input_record.h"
 #include "pipelines/console/messages.h"
-#include "pipelines/console/version.h"
+#include "pipelines/sfm/version.h"
 
 namespace cohort {
 namespace {

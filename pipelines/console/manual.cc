@@ -4,7 +4,7 @@
 #include <cctype>
 #include <string_view>
 
-#include "pipelines/console/version.h"
+#include "pipelines/sfm/version.h"
 
 namespace cohort {
 namespace {

@@ -85,22 +85,32 @@ void ProgressBar::Advance(std::size_t steps) {
   std::fflush(out);
 }
 
-std::function<void(std::string_view, std::size_t, std::optional<std::size_t>)> ProgressBars() {
+JobReport ConsoleReport() {
   struct Current {
     std::string stage;
     std::size_t done = 0;
     std::optional<ProgressBar> bar;
   };
-  return [current = std::make_shared<Current>()](
-             std::string_view stage, std::size_t done, std::optional<std::size_t> total) {
-    if (!current->bar || current->stage != stage) {
-      current->stage = stage;
-      current->done = 0;
-      current->bar.emplace(current->stage, total);
-    }
-    current->bar->Advance(done - current->done);
-    current->done = done;
+  const auto current = std::make_shared<Current>();
+  const auto line_of = [current](spdlog::level::level_enum level) {
+    return [current, level](const std::string& line) {
+      current->bar.reset();  // which the line would follow
+      spdlog::log(level, "{}", line);
+    };
   };
+  const auto progress =
+      [current](std::string_view stage, std::size_t done, std::optional<std::size_t> total) {
+        if (!current->bar || current->stage != stage) {
+          current->stage = stage;
+          current->done = 0;
+          current->bar.emplace(current->stage, total);
+        }
+        current->bar->Advance(done - current->done);
+        current->done = done;
+      };
+  return {progress, line_of(spdlog::level::info), line_of(spdlog::level::warn)};
 }
+
+StageProgress ProgressBars() { return ConsoleReport().progress; }
 
 }  // namespace cohort

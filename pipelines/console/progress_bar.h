@@ -2,10 +2,10 @@
 
 #include <chrono>
 #include <cstddef>
-#include <functional>
 #include <optional>
 #include <string>
-#include <string_view>
+
+#include "pipelines/sfm/progress.h"
 
 namespace cohort {
 
@@ -36,9 +36,11 @@ class ProgressBar {
   Clock::time_point next_draw_ = start_;
 };
 
-// A bar for each stage of a job, one after the other, as a callback that receives the progress.
-std::function<void(std::string_view stage, std::size_t done, std::optional<std::size_t> total)>
-ProgressBars();
+// A job's progress as a bar for each stage, one after the other, and its lines in the log. The last
+// bar is wiped when the report and all copies are gone.
+JobReport ConsoleReport();
+// The progress alone.
+StageProgress ProgressBars();
 
 // The line itself, as drawn after `seconds`.
 std::string ProgressLine(const std::string& label,

@@ -8,15 +8,15 @@
 #include "datasets/truth/track_truth.h"
 #include "frontend/core/stopwatch.h"
 #include "frontend/storage/output.h"
+#include "pipelines/console/progress_bar.h"
+#include "pipelines/evaluation/evaluate.h"
 #include "pipelines/evaluation/halves.h"
 #include "pipelines/experiment/ceiling.h"
 #include "pipelines/experiment/named_trackers.h"
-#include "pipelines/jobs/evaluate_job.h"
-#include "pipelines/jobs/reconstruct_job.h"
-#include "pipelines/jobs/track_job.h"
 #include "pipelines/json/json_file.h"
-#include "pipelines/sfm/second_pass.h"
+#include "pipelines/sfm/reconstruct_file.h"
 #include "pipelines/sfm/summary_json.h"
+#include "pipelines/sfm/track_clip.h"
 #include "pipelines/sfm/track_sequence.h"
 #include "pipelines/sfm/video_frames.h"
 
@@ -36,15 +36,15 @@ MaskOptions MasksOf(const ExperimentOptions& options) {
   return {.mask = options.mask, .mask_fixed = false};
 }
 
-Json Evaluate(const TrackCell& cell, const fs::path& subject, const fs::path& json) {
-  return RunEvaluateJob({.subject = subject.string(),
-                         .truth = cell.frames.input,
-                         .layout = cell.frames.layout,
-                         .json = json.string()});
+Json ErrorsOf(const TrackCell& cell, const fs::path& subject, const fs::path& json) {
+  return Evaluate({.subject = subject.string(),
+                   .truth = cell.frames.input,
+                   .layout = cell.frames.layout,
+                   .json = json.string()});
 }
 
-TrackJobOptions TrackOf(const ExperimentOptions& options, const TrackCell& cell) {
-  TrackJobOptions track;
+TrackClipOptions TrackOf(const ExperimentOptions& options, const TrackCell& cell) {
+  TrackClipOptions track;
   track.input = cell.frames;
   track.masks = MasksOf(options);
   track.out = cell.Tracks().string();
@@ -77,7 +77,7 @@ Json TrackCeiling(const ExperimentOptions& options, const TrackCell& cell) {
                    {"observations", file.tracks.observations().size()},
                    {"predicted", file.tracks.CountPredicted()},
                    {"mean_track_length", file.tracks.MeanObservedLength()}};
-  return {{"track", track}, {"errors", Evaluate(cell, cell.Tracks(), cell.TrackErrors())}};
+  return {{"track", track}, {"errors", ErrorsOf(cell, cell.Tracks(), cell.TrackErrors())}};
 }
 
 Json RunPaperProtocol(const InputOptions& clip_input,
@@ -119,7 +119,7 @@ ReconstructionSummary MakeModel(const ExperimentOptions& options,
                                 GridBackend backend,
                                 const fs::path& tracks,
                                 const fs::path& out) {
-  ReconstructJobOptions job;
+  ReconstructFileOptions job;
   job.tracks = tracks.string();
   job.out = out.string();
   job.reconstruct.backend =
@@ -127,7 +127,7 @@ ReconstructionSummary MakeModel(const ExperimentOptions& options,
   job.reconstruct.write_frames = false;
   job.reconstruct.ceres = options.ceres;
   job.reconstruct.colmap = ColmapOptionsOf(options, cell);
-  return RunReconstructJob(job);
+  return ReconstructFile(job, ConsoleReport());
 }
 
 // The figures of a finished model.
@@ -138,7 +138,7 @@ Json WithErrors(const TrackCell& cell,
   Json figures{{"model", ReadJsonFile(model / "summary.json")}};
   if (cell.condition.clip.has_poses && !summary.Failed()) {
     const std::string name = std::string(NameOf(kGridBackendNames, backend)) + "_errors.json";
-    figures["errors"] = Evaluate(cell, model, cell.folder / name);
+    figures["errors"] = ErrorsOf(cell, model, cell.folder / name);
   }
   return figures;
 }
@@ -193,7 +193,7 @@ Json ReconstructSift(const ExperimentOptions& options, const TrackCell& cell) {
 // The tracks of the first pass.
 TrackFile TracksToHalve(const ExperimentOptions& options, const TrackCell& cell) {
   if (!HasSecondPass(cell.tracker)) return ReadTrackFile(cell.Tracks());
-  const TrackJobOptions track = TrackOf(options, cell);
+  const TrackClipOptions track = TrackOf(options, cell);
   cv::setNumThreads(track.threads == 0 ? -1 : track.threads);
   const auto sequence = OpenInput(track.input, track.masks);
   TrackFile file = TrackFirstPass(
@@ -211,11 +211,11 @@ Json MakeTracks(const ExperimentOptions& options, const TrackCell& cell) {
   fs::remove(cell.TrackErrors());
   CheckIsDegraded(cell.condition);
   if (cell.tracker.source == TrackSource::kCeiling) return TrackCeiling(options, cell);
-  const TrackJobOptions track = TrackOf(options, cell);
-  RunTrackJob(track);
+  const TrackClipOptions track = TrackOf(options, cell);
+  TrackClip(track, ConsoleReport());
   Json figures{{"track", ReadJsonFile(track.json)}};
   if (cell.condition.clip.has_track_truth) {
-    figures["errors"] = Evaluate(cell, cell.Tracks(), cell.TrackErrors());
+    figures["errors"] = ErrorsOf(cell, cell.Tracks(), cell.TrackErrors());
   }
   return figures;
 }
@@ -259,7 +259,7 @@ Json CompareHalvesOfCell(const ExperimentOptions& options,
     half.tracks = halves[i];
     if (HasSecondPass(cell.tracker)) {
       const auto frames = OpenInput(cell.frames, MasksOf(options));
-      half = RunSecondPass(std::move(half), *frames, options.second_pass);
+      half = RunSecondPass(std::move(half), *frames, options.second_pass, ConsoleReport());
     }
     WriteTrackFile(tracks, half);
     const ReconstructionSummary summary = MakeModel(options, cell, backend, tracks, out);

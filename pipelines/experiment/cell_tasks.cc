@@ -6,8 +6,8 @@
 
 #include "pipelines/experiment/cell_jobs.h"
 #include "pipelines/experiment/cell_rows.h"
+#include "pipelines/experiment/degrade_clip.h"
 #include "pipelines/experiment/named_trackers.h"
-#include "pipelines/jobs/degrade_job.h"
 #include "pipelines/json/json_file.h"
 #include "pipelines/json/option_list.h"
 #include "pipelines/sfm/fingerprint.h"
@@ -84,12 +84,12 @@ std::vector<Task> DegradeTasks(const ExperimentOptions& options, const Experimen
     }
     const Condition& condition = plan.conditions[i];
     if (!needed || !condition.IsDegraded()) continue;
-    DegradeJobOptions degrade;
+    DegradeClipOptions degrade;
     degrade.input = ClipInput(options, condition);
     degrade.out = condition.Frames().string();
     degrade.degrade = DegradationOf(condition);
     degrade.level = condition.DegradeLevel();
-    DegradeJobOptions named = degrade;
+    DegradeClipOptions named = degrade;
     named.input.input = CanonicalPath(degrade.input.input);
     named.out.clear();
     const Json depends_on{{"degrade", ToJson(named)}, {"fingerprint", condition.clip.fingerprint}};
@@ -97,7 +97,7 @@ std::vector<Task> DegradeTasks(const ExperimentOptions& options, const Experimen
                      condition.folder / "degrade.json",
                      JsonLine(depends_on),
                      [degrade] {
-                       RunDegradeJob(degrade);
+                       DegradeClip(degrade);
                        return Json::object();
                      },
                      !options.shard.empty(),

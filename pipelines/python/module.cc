@@ -32,7 +32,6 @@
 #include "frontend/tracks/frame_name.h"
 #include "frontend/tracks/track_csv.h"
 #include "frontend/tracks/track_store.h"
-#include "pipelines/console/version.h"
 #include "pipelines/json/option_list.h"
 #include "pipelines/python/arrays.h"
 #include "pipelines/python/frames.h"
@@ -43,6 +42,7 @@
 #include "pipelines/sfm/reconstruct.h"
 #include "pipelines/sfm/summary_json.h"
 #include "pipelines/sfm/track_sequence.h"
+#include "pipelines/sfm/version.h"
 
 namespace py = pybind11;
 namespace fs = std::filesystem;
@@ -588,7 +588,7 @@ void BindTrackFile(py::module_& module) {
   module.def("describe_focal_guess", &DescribeFocalGuess, py::arg("tracks"));
   module.def(
       "doubt_of_camera",
-      [](const TrackFile& file) { return file.camera ? DoubtOfCamera(*file.camera) : ""; },
+      [](const TrackFile& file) { return DoubtOfCamera(file.camera); },
       py::arg("tracks"));
   module.def(
       "write_csv",

@@ -13,7 +13,6 @@
 #include "datasets/readers/text_table.h"
 #include "frontend/core/statistics.h"
 #include "frontend/storage/output.h"
-#include "pipelines/console/version.h"
 #include "pipelines/json/json_file.h"
 #include "pipelines/report/brightening.h"
 #include "pipelines/report/report_page.h"
@@ -22,6 +21,7 @@
 #include "pipelines/sfm/for_each_frame.h"
 #include "pipelines/sfm/reconstruct.h"
 #include "pipelines/sfm/summary_json.h"
+#include "pipelines/sfm/version.h"
 
 namespace cohort {
 namespace {

@@ -8,12 +8,12 @@
 
 #include "datasets/degrade/degrade.h"
 #include "frontend/storage/output.h"
-#include "pipelines/console/version.h"
 #include "pipelines/report/calibration_histograms.h"
 #include "pipelines/report/headline_output.h"
 #include "pipelines/report/report_page.h"
 #include "pipelines/report/shown_models.h"
 #include "pipelines/report/shown_tracks.h"
+#include "pipelines/sfm/version.h"
 
 namespace cohort {
 namespace {

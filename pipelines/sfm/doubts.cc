@@ -2,10 +2,12 @@
 
 #include <fmt/format.h>
 
+#include <filesystem>
 #include <set>
 #include <utility>
 #include <vector>
 
+#include "datasets/open_sequence.h"
 #include "frontend/core/error.h"
 #include "frontend/core/statistics.h"
 #include "pipelines/sfm/fingerprint.h"
@@ -69,6 +71,11 @@ std::string DoubtOfClip(const TrackFile& file,
                      tracks_name);
 }
 
+std::string DoubtOfVideo(const TrackFile& file, const std::string& tracks_name) {
+  if (!file.image_root.empty() || !std::filesystem::exists(file.source)) return "";
+  return DoubtOfClip(file, tracks_name, *OpenSequence(file.source));
+}
+
 std::string DoubtOfMask(const TrackFile& file, const std::string& tracks_name) {
   const std::string& mask = file.meta.mask;
   if (mask.empty() || file.meta.mask_fingerprint.empty()) return "";
@@ -101,7 +108,9 @@ std::string DoubtOfIds(const TracksCsv& csv, const std::string& tracks_name) {
   return fmt::format("{}: track ids need more than 32 bits and are renumbered from 0", tracks_name);
 }
 
-std::string DoubtOfCamera(const Camera& camera) {
+std::string DoubtOfCamera(const std::optional<Camera>& known) {
+  if (!known) return "";
+  const Camera& camera = *known;
   // No lens has such focal lengths; decimals with a comma cause them: 525,5 525,5 ...
   if (camera.fx > 2.0 * camera.fy || camera.fy > 2.0 * camera.fx) {
     return fmt::format(

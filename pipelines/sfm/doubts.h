@@ -1,5 +1,6 @@
 #pragma once
 
+#include <optional>
 #include <string>
 
 #include "backend/scene/reconstruction.h"
@@ -17,6 +18,8 @@ namespace cohort {
 std::string DoubtOfClip(const TrackFile& file,
                         const std::string& tracks_name,
                         const Sequence& clip);
+// The same of a video whose frames are to be written as pictures.
+std::string DoubtOfVideo(const TrackFile& file, const std::string& tracks_name);
 // The mask of that name has changed since the tracks were made.
 std::string DoubtOfMask(const TrackFile& file, const std::string& tracks_name);
 // The model was made from other tracks: the same ids have other positions. Throws Error if it
@@ -30,6 +33,6 @@ std::string DoubtOfMeasuring(const SecondPassFigures& figures);
 // The track ids are not those of the file.
 std::string DoubtOfIds(const TracksCsv& csv, const std::string& tracks_name);
 // The focal lengths are unrealistic, or the principal point lies outside the picture.
-std::string DoubtOfCamera(const Camera& camera);
+std::string DoubtOfCamera(const std::optional<Camera>& camera);
 
 }  // namespace cohort

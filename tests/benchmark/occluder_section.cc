@@ -8,12 +8,13 @@
 #include <string_view>
 
 #include "frontend/core/statistics.h"
+#include "pipelines/console/progress_bar.h"
+#include "pipelines/evaluation/evaluate.h"
+#include "pipelines/experiment/degrade_clip.h"
 #include "pipelines/experiment/tasks.h"
-#include "pipelines/jobs/degrade_job.h"
-#include "pipelines/jobs/evaluate_job.h"
-#include "pipelines/jobs/track_job.h"
 #include "pipelines/json/json_file.h"
 #include "pipelines/json/option_list.h"
+#include "pipelines/sfm/track_clip.h"
 
 namespace cohort {
 namespace {
@@ -38,13 +39,13 @@ constexpr std::string_view kOffEdges = "off_edges";
 
 Task MakeTask(const Clip& clip, const std::string& seed, const OccluderOptions& options) {
   const fs::path folder = options.work / clip.name / seed;
-  DegradeJobOptions degrade;
+  DegradeClipOptions degrade;
   degrade.input.input = (options.clips / clip.name).string();
   degrade.input.frames = fmt::format("0:{}", kFrames);
   degrade.out = (folder / "frames").string();
   degrade.degrade.occluder_px_per_frame = kBarPxPerFrame;
   degrade.degrade.seed = static_cast<unsigned>(std::stoul(seed));
-  TrackJobOptions track;
+  TrackClipOptions track;
   track.input.input = degrade.out;
   track.out = (folder / "clip.tracks").string();
   track.tracker.detector.max_features = kFeatures;
@@ -55,16 +56,16 @@ Task MakeTask(const Clip& clip, const std::string& seed, const OccluderOptions& 
           folder / "result.json",
           depends_on.dump(),
           [folder, degrade, track] {
-            RunDegradeJob(degrade);
-            RunTrackJob(track);
+            DegradeClip(degrade);
+            TrackClip(track, ConsoleReport());
             Json figures;
             for (const std::string_view subject : {kAll, kOffEdges}) {
-              EvaluateJobOptions evaluate;
+              EvaluateOptions evaluate;
               evaluate.subject = track.out;
               evaluate.truth = degrade.out;
               evaluate.edge_px = subject == kOffEdges ? kEdgePx : 0.0;
               evaluate.json = (folder / fmt::format("{}.json", subject)).string();
-              RunEvaluateJob(evaluate);
+              Evaluate(evaluate);
               figures[std::string(subject)] = ReadJsonFile(evaluate.json);
             }
             return figures;

@@ -8,7 +8,7 @@
 #include <regex>
 
 #include "pipelines/commands/all_commands.h"
-#include "pipelines/console/version.h"
+#include "pipelines/sfm/version.h"
 #include "tests/support/shell.h"
 
 namespace cohort {

@@ -1,6 +1,6 @@
-#include "pipelines/jobs/track_job.h"
+#include "pipelines/sfm/track_clip.h"
 
-#include <spdlog/spdlog.h>
+#include <fmt/format.h>
 
 #include <nlohmann/json.hpp>
 #include <opencv2/core/utility.hpp>
@@ -10,23 +10,21 @@
 #include "frontend/geometry/camera_text.h"
 #include "frontend/storage/input_file.h"
 #include "frontend/storage/output.h"
-#include "pipelines/console/progress_bar.h"
-#include "pipelines/console/version.h"
-#include "pipelines/jobs/idle_options.h"
-#include "pipelines/jobs/track_doubts.h"
 #include "pipelines/json/json_file.h"
 #include "pipelines/json/option_list.h"
 #include "pipelines/sfm/cuts.h"
-#include "pipelines/sfm/fingerprint.h"
+#include "pipelines/sfm/doubts.h"
+#include "pipelines/sfm/idle_options.h"
 #include "pipelines/sfm/repeated_frames.h"
 #include "pipelines/sfm/track_sequence.h"
+#include "pipelines/sfm/version.h"
 
 namespace cohort {
 namespace {
 
 namespace fs = std::filesystem;
 
-void Count(const TrackFile& file, TrackFigures& figures) {
+void CountTracks(const TrackFile& file, TrackFigures& figures) {
   figures.frames = file.FrameCount();
   figures.repeats = file.repeats.size();
   figures.tracks = file.tracks.features().size();
@@ -35,9 +33,9 @@ void Count(const TrackFile& file, TrackFigures& figures) {
   figures.mean_observed_length = file.tracks.MeanObservedLength();
 }
 
-TrackFile DescribeJob(const TrackJobOptions& options,
-                      const MaskedSequence& sequence,
-                      const SequenceTracker& tracker) {
+TrackFile HeaderOf(const TrackClipOptions& options,
+                   const MaskedSequence& sequence,
+                   const SequenceTracker& tracker) {
   TrackFile header = tracker.Header();
   DescribeInput(options.input, sequence, header);
   header.meta.program = fmt::format("cohort {}", kVersion);
@@ -54,7 +52,7 @@ bool SameCamera(const std::optional<Camera>& a, const std::optional<Camera>& b) 
 
 // Whether the file was made from the same input with the same options. What a run found does not
 // count.
-bool IsOfJob(const TrackFile& file, const TrackFile& header) {
+bool AgreesWith(const TrackFile& file, const TrackFile& header) {
   const auto asked = [](TrackMeta meta) {
     meta.second_pass = false;
     meta.no_second_pass.clear();
@@ -67,17 +65,16 @@ bool IsOfJob(const TrackFile& file, const TrackFile& header) {
          asked(file.meta) == asked(header.meta) && SameCamera(file.camera, header.camera);
 }
 
-void TellCuts(const TrackFile& file) {
-  const std::vector<FrameIndex>& cuts = file.meta.cuts;
-  if (cuts.empty()) return;
-  spdlog::warn(
+std::string DescribeCuts(const std::vector<FrameIndex>& cuts) {
+  if (cuts.empty()) return "";
+  return fmt::format(
       "the clip is cut at {}, and no track continues across a cut; to use only the part after it, "
       "give --frames {}:",
       CutsText(cuts),
       ToInt(cuts.front()));
 }
 
-SequenceTracker TrackerOf(const TrackJobOptions& options, Sequence& sequence) {
+SequenceTracker TrackerOf(const TrackClipOptions& options, Sequence& sequence) {
   return {sequence,
           {.tracker = options.tracker,
            .second_pass = options.second_pass,
@@ -85,7 +82,7 @@ SequenceTracker TrackerOf(const TrackJobOptions& options, Sequence& sequence) {
 }
 
 // To --json, if it is given.
-void WriteFigures(const TrackFigures& figures, const TrackJobOptions& options) {
+void WriteFigures(const TrackFigures& figures, const TrackClipOptions& options) {
   if (options.json.empty()) return;
   WriteJsonFile(options.json,
                 {{"frames", figures.frames},
@@ -106,77 +103,77 @@ void WriteFigures(const TrackFigures& figures, const TrackJobOptions& options) {
 
 }  // namespace
 
-void WarnAgain(const TrackFile& tracks) {
-  if (tracks.meta.warning.empty()) return;
-  spdlog::warn("{}; without --resume it is created again", tracks.meta.warning);
+std::string WarningOfKept(const TrackFile& tracks) {
+  if (tracks.meta.warning.empty()) return "";
+  return fmt::format("{}; without --resume it is created again", tracks.meta.warning);
 }
 
-TrackFile RunSecondPass(TrackFile file, Sequence& sequence, const SecondPassOptions& options) {
-  SecondPass second = WithSecondPass(std::move(file), sequence, options, ProgressBars());
+TrackFile RunSecondPass(TrackFile file,
+                        Sequence& sequence,
+                        const SecondPassOptions& options,
+                        const JobReport& report) {
+  SecondPass second = WithSecondPass(std::move(file), sequence, options, report.progress);
   if (second.none_because.empty()) {
-    spdlog::info("second pass: {}", second.figures.Brief());
+    report.Tell(fmt::format("second pass: {}", second.figures.Brief()));
   } else {
-    spdlog::warn("no second pass: {}", second.none_because);
+    report.Warn(fmt::format("no second pass: {}", second.none_because));
   }
   return std::move(second.file);
 }
 
-TrackFigures RunTrackJob(const TrackJobOptions& options) {
+TrackFigures TrackClip(const TrackClipOptions& options, const JobReport& report) {
   cv::setNumThreads(options.threads == 0 ? -1 : options.threads);
   CheckDistinctOutputs({{"--out", options.out}, {"--json", options.json}});
   const auto sequence = OpenInput(options.input, options.masks);
   CheckOutputsGiven({options.out, options.json});
   SequenceTracker tracker = TrackerOf(options, *sequence);
-  TrackFile header = DescribeJob(options, *sequence, tracker);
-  WarnIfCameraDoubtful(header.camera);
-  TellFocalGuess(header);
-  WarnOfIdleOptions(options.tracker);
+  TrackFile header = HeaderOf(options, *sequence, tracker);
+  report.Warn(DoubtOfCamera(header.camera));
+  report.Tell(DescribeFocalGuess(header));
+  report.Warn(DescribeIdleOptions(options.tracker));
 
   TrackFigures figures;
-  TrackFile file = tracker.TrackAll(std::move(header), ProgressBars());
+  TrackFile file = tracker.TrackAll(std::move(header), report.progress);
   figures.cuts = file.meta.cuts;
-  if (const std::string repeats = DescribeRepeats(file); !repeats.empty()) {
-    spdlog::info("{}", repeats);
-  }
-  TellCuts(file);
+  report.Tell(DescribeRepeats(file));
+  report.Warn(DescribeCuts(file.meta.cuts));
   figures.decode_ms = tracker.decode_ms();
   figures.detect_ms = tracker.detect_ms();
   figures.track_ms = tracker.track_ms();
   file.meta.warning = WarningOfClip(*sequence, file, options.input.input);
-  if (!file.meta.warning.empty()) spdlog::warn("{}", file.meta.warning);
-  if (const std::string coverage = sequence->Coverage(); !coverage.empty()) {
-    spdlog::log(
-        sequence->CoverTooMuch() ? spdlog::level::warn : spdlog::level::info, "{}", coverage);
+  report.Warn(file.meta.warning);
+  if (sequence->CoverTooMuch()) {
+    report.Warn(sequence->Coverage());
+  } else {
+    report.Tell(sequence->Coverage());
   }
-  if (const std::string found = sequence->FixedPartsFound(); !found.empty()) {
-    spdlog::info("{}", found);
-  }
+  report.Tell(sequence->FixedPartsFound());
   NoteFixedParts(options.masks, *sequence, file);
   if (WantsSecondPass(options.second_pass.mode, options.tracker)) {
     const Stopwatch stopwatch;
-    file = RunSecondPass(std::move(file), *sequence, options.second_pass);
+    file = RunSecondPass(std::move(file), *sequence, options.second_pass, report);
     figures.second_pass_ms = stopwatch.Milliseconds();
   }
   const Stopwatch stopwatch;
   WriteTrackFile(options.out, file);
   figures.write_ms = stopwatch.Milliseconds();
-  Count(file, figures);
+  CountTracks(file, figures);
   WriteFigures(figures, options);
   return figures;
 }
 
-bool HasTracksOfJob(const TrackJobOptions& options) {
+bool HasTracksOf(const TrackClipOptions& options, const JobReport& report) {
   if (!fs::exists(options.out)) return false;
   const TrackFile file = ReadTrackFile(options.out);
   const auto sequence = OpenInput(options.input, options.masks);
   const SequenceTracker tracker = TrackerOf(options, *sequence);
-  if (!IsOfJob(file, DescribeJob(options, *sequence, tracker))) {
+  if (!AgreesWith(file, HeaderOf(options, *sequence, tracker))) {
     ThrowError(
         "cannot resume {}: it was made from another input or with other options; without --resume "
         "it is created again",
         options.out);
   }
-  WarnAgain(file);
+  report.Warn(WarningOfKept(file));
   return true;
 }
 

@@ -5,8 +5,8 @@
 
 namespace cohort {
 
-// The work of `cohort degrade`.
-struct DegradeJobOptions {
+// The options of `cohort degrade`.
+struct DegradeClipOptions {
   InputOptions input;
   std::string out;
   std::string level = "medium";
@@ -26,6 +26,6 @@ struct DegradeJobOptions {
 };
 
 // Darkens INPUT and keeps its ground truth.
-void RunDegradeJob(const DegradeJobOptions& options);
+void DegradeClip(const DegradeClipOptions& options);
 
 }  // namespace cohort

@@ -7,8 +7,8 @@
 
 namespace cohort {
 
-// The work of `cohort evaluate`.
-struct EvaluateJobOptions {
+// The options of `cohort evaluate`.
+struct EvaluateOptions {
   std::string subject;
   std::string truth;
   Layout layout = Layout::kAuto;
@@ -42,6 +42,6 @@ struct EvaluateJobOptions {
 
 // Evaluates tracks or a model against the ground truth. Returns the figures, also written to
 // `json`.
-nlohmann::ordered_json RunEvaluateJob(const EvaluateJobOptions& options);
+nlohmann::ordered_json Evaluate(const EvaluateOptions& options);
 
 }  // namespace cohort

@@ -1,7 +1,7 @@
-#include "pipelines/jobs/idle_options.h"
+#include "pipelines/sfm/idle_options.h"
 
 #include <fmt/format.h>
-#include <spdlog/spdlog.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <set>
@@ -19,17 +19,17 @@ std::string GroupOf(const std::string& path) {
   return dot == std::string::npos ? "" : path.substr(0, dot);
 }
 
-void WarnOfUnread(const std::vector<std::string>& idle, const std::string& who) {
-  if (idle.empty()) return;
-  spdlog::warn("{} does not use {}: {} no effect",
-               who,
-               fmt::join(idle, ", "),
-               idle.size() == 1 ? "it has" : "they have");
+std::string DescribeUnread(const std::vector<std::string>& idle, const std::string& who) {
+  if (idle.empty()) return "";
+  return fmt::format("{} does not use {}: {} no effect",
+                     who,
+                     fmt::join(idle, ", "),
+                     idle.size() == 1 ? "it has" : "they have");
 }
 
 }  // namespace
 
-void WarnOfIdleOptions(const TrackerOptions& options) {
+std::string DescribeIdleOptions(const TrackerOptions& options) {
   const std::set<std::string> own = OptionGroupsOf(options.tracker);
   const bool is_descent = options.tracker == TrackerKind::kDescent;
   const bool is_joint =
@@ -58,20 +58,20 @@ void WarnOfIdleOptions(const TrackerOptions& options) {
     });
   }
   const bool is_alone = options.tracker == TrackerKind::kSubspace && !is_joint;
-  WarnOfUnread(idle,
-               fmt::format("tracker {}{}",
-                           NameOf(kTrackerNames, options.tracker),
-                           is_alone ? " without a penalty" : ""));
+  return DescribeUnread(idle,
+                        fmt::format("tracker {}{}",
+                                    NameOf(kTrackerNames, options.tracker),
+                                    is_alone ? " without a penalty" : ""));
 }
 
-void WarnOfIdleOptions(const ReconstructOptions& options) {
-  if (options.backend != BackendKind::kCeres) return;
+std::string DescribeIdleOptions(const ReconstructOptions& options) {
+  if (options.backend != BackendKind::kCeres) return "";
   std::vector<std::string> idle = ChangedOptions(options);
   std::erase_if(idle, [](const std::string& path) {
     const std::string group = GroupOf(path);
     return group == "ceres" || path == "backend";
   });
-  WarnOfUnread(idle, "backend ceres");
+  return DescribeUnread(idle, "backend ceres");
 }
 
 }  // namespace cohort

@@ -6,8 +6,8 @@
 
 namespace cohort {
 
-// The work of `cohort reconstruct`.
-struct ReconstructJobOptions {
+// The options of `cohort reconstruct`.
+struct ReconstructFileOptions {
   std::string tracks;
   std::string out;
   std::string json;
@@ -24,6 +24,7 @@ struct ReconstructJobOptions {
 
 // Makes a model folder from .tracks. A clip that does not reconstruct is a result, which states
 // why.
-ReconstructionSummary RunReconstructJob(const ReconstructJobOptions& options);
+ReconstructionSummary ReconstructFile(const ReconstructFileOptions& options,
+                                      const JobReport& report = {});
 
 }  // namespace cohort

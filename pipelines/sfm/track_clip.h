@@ -5,12 +5,13 @@
 
 #include "frontend/track/tracker_options.h"
 #include "pipelines/sfm/input.h"
+#include "pipelines/sfm/progress.h"
 #include "pipelines/sfm/second_pass.h"
 
 namespace cohort {
 
-// The work of `cohort track`.
-struct TrackJobOptions {
+// The options of `cohort track`.
+struct TrackClipOptions {
   InputOptions input;
   std::string out;
   MaskOptions masks;
@@ -56,16 +57,18 @@ struct TrackFigures {
 
 // Makes .tracks from INPUT: tracks all frames, then runs the second pass, whose tracks replace the
 // first's if a reconstruction with Ceres succeeds.
-TrackFigures RunTrackJob(const TrackJobOptions& options);
+TrackFigures TrackClip(const TrackClipOptions& options, const JobReport& report = {});
 
-// Repeats the warning of tracks that are kept.
-void WarnAgain(const TrackFile& tracks);
-
-// For a job that continues after an interruption: whether the file at options.out exists; its
+// For a run that continues after an interruption: whether the file at options.out exists; its
 // warning is repeated. Throws Error if it was made from another input or with other options.
-bool HasTracksOfJob(const TrackJobOptions& options);
+bool HasTracksOf(const TrackClipOptions& options, const JobReport& report = {});
+// The warning of tracks that are kept; empty if they have none.
+std::string WarningOfKept(const TrackFile& tracks);
 
-// WithSecondPass, with a progress bar and its outcome in the log.
-TrackFile RunSecondPass(TrackFile file, Sequence& sequence, const SecondPassOptions& options);
+// WithSecondPass, with its outcome in the report.
+TrackFile RunSecondPass(TrackFile file,
+                        Sequence& sequence,
+                        const SecondPassOptions& options,
+                        const JobReport& report = {});
 
 }  // namespace cohort

@@ -1,4 +1,4 @@
-#include "pipelines/jobs/degrade_job.h"
+#include "pipelines/experiment/degrade_clip.h"
 
 #include <spdlog/spdlog.h>
 
@@ -6,7 +6,7 @@
 
 namespace cohort {
 
-void RunDegradeJob(const DegradeJobOptions& options) {
+void DegradeClip(const DegradeClipOptions& options) {
   const DegradeOptions defaults;
   if (options.degrade.recipe != DegradeRecipe::kPhone &&
       (options.degrade.codec != defaults.codec ||

@@ -1,4 +1,4 @@
-#include "pipelines/jobs/evaluate_job.h"
+#include "pipelines/evaluation/evaluate.h"
 
 #include <spdlog/spdlog.h>
 
@@ -25,7 +25,6 @@
 #include "frontend/tracks/track_store.h"
 #include "pipelines/evaluation/model_evaluation.h"
 #include "pipelines/evaluation/track_error.h"
-#include "pipelines/jobs/track_doubts.h"
 #include "pipelines/json/json_file.h"
 #include "pipelines/sfm/input.h"
 #include "pipelines/sfm/summary_json.h"
@@ -42,7 +41,7 @@ Json OrNull(const std::optional<T>& value) {
   return value ? Json(*value) : Json(nullptr);
 }
 
-// edge_px: EvaluateJobOptions
+// edge_px: EvaluateOptions
 TrackTruthOracle OracleOf(TrackTruth& truth, double edge_px) {
   return [&truth, edge_px](FrameIndex born, const Eigen::Vector2d& xy) -> std::optional<TruePath> {
     if (edge_px > 0.0 && truth.IsOnDepthEdge(born, xy, edge_px)) return std::nullopt;
@@ -412,7 +411,7 @@ Json EvaluateModelFolder(const Reconstruction& model,
 
 }  // namespace
 
-Json RunEvaluateJob(const EvaluateJobOptions& options) {
+Json Evaluate(const EvaluateOptions& options) {
   if (!fs::exists(options.subject)) {
     ThrowError("there is no .tracks file or model folder {}", options.subject);
   }
@@ -423,7 +422,7 @@ Json RunEvaluateJob(const EvaluateJobOptions& options) {
         "{} is a model, against which tracks cannot be evaluated: give a clip with truth",
         options.truth);
   }
-  if (is_model && options.edge_px != EvaluateJobOptions().edge_px) {
+  if (is_model && options.edge_px != EvaluateOptions().edge_px) {
     ThrowUsageError("--edge-px is for tracks: leave it out with the model {}", options.subject);
   }
   if (IsModelFolder(options.truth) && options.layout != Layout::kAuto) {
