@@ -2,7 +2,6 @@
 
 #include <algorithm>
 
-#include "frontend/track/baselines/dense_flow_tracker.h"
 #include "frontend/track/baselines/klt_tracker.h"
 #include "frontend/track/baselines/rlof_tracker.h"
 #include "frontend/track/subspace/guide_mover.h"
@@ -39,9 +38,6 @@ const KindOfTracker& Find(TrackerKind kind) {
        {"anchored_klt"},
        [](const Options& o) { return MakeAnchoredKltMover(o.anchored_klt); }},
       {TrackerKind::kRlof, {"rlof"}, [](const Options& o) { return MakeRlofMover(o.rlof); }},
-      {TrackerKind::kDis,
-       {"dense_flow"},
-       [](const Options& o) { return MakeDenseFlowMover(o.dense_flow); }},
   };
   const auto found = std::ranges::find(kinds, kind, &KindOfTracker::kind);
   if (found == kinds.end()) ThrowUsageError("unknown tracker");

@@ -2,21 +2,19 @@
 
 #include "frontend/core/options.h"
 #include "frontend/detect/corners.h"
-#include "frontend/track/baselines/dense_flow_tracker.h"
 #include "frontend/track/baselines/klt_tracker.h"
 #include "frontend/track/baselines/rlof_tracker.h"
 #include "frontend/track/subspace/subspace_tracker.h"
 
 namespace cohort {
 
-enum class TrackerKind { kSubspace, kDescent, kKlt, kAnchoredKlt, kRlof, kDis };
-inline constexpr ChoiceNames<TrackerKind, 6> kTrackerNames{
+enum class TrackerKind { kSubspace, kDescent, kKlt, kAnchoredKlt, kRlof };
+inline constexpr ChoiceNames<TrackerKind, 5> kTrackerNames{
     {{"subspace", TrackerKind::kSubspace},
      {"descent", TrackerKind::kDescent},
      {"klt", TrackerKind::kKlt},
      {"anchored-klt", TrackerKind::kAnchoredKlt},
-     {"rlof", TrackerKind::kRlof},
-     {"dis", TrackerKind::kDis}}};
+     {"rlof", TrackerKind::kRlof}}};
 
 struct TrackerOptions {
   TrackerKind tracker = TrackerKind::kSubspace;
@@ -26,7 +24,6 @@ struct TrackerOptions {
   KltOptions klt;
   AnchoredKltOptions anchored_klt;
   RlofOptions rlof;
-  DenseFlowOptions dense_flow;
   SubspaceOptions subspace;
   MeasurementOptions measurement;
 
@@ -55,7 +52,6 @@ struct TrackerOptions {
     v.Group("klt", o.klt, "tracker klt");
     v.Group("anchored_klt", o.anchored_klt, "tracker anchored-klt");
     v.Group("rlof", o.rlof, "tracker rlof");
-    v.Group("dense_flow", o.dense_flow, "tracker dis");
     v.Group("subspace", o.subspace, "tracker subspace");
     v.Group("measurement", o.measurement, "measurement after the guide, tracker subspace");
   }

@@ -71,10 +71,10 @@ struct ExperimentOptions {
         o.trackers,
         "The trackers to compare: those of `cohort track`; kltN, anchored-kltN: with a window of N "
         "px; subspace-paper, descent-paper: the joint and the first-order tracker as published in "
-        "the paper, without measurement; subspace-fused: subspace with the most probable "
-        "positions; NAME-refined, NAME-online: with and without a second pass (subspace has one by "
-        "default); ceiling: the truth with the least noise that a patch of 21 px allows; sift: "
-        "COLMAP's own features (backend colmap only); F.json: the tracker options in this file.",
+        "the paper, without measurement; NAME-refined, NAME-online: with and without a second pass "
+        "(subspace has one by default); ceiling: the truth with the least noise that a patch of 21 "
+        "px allows; sift: COLMAP's own features (backend colmap only); F.json: the tracker options "
+        "in this file.",
         Tier::kCommon);
     v.List("backends",
            o.backends,

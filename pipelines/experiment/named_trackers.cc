@@ -50,11 +50,6 @@ TrackerOptions NamedTracker(const std::string& name, const TrackerOptions& base)
     options.measurement.enabled = false;
     return options;
   }
-  if (name == "subspace-fused") {
-    options.tracker = TrackerKind::kSubspace;
-    options.measurement.fuse = true;
-    return options;
-  }
   const auto window_behind = [&name](std::string_view prefix) -> std::optional<unsigned> {
     if (!name.starts_with(prefix)) return std::nullopt;
     return ParseUnsigned(std::string_view(name).substr(prefix.size()));
@@ -73,7 +68,7 @@ TrackerOptions NamedTracker(const std::string& name, const TrackerOptions& base)
   }
   ThrowUsageError(
       "tracker '{}' is unknown: give a tracker of `cohort track`, kltN or anchored-kltN (window "
-      "N px), descent-paper, subspace-paper, subspace-fused, ceiling, sift or F.json",
+      "N px), descent-paper, subspace-paper, ceiling, sift or F.json",
       name);
 }
 

@@ -165,7 +165,6 @@ TrackerOptions WithoutGivingUp(TrackerOptions options) {
   options.klt.forward_backward_px = 0.0;
   options.anchored_klt.max_unconfirmed_frames = 100000;
   options.rlof.forward_backward_px = 0.0;
-  options.dense_flow.forward_backward_px = 0.0;
   options.measurement.max_unexplained_frames = 0;
   return options;
 }

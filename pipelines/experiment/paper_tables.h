@@ -12,9 +12,9 @@ namespace cohort {
 // The paper's two tables for each level: a line for every tracker, a column for every sequence, and
 // their average. A cell is the median over the seeds and, with several seeds, (lowest-highest); the
 // average is that of the medians. In the second table ">" marks cells without re-initialisation:
-// the value is a lower bound. Two more tables give the ratio by which `subspace-fused`, or else
-// `subspace`, is better: the median over the seeds, and for the average the ratio of averages; a
-// line "klt, best window" is the best klt variant for each sequence.
+// the value is a lower bound. Two more tables give the ratio by which `subspace` is better: the
+// median over the seeds, and for the average the ratio of averages; a line "klt, best window" is
+// the best klt variant for each sequence.
 std::string PaperTables(const ExperimentResults& results,
                         int window_frames = PaperProtocolOptions().window_frames);
 

@@ -16,8 +16,7 @@ bool WantsSecondPass(SecondPassMode mode, const TrackerOptions& tracker) {
   switch (mode) {
     case SecondPassMode::kAuto:
       return tracker.tracker == TrackerKind::kSubspace &&
-             tracker.subspace.constraint == Constraint::kStrong && tracker.measurement.enabled &&
-             !tracker.measurement.fuse;
+             tracker.subspace.constraint == Constraint::kStrong && tracker.measurement.enabled;
     case SecondPassMode::kOn:
       return true;
     case SecondPassMode::kOff:

@@ -56,13 +56,12 @@ const std::vector<std::string> kBaselines{"klt7",
                                           "anchored-klt21",
                                           "anchored-klt31",
                                           "rlof",
-                                          "dis",
                                           "descent-paper",
                                           "descent"};
 
-const std::vector<std::string> kOurs{"subspace-paper", "subspace", "subspace-fused"};
+const std::vector<std::string> kOurs{"subspace-paper", "subspace"};
 
-// subspace-fused with these trajectory models.
+// subspace with these trajectory models.
 struct TrajectoryModelKind {
   const char* name;
   bool perspective;
@@ -135,8 +134,7 @@ PageResults Compare(const PageOptions& options, const std::vector<std::string>& 
     WriteJsonFile(
         file,
         {{"tracker", "subspace"},
-         {"measurement",
-          {{"fuse", true}, {"perspective", model.perspective}, {"max_rank", model.max_rank}}}});
+         {"measurement", {{"perspective", model.perspective}, {"max_rank", model.max_rank}}}});
     experiment.trackers.push_back(file.string());
   }
   results.trajectory_models = CollectResults(experiment, RunCells(experiment));
@@ -200,12 +198,10 @@ std::string RatioTable(const ExperimentResults& results, const std::string& leve
       {"L1 error, anchored KLT 21x21 / ours", kL1, "anchored-klt21", "", false},
       {"L1 error, anchored KLT 31x31 / ours", kL1, "anchored-klt31", "", false},
       {"L1 error, first-order descent / ours", kL1, "descent-paper", "1.55", false},
-      {"L1 error, dense flow (DIS) / ours", kL1, "dis", "3.1 (LDOF)", false},
       {"frames between re-initialisations, ours / KLT 7x7", kLife, "klt7", "7.8", true},
       {"the same, ours / KLT 31x31", kLife, "klt31", "", true},
       {"the same, ours / anchored KLT 31x31", kLife, "anchored-klt31", "", true},
-      {"the same, ours / first-order descent", kLife, "descent-paper", "1.86", true},
-      {"the same, ours / dense flow (DIS)", kLife, "dis", "3.0 (LDOF)", true}};
+      {"the same, ours / first-order descent", kLife, "descent-paper", "1.86", true}};
   std::string text = "| figure | the paper |";
   std::string rule = "|---|---|";
   for (const std::string& ours : kOurs) {
@@ -271,7 +267,7 @@ void WritePicture(const PageOptions& options, const fs::path& clip, const fs::pa
   const auto dark = OpenSequence(options.work / "compare/cells" / clip.filename() / "hard" /
                                  options.seeds.front() / "frames");
   std::vector<cv::Mat> pictures;
-  for (const char* name : {"klt21", "subspace-fused"}) {
+  for (const char* name : {"klt21", "subspace"}) {
     const auto mover = MakeMover(WithoutGivingUp(NamedTracker(name, {})));
     dark->Rewind();
     cv::Mat last;
@@ -357,15 +353,12 @@ The trackers are:
   first frame. The result is kept if it ends within 3 px of the guide and tracks back to 1 px; otherwise the guide is
   used. The gain of our trackers over these is therefore not due to measuring against the first frame.
 - `rlof`: OpenCV's robust local optical flow.
-- `dis`: tracks chained from dense flow, in the place of the paper's LDOF.
 - `descent-paper`, `subspace-paper`: the paper's first-order tracker and its joint tracker (empirical dimension,
   centred, weak, L = 10, Algorithm 1), templates 7 x 7, without measurement. m, which the paper does not print, is
   relative to the contrast and chosen as below.
 - `descent`: the same first-order tracker with templates 11 x 11.
 - `subspace`: the tracker of `cohort track`: Lucas-Kanade as a guide, then a separate measurement of every feature, and
   a trajectory model of all of them.
-- `subspace-fused`: the same with `--measurement.fuse`, so that the output is the most probable position given all
-  features. This is the fair counterpart of the paper's tracker, whose positions are those of the penalised energy.
 
 ## Summary
 
@@ -383,7 +376,7 @@ The paper's subspace is that of an affine camera and one rigid body, which has t
 Perspective, motion ahead and further bodies need more. The trajectory model (`docs/how_it_works.md`) has two solutions:
 projective cameras (`--measurement.perspective`), and coordinates that start at two and are added whenever the residuals
 contain a direction that noise does not explain; `--measurement.max-rank` is the maximum, 3 or 8. The tables show
-`subspace-fused` with each, with seeds {} and averages over the clips, first the L1 error, then the frames between
+`subspace` with each, with seeds {} and averages over the clips, first the L1 error, then the frames between
 re-initialisations:
 
 {}

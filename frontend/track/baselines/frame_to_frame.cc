@@ -3,9 +3,20 @@
 #include <opencv2/core.hpp>
 #include <utility>
 
+#include "frontend/core/keep.h"
 #include "frontend/image/sampling.h"
 
 namespace cohort {
+
+void RequireReturn(std::span<const cv::Point2f> starts,
+                   const PointFlow& back,
+                   double return_px,
+                   PointFlow& there) {
+  for (std::size_t f = 0; f < starts.size(); ++f) {
+    const bool returns = back.found[f] != 0 && cv::norm(back.ends[f] - starts[f]) <= return_px;
+    if (!returns) there.found[f] = 0;
+  }
+}
 
 double PatchDifference(const cv::Mat& a,
                        const cv::Point2f& at_a,
@@ -31,42 +42,27 @@ std::vector<cv::Mat> FrameToFrameMover::Prepare(const Pyramid& current) const {
 
 std::vector<Move> FrameToFrameMover::MoveFeatures(const Pyramid& current) {
   std::vector<cv::Mat> picture = Prepare(current);
-  const std::vector<Step> forward = Flow(previous_, picture, positions_);
-  std::vector<cv::Point2f> ends;
-  for (const Step& step : forward) ends.push_back(step.end);
-  const bool check = check_.px > 0.0;
-  const std::vector<Step> back = check ? Flow(picture, previous_, ends) : std::vector<Step>();
-
+  PointFlow flow = Flow(previous_, picture, positions_);
+  if (forward_backward_px_ > 0.0) {
+    RequireReturn(positions_, Flow(picture, previous_, flow.ends), forward_backward_px_, flow);
+  }
   std::vector<Move> moves(positions_.size());
   for (std::size_t f = 0; f < moves.size(); ++f) {
-    moves[f].xy = {ends[f].x, ends[f].y};
-    bool lost = !forward[f].found;
-    if (check && !lost) {
-      const cv::Point2d w = ends[f] - positions_[f];
-      const cv::Point2d v = back[f].end - ends[f];
-      const double limit = check_.px * check_.px + check_.share * (w.dot(w) + v.dot(v));
-      lost = !back[f].found || !((w + v).dot(w + v) <= limit);
-    }
-    if (lost || !moves[f].xy.allFinite()) {
+    const cv::Point2f& end = flow.ends[f];
+    moves[f].xy = {end.x, end.y};
+    if (flow.found[f] == 0 || !moves[f].xy.allFinite()) {
       moves[f].loss = LossReason::kDiverged;
     } else {
-      moves[f].residual =
-          PatchDifference(previous_gray_, positions_[f], current.levels[0], ends[f]);
+      moves[f].residual = PatchDifference(previous_gray_, positions_[f], current.levels[0], end);
     }
   }
-  positions_ = std::move(ends);
+  positions_ = std::move(flow.ends);
   previous_ = std::move(picture);
   previous_gray_ = current.levels[0];
   return moves;
 }
 
-void FrameToFrameMover::Keep(std::span<const std::uint8_t> keep) {
-  std::size_t kept = 0;
-  for (std::size_t f = 0; f < positions_.size(); ++f) {
-    if (keep[f] != 0) positions_[kept++] = positions_[f];
-  }
-  positions_.resize(kept);
-}
+void FrameToFrameMover::Keep(std::span<const std::uint8_t> keep) { KeepOnly(keep, positions_); }
 
 void FrameToFrameMover::Add(std::span<const Eigen::Vector2d> born, const Pyramid& current) {
   if (positions_.empty()) {  // without features MoveFeatures was not called and stored no picture

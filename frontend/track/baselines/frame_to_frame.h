@@ -1,6 +1,8 @@
 #pragma once
 
+#include <cstdint>
 #include <opencv2/core/mat.hpp>
+#include <opencv2/core/types.hpp>
 #include <span>
 #include <vector>
 
@@ -8,41 +10,41 @@
 
 namespace cohort {
 
-// The forward-backward check. A feature moves from p by w to the current picture, and tracking back
-// from there moves it by v. It passes if
-//   |w + v|^2 <= px^2 + share (|w|^2 + |v|^2);   px = 0: no check.
-// share is 0 for point trackers. Dense flow uses 0.01 and px^2 = 0.5 (Sundaram, Brox, Keutzer:
-// Dense point trajectories by GPU-accelerated large displacement optical flow, ECCV 2010, eq. 5).
-struct ReturnCheck {
-  double px = 0.0;
-  double share = 0.0;
+// Where points move to from one picture to another.
+struct PointFlow {
+  std::vector<cv::Point2f> ends;
+  std::vector<std::uint8_t> found;  // 0: given up
 };
+
+// The forward-backward check: clears `found` for points that `back`, the flow of there.ends to the
+// first picture, does not bring to within `return_px` of their starts.
+void RequireReturn(std::span<const cv::Point2f> starts,
+                   const PointFlow& back,
+                   double return_px,
+                   PointFlow& there);
 
 // The baselines track every feature independently from the last picture to this one, without
 // memory. A feature ends if it leaves the picture, if the method gives it up, or if it fails the
 // forward-backward check.
 class FrameToFrameMover : public FeatureMover {
  public:
-  explicit FrameToFrameMover(const ReturnCheck& check) : check_(check) {}
+  explicit FrameToFrameMover(double forward_backward_px)  // 0: no check
+      : forward_backward_px_(forward_backward_px) {}
 
   std::vector<Move> MoveFeatures(const Pyramid& current) final;
   void Keep(std::span<const std::uint8_t> keep) final;
   void Add(std::span<const Eigen::Vector2d> born, const Pyramid& current) final;
 
  protected:
-  struct Step {
-    cv::Point2f end;
-    bool found = true;
-  };
   // A picture in the form that Flow takes; by default level 0 in 8 bits.
   virtual std::vector<cv::Mat> Prepare(const Pyramid& current) const;
-  // Returns one step for every start; there is at least one.
-  virtual std::vector<Step> Flow(const std::vector<cv::Mat>& from,
-                                 const std::vector<cv::Mat>& to,
-                                 const std::vector<cv::Point2f>& starts) const = 0;
+  // There is at least one start.
+  virtual PointFlow Flow(const std::vector<cv::Mat>& from,
+                         const std::vector<cv::Mat>& to,
+                         const std::vector<cv::Point2f>& starts) const = 0;
 
  private:
-  ReturnCheck check_;
+  double forward_backward_px_;
   cv::Mat previous_gray_;
   std::vector<cv::Mat> previous_;
   std::vector<cv::Point2f> positions_;

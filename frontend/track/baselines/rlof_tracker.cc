@@ -10,7 +10,7 @@ namespace {
 class RlofMover final : public FrameToFrameMover {
  public:
   explicit RlofMover(const RlofOptions& options)
-      : FrameToFrameMover({.px = options.forward_backward_px}),
+      : FrameToFrameMover(options.forward_backward_px),
         parameters_(cv::optflow::RLOFOpticalFlowParameter::create()) {
     // The adaptive window (SR_CROSS) segments by colour; on noise it only shrinks the window.
     parameters_->setSupportRegionType(cv::optflow::SR_FIXED);
@@ -23,19 +23,16 @@ class RlofMover final : public FrameToFrameMover {
   }
 
  private:
-  std::vector<Step> Flow(const std::vector<cv::Mat>& from,
-                         const std::vector<cv::Mat>& to,
-                         const std::vector<cv::Point2f>& starts) const override {
+  PointFlow Flow(const std::vector<cv::Mat>& from,
+                 const std::vector<cv::Mat>& to,
+                 const std::vector<cv::Point2f>& starts) const override {
     // In narrower pictures, OpenCV's implementation allocates memory without bound.
     constexpr int kLeastWidthPx = 64;
     parameters_->setUseGlobalMotionPrior(from[0].cols >= kLeastWidthPx);
-    std::vector<cv::Point2f> ends;
-    std::vector<std::uint8_t> found;
+    PointFlow flow;
     cv::optflow::calcOpticalFlowSparseRLOF(
-        from[0], to[0], starts, ends, found, cv::noArray(), parameters_);
-    std::vector<Step> steps;
-    for (std::size_t f = 0; f < starts.size(); ++f) steps.push_back({ends[f], found[f] != 0});
-    return steps;
+        from[0], to[0], starts, flow.ends, flow.found, cv::noArray(), parameters_);
+    return flow;
   }
 
   cv::Ptr<cv::optflow::RLOFOpticalFlowParameter> parameters_;

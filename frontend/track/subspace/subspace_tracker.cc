@@ -143,7 +143,7 @@ Eigen::Matrix2Xd SubspaceMover::Fuse(const FrameMeasurement& frame, std::vector<
       move.covariance =
           PixelCovariance::From(std::max(1.0, model_.Misfit(f)) * move.covariance->Matrix());
     }
-    if (measurement_.fuse || move.state == ObservationState::kPredicted) move.xy = fused[f].xy;
+    if (move.state == ObservationState::kPredicted) move.xy = fused[f].xy;
   }
   return x;
 }

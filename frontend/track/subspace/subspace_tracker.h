@@ -17,7 +17,6 @@ struct MeasurementOptions {
   int max_rank = 8;
   bool perspective = true;
   int max_unexplained_frames = 4;
-  bool fuse = false;
 
   template <typename Self, typename Visitor>
   static void Visit(Self& o, Visitor& v) {
@@ -38,11 +37,6 @@ struct MeasurementOptions {
              100000,
              "a feature ends after more than this many frames in a row in which it is not "
              "confirmed although nothing hides it, or if it changes slowly; 0: no check");
-    v.Flag(
-        "fuse",
-        o.fuse,
-        "write the most probable positions, of the measurement and the other features: nearer to "
-        "the truth, but no longer independent of each other, as bundle adjustment expects");
   }
 };
 

@@ -109,7 +109,6 @@ const ABOUT_TRACKERS = [
   [/^ceiling$/, 'the true tracks plus the least noise with which a patch of 21 x 21 px can be located by itself in such darkness (Cram\u00e9r-Rao bound)'],
   [/^sift$/, 'COLMAP\u2019s own SIFT features and sequential matching on the same frames'],
   [/^rlof$/, 'robust local optical flow of OpenCV'],
-  [/^dis$/, 'tracks chained from dense optical flow'],
 ];
 const ABOUT_BACKENDS = {
   ceres: 'cohort\u2019s own reconstruction',

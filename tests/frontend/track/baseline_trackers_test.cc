@@ -129,8 +129,7 @@ INSTANTIATE_TEST_SUITE_P(All,
                          BaselineTracker,
                          testing::Values(Baseline{TrackerKind::kKlt, 0.1},
                                          Baseline{TrackerKind::kAnchoredKlt, 0.1},
-                                         Baseline{TrackerKind::kRlof, 0.15},
-                                         Baseline{TrackerKind::kDis, 0.25}),
+                                         Baseline{TrackerKind::kRlof, 0.15}),
                          [](const auto& info) {
                            std::string name(NameOf(kTrackerNames, info.param.tracker));
                            std::erase(name, '-');

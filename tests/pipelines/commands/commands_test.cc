@@ -137,7 +137,7 @@ TEST_F(Commands, HelpNamesEveryOptionWithDefaultAndRange) {
   EXPECT_THAT(RunCohort("track --help-all").out,
               AllOf(HasSubstr("--features, --detector.max-features"),
                     HasSubstr("default 1000)"),
-                    HasSubstr("descent, klt, anchored-klt, rlof, dis;"),
+                    HasSubstr("descent, klt, anchored-klt, rlof;"),
                     HasSubstr("--window"),
                     HasSubstr("--camera"),
                     HasSubstr("--mask")));
@@ -335,8 +335,8 @@ TEST_F(Commands, OptionsThatChangeNothingAreSaid) {
               HasSubstr("tracker klt does not use rlof.forward_backward_px, subspace.constraint, "
                         "subspace.history_length: they have no effect"));
   const std::string track = "track " + clip + " --features 30 --out " + Path("b.tracks");
-  EXPECT_THAT(warned(track + " --tracker dis --window 15"),
-              HasSubstr("tracker dis does not use klt.window_px, subspace.template_px: they"));
+  EXPECT_THAT(warned(track + " --tracker rlof --window 15"),
+              HasSubstr("tracker rlof does not use klt.window_px, subspace.template_px: they"));
   EXPECT_THAT(warned(track + " --tracker descent --uncentered --second-pass off"),
               HasSubstr("tracker descent does not use subspace.uncentered: it has no effect"));
   EXPECT_THAT(
@@ -1811,7 +1811,7 @@ TEST_F(Commands, ComparesAsThePaperDid) {
   Run("synth " + Path("clip") + kMedium + " --frames 8");
   const std::string compare = "compare " + Path("clip") +
                               " --protocol paper --paper.window-frames 4 --levels medium "
-                              "--trackers klt7,dis,descent-paper,subspace-paper,subspace --out " +
+                              "--trackers klt7,rlof,descent-paper,subspace-paper,subspace --out " +
                               Path("out");
   const ProgramEnd first = RunCohort(compare);
   ASSERT_EQ(first.exit_code, 0) << first.err;
