@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "datasets/truth/position_bound.h"
+#include "frontend/core/keep.h"
 #include "frontend/core/random_stream.h"
 #include "frontend/track/track_loop.h"
 #include "pipelines/sfm/input.h"
@@ -41,13 +42,7 @@ class TruthMover final : public FeatureMover {
     return moves;
   }
 
-  void Keep(std::span<const std::uint8_t> keep) override {
-    std::size_t kept = 0;
-    for (std::size_t f = 0; f < features_.size(); ++f) {
-      if (keep[f] != 0) features_[kept++] = features_[f];
-    }
-    features_.resize(kept);
-  }
+  void Keep(std::span<const std::uint8_t> keep) override { KeepOnly(keep, features_); }
 
   void Add(std::span<const Eigen::Vector2d> born, const Pyramid&) override {
     for (const Eigen::Vector2d& xy : born) features_.push_back({xy, truth_.Pick(frame_, xy)});

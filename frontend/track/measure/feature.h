@@ -1,9 +1,6 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <cstdint>
-#include <span>
-#include <vector>
 
 #include "frontend/image/pyramid.h"
 #include "frontend/track/measure/measurement.h"
@@ -23,8 +20,5 @@ struct Feature {
 
 // A feature born at `xy`. `smooth` is the picture denoised for measuring.
 Feature TakeFeature(const Pyramid& smooth, const Eigen::Vector2d& xy, const PatchOptions& patch);
-
-// Removes the features with keep[f] == 0.
-void KeepFeatures(std::span<const std::uint8_t> keep, std::vector<Feature>& features);
 
 }  // namespace cohort

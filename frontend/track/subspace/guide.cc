@@ -10,12 +10,4 @@ std::unique_ptr<Guide> MakeGuide(const SubspaceOptions& options) {
   return std::make_unique<JointGuide>(options);
 }
 
-void KeepColumns(std::span<const std::uint8_t> keep, Eigen::Matrix2Xd& x) {
-  Eigen::Index kept = 0;
-  for (std::size_t f = 0; f < keep.size(); ++f) {
-    if (keep[f] != 0) x.col(kept++) = x.col(static_cast<Eigen::Index>(f));
-  }
-  x.conservativeResize(2, kept);
-}
-
 }  // namespace cohort

@@ -40,7 +40,4 @@ class Guide {
 // Lucas-Kanade for each feature without a penalty, otherwise the paper's joint guide.
 std::unique_ptr<Guide> MakeGuide(const SubspaceOptions& options);
 
-// Removes the columns with keep[f] == 0.
-void KeepColumns(std::span<const std::uint8_t> keep, Eigen::Matrix2Xd& x);
-
 }  // namespace cohort

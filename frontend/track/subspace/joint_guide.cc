@@ -5,6 +5,7 @@
 #include <numeric>
 #include <utility>
 
+#include "frontend/core/keep.h"
 #include "frontend/core/part_times.h"
 #include "frontend/core/statistics.h"
 #include "frontend/energy/patch_energy.h"
@@ -191,9 +192,8 @@ void JointGuide::Add(std::span<const Eigen::Vector2d> born, const Pyramid& pictu
 }
 
 void JointGuide::Keep(std::span<const std::uint8_t> keep) {
-  for (Eigen::Matrix2Xd& x : history_) KeepColumns(keep, x);
-  std::size_t f = 0;
-  std::erase_if(templates_, [&](const Templates&) { return keep[f++] == 0; });
+  for (Eigen::Matrix2Xd& x : history_) KeepOnly(keep, x);
+  KeepOnly(keep, templates_);
 }
 
 Eigen::Matrix2Xd JointGuide::Start(const Pyramid& current) const {

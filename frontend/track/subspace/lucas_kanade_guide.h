@@ -1,5 +1,6 @@
 #pragma once
 
+#include "frontend/core/keep.h"
 #include "frontend/track/subspace/guide.h"
 
 namespace cohort {
@@ -11,7 +12,7 @@ class LucasKanadeGuide final : public Guide {
  public:
   void Begin(const Pyramid& picture) override;
   void Add(std::span<const Eigen::Vector2d> born, const Pyramid& picture) override;
-  void Keep(std::span<const std::uint8_t> keep) override { KeepColumns(keep, x_); }
+  void Keep(std::span<const std::uint8_t> keep) override { KeepOnly(keep, x_); }
 
   const Eigen::Matrix2Xd& positions() const override { return x_; }
   Eigen::Matrix2Xd Find(const Pyramid& current,

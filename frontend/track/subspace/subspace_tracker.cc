@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "frontend/core/in_parallel.h"
+#include "frontend/core/keep.h"
 #include "frontend/core/part_times.h"
 #include "frontend/track/measure/covariance_calibration.h"
 #include "frontend/track/measure/frame_measurement.h"
@@ -150,7 +151,7 @@ Eigen::Matrix2Xd SubspaceMover::Fuse(const FrameMeasurement& frame, std::vector<
 
 void SubspaceMover::Keep(std::span<const std::uint8_t> keep) {
   const TimedPart part("bookkeeping");
-  KeepFeatures(keep, features_);
+  KeepOnly(keep, features_);
   guide_->Keep(keep);
   model_.Keep(keep);
 }

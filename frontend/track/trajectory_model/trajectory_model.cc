@@ -5,6 +5,7 @@
 
 #include "frontend/core/error.h"
 #include "frontend/core/in_parallel.h"
+#include "frontend/core/keep.h"
 #include "frontend/core/part_times.h"
 #include "frontend/track/trajectory_model/camera_fit.h"
 #include "frontend/track/trajectory_model/feature_fit.h"
@@ -88,17 +89,8 @@ double TrajectoryModel::Misfit(std::size_t feature) const {
 
 void TrajectoryModel::Keep(std::span<const std::uint8_t> keep) {
   Check(keep.size() == state_.features.size(), "the model has the tracker's features");
-  std::size_t kept = 0;
-  for (std::size_t f = 0; f < keep.size(); ++f) {
-    if (keep[f] == 0) continue;
-    if (kept != f) {
-      state_.features[kept] = state_.features[f];
-      for (ModelFrame& frame : state_.frames) frame.observations[kept] = frame.observations[f];
-    }
-    ++kept;
-  }
-  state_.features.resize(kept);
-  for (ModelFrame& frame : state_.frames) frame.observations.resize(kept);
+  KeepOnly(keep, state_.features);
+  for (ModelFrame& frame : state_.frames) KeepOnly(keep, frame.observations);
 }
 
 void TrajectoryModel::Add(const Eigen::Vector2d& xy) {
