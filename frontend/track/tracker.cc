@@ -1,43 +1,39 @@
 #include "frontend/track/tracker.h"
 
 #include <algorithm>
+#include <vector>
 
-#include "frontend/track/baselines/klt_tracker.h"
-#include "frontend/track/baselines/rlof_tracker.h"
+#include "frontend/core/error.h"
 #include "frontend/track/subspace/guide_mover.h"
-#include "frontend/track/subspace/subspace_tracker.h"
-#include "frontend/track/track_loop.h"
 
 namespace cohort {
 
 namespace {
 
-// All trackers: the groups of options that each reads, beside the detector's, and what moves its
-// features.
+// All trackers: what each reads (OptionsReadBy), and what moves its features.
 struct KindOfTracker {
   TrackerKind kind;
-  std::set<std::string> groups;
+  std::set<std::string> reads;
   std::unique_ptr<FeatureMover> (*mover)(const TrackerOptions& options);
 };
 
 const KindOfTracker& Find(TrackerKind kind) {
-  using Options = TrackerOptions;
   static const std::vector<KindOfTracker> kinds{
       {TrackerKind::kSubspace,
        {"subspace", "measurement"},
-       [](const Options& o) { return MakeSubspaceMover(o.subspace, o.measurement); }},
+       [](const TrackerOptions& o) { return MakeSubspaceMover(o.subspace, o.measurement); }},
       {TrackerKind::kDescent,
-       {"subspace"},
-       [](const Options& o) {
+       {"subspace.template_px", "subspace.min_iterations", "subspace.max_iterations"},
+       [](const TrackerOptions& o) {
          SubspaceOptions alone = o.subspace;
          alone.penalty = PenaltyKind::kNone;
          return MakeGuideMover(alone);
        }},
-      {TrackerKind::kKlt, {"klt"}, [](const Options& o) { return MakeKltMover(o.klt); }},
+      {TrackerKind::kKlt, {"klt"}, [](const TrackerOptions& o) { return MakeKltMover(o.klt); }},
       {TrackerKind::kAnchoredKlt,
        {"anchored_klt"},
-       [](const Options& o) { return MakeAnchoredKltMover(o.anchored_klt); }},
-      {TrackerKind::kRlof, {"rlof"}, [](const Options& o) { return MakeRlofMover(o.rlof); }},
+       [](const TrackerOptions& o) { return MakeAnchoredKltMover(o.anchored_klt); }},
+      {TrackerKind::kRlof, {"rlof"}, [](const TrackerOptions& o) { return MakeRlofMover(o.rlof); }},
   };
   const auto found = std::ranges::find(kinds, kind, &KindOfTracker::kind);
   if (found == kinds.end()) ThrowUsageError("unknown tracker");
@@ -50,11 +46,17 @@ std::unique_ptr<FeatureMover> MakeMover(const TrackerOptions& options) {
   return Find(options.tracker).mover(options);
 }
 
-std::set<std::string> OptionGroupsOf(TrackerKind kind) { return Find(kind).groups; }
-
-std::unique_ptr<Tracker> MakeTracker(const TrackerOptions& options) {
+std::unique_ptr<TrackLoop> MakeTracker(const TrackerOptions& options) {
   ValidateOptions(options);
   return std::make_unique<TrackLoop>(options, MakeMover(options));
+}
+
+std::set<std::string> OptionsReadBy(const TrackerOptions& options) {
+  // Lucas-Kanade takes the place of the joint guide.
+  const bool is_alone = options.tracker == TrackerKind::kSubspace && options.measurement.enabled &&
+                        options.subspace.penalty == PenaltyKind::kNone;
+  if (is_alone) return {"subspace.constraint", "subspace.penalty", "measurement"};
+  return Find(options.tracker).reads;
 }
 
 }  // namespace cohort

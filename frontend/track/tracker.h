@@ -3,39 +3,26 @@
 #include <memory>
 #include <set>
 #include <string>
-#include <vector>
 
-#include "frontend/image/frame.h"
+#include "frontend/track/loop/feature_mover.h"
+#include "frontend/track/loop/track_loop.h"
 #include "frontend/track/tracker_options.h"
-#include "frontend/tracks/observation.h"
-#include "frontend/tracks/track_set.h"
 
 namespace cohort {
 
-// The result of a tracker for one frame.
-struct FrameResult {
-  std::vector<Observation> observations;  // ascending features; of this frame
-  std::vector<TrackEnd> ends;             // tracks that ended before this frame, ascending features
-  bool cut = false;        // this frame is the first of another scene: all tracks ended before it
-  double detect_ms = 0.0;  // time spent on finding corners; for reports
-  // A tracker is causal: it never corrects states or positions of earlier frames.
-};
-
-// Tracks features from frame to frame. Synchronous and causal, without threads or queues.
+// Tracks features from frame to frame:
 //
 //   auto tracker = MakeTracker(options);
 //   while (auto frame = sequence->Next()) Use(tracker->Track(*frame));
-class Tracker {
- public:
-  virtual ~Tracker() = default;
-  virtual FrameResult Track(const Frame& frame) = 0;
-};
+//
+// Throws UsageError if an option is out of range.
+std::unique_ptr<TrackLoop> MakeTracker(const TrackerOptions& options);
 
-// The groups of TrackerOptions that this tracker reads, beside the detector's.
-std::set<std::string> OptionGroupsOf(TrackerKind kind);
+// Its mover, for callers that do the bookkeeping themselves.
+std::unique_ptr<FeatureMover> MakeMover(const TrackerOptions& options);
 
-// Features are neither born nor stay where a frame's mask is 0. Throws UsageError if an option is
-// out of range.
-std::unique_ptr<Tracker> MakeTracker(const TrackerOptions& options);
+// What the tracker reads of the groups of options, beside the detector's: names of groups, and
+// `group.option` where it is not the whole group.
+std::set<std::string> OptionsReadBy(const TrackerOptions& options);
 
 }  // namespace cohort

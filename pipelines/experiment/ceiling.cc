@@ -8,7 +8,7 @@
 #include "datasets/truth/position_bound.h"
 #include "frontend/core/keep.h"
 #include "frontend/core/random_stream.h"
-#include "frontend/track/track_loop.h"
+#include "frontend/track/loop/track_loop.h"
 #include "pipelines/sfm/input.h"
 
 namespace cohort {

@@ -120,8 +120,12 @@ bool IsPlainKlt(const GridTracker& tracker) {
 }
 
 Json OwnOptions(const GridTracker& tracker) {
-  std::set<std::string> own;
-  if (tracker.source == TrackSource::kTracker) own = OptionGroupsOf(tracker.options.tracker);
+  std::set<std::string> own;  // groups
+  if (tracker.source == TrackSource::kTracker) {
+    for (const std::string& path : OptionsReadBy(tracker.options)) {
+      own.insert(path.substr(0, path.find('.')));
+    }
+  }
   Json kept = Json::object();
   const Json all = ToJson(tracker.options);
   for (const auto& [name, value] : all.items()) {

@@ -8,7 +8,7 @@
 
 #include "datasets/readers/sequence.h"
 #include "datasets/truth/track_truth.h"
-#include "frontend/track/track_loop.h"
+#include "frontend/track/tracker.h"
 
 namespace cohort {
 

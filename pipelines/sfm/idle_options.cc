@@ -30,20 +30,9 @@ std::string DescribeUnread(const std::vector<std::string>& idle, const std::stri
 }  // namespace
 
 std::string DescribeIdleOptions(const TrackerOptions& options) {
-  const std::set<std::string> own = OptionGroupsOf(options.tracker);
-  const bool is_descent = options.tracker == TrackerKind::kDescent;
-  const bool is_joint =
-      options.tracker == TrackerKind::kSubspace &&
-      (options.subspace.penalty != PenaltyKind::kNone || !options.measurement.enabled);
-  // Of the group `subspace`, what others than the joint guide read.
-  const std::set<std::string> read =
-      is_descent ? std::set<std::string>{"subspace.template_px",
-                                         "subspace.min_iterations",
-                                         "subspace.max_iterations"}
-                 : std::set<std::string>{"subspace.constraint", "subspace.penalty"};
-  const auto is_read = [&](const std::string& path) {
-    const std::string group = GroupOf(path);
-    return own.contains(group) && (group != "subspace" || is_joint || read.contains(path));
+  const std::set<std::string> read = OptionsReadBy(options);
+  const auto is_read = [&read](const std::string& path) {
+    return read.contains(GroupOf(path)) || read.contains(path);
   };
   std::vector<std::string> idle;
   for (const std::string& path : ChangedOptions(options)) {
@@ -57,7 +46,7 @@ std::string DescribeIdleOptions(const TrackerOptions& options) {
              options.klt.window_px == options.subspace.template_px;
     });
   }
-  const bool is_alone = options.tracker == TrackerKind::kSubspace && !is_joint;
+  const bool is_alone = options.tracker == TrackerKind::kSubspace && !read.contains("subspace");
   return DescribeUnread(idle,
                         fmt::format("tracker {}{}",
                                     NameOf(kTrackerNames, options.tracker),

@@ -9,7 +9,7 @@
 
 #include "backend/scene/reconstruction.h"
 #include "backend/scene/row_poses.h"
-#include "frontend/track/measure/second_pass_measurer.h"
+#include "frontend/track/second_pass/second_pass_measurer.h"
 #include "frontend/tracks/track_store.h"
 
 namespace cohort {

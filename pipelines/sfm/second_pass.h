@@ -7,7 +7,7 @@
 
 #include "backend/scene/reconstruction.h"
 #include "datasets/readers/sequence.h"
-#include "frontend/track/measure/second_pass_measurer.h"
+#include "frontend/track/second_pass/second_pass_measurer.h"
 #include "frontend/tracks/track_store.h"
 #include "pipelines/sfm/progress.h"
 

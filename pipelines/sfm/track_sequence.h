@@ -66,7 +66,6 @@ class SequenceTracker {
   // Reads the whole clip for frames that repeat the one before (FindRepeats), which are left out;
   // the first HasNext does it without progress.
   void LookForRepeats(const StageProgress& progress = {});
-  const std::vector<RepeatedFrame>& Repeats() const { return repeats_; }
   bool HasNext();  // reads the next frame, if not done yet
   TrackedFrame TrackNext();
   // The header with all frames from the next on, their tracks, the repeats and the cuts.
@@ -87,7 +86,7 @@ class SequenceTracker {
   std::vector<RepeatedFrame> repeats_;
   std::size_t repeats_passed_ = 0;
   TrackFile header_;
-  std::unique_ptr<Tracker> tracker_;
+  std::unique_ptr<TrackLoop> tracker_;
   double decode_ms_ = 0.0;
   double detect_ms_ = 0.0;
   double track_ms_ = 0.0;

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "frontend/track/track_loop.h"
+#include "frontend/track/tracker.h"
 #include "tests/support/closed_form_image.h"
 
 namespace cohort {

@@ -8,7 +8,7 @@
 #include "frontend/core/part_times.h"
 #include "frontend/core/statistics.h"
 #include "frontend/detect/corners.h"
-#include "frontend/track/track_loop.h"
+#include "frontend/track/tracker.h"
 #include "tests/support/plane_scene.h"
 
 namespace cohort {

@@ -13,7 +13,6 @@
 #include <string>
 #include <vector>
 
-#include "frontend/track/track_loop.h"
 #include "frontend/track/tracker.h"
 
 namespace cohort {

@@ -9,7 +9,6 @@
 #include "frontend/energy/total_energy.h"
 #include "frontend/image/sampling.h"
 #include "frontend/track/subspace/optimizer.h"
-#include "frontend/track/track_loop.h"
 #include "frontend/track/tracker.h"
 #include "tests/support/numeric_gradient.h"
 #include "tests/support/plane_scene.h"

@@ -1,4 +1,4 @@
-#include "frontend/track/track_loop.h"
+#include "frontend/track/loop/track_loop.h"
 
 #include <algorithm>
 #include <cmath>
@@ -6,7 +6,6 @@
 
 #include "frontend/core/error.h"
 #include "frontend/core/stopwatch.h"
-#include "frontend/detect/corners.h"
 #include "frontend/image/mask.h"
 
 namespace cohort {
@@ -20,7 +19,7 @@ constexpr int kBirthBorderPx = 16;
 
 }  // namespace
 
-TrackLoop::TrackLoop(const TrackerOptions& options, std::unique_ptr<FeatureMover> mover)
+TrackLoop::TrackLoop(const TrackLoopOptions& options, std::unique_ptr<FeatureMover> mover)
     : options_(options), mover_(std::move(mover)) {}
 
 std::optional<LossReason> TrackLoop::ReasonToEnd(const Move& move, int unconfirmed_frames) const {
@@ -61,7 +60,7 @@ FrameResult TrackLoop::Track(const Frame& frame) {
   // Features that are only predicted keep their places but do not count, because the picture needs
   // new ones.
   const auto confirmed =
-      static_cast<int>(std::count_if(features_.begin(), features_.end(), [](const Feature& f) {
+      static_cast<int>(std::count_if(features_.begin(), features_.end(), [](const LiveFeature& f) {
         return f.unconfirmed_frames == 0;
       }));
   if (!previous_frame_ || result.cut ||
@@ -82,7 +81,7 @@ void TrackLoop::CheckSize(const cv::Size& size) {
 // (CovarianceCalibration).
 void TrackLoop::EndAtCut(FrameResult& result) {
   result.cut = true;
-  for (const Feature& feature : features_) {
+  for (const LiveFeature& feature : features_) {
     result.ends.push_back({feature.id, *previous_frame_, LossReason::kCut});
   }
   mover_->Keep(std::vector<std::uint8_t>(features_.size(), 0));
@@ -92,7 +91,7 @@ void TrackLoop::EndAtCut(FrameResult& result) {
 // All features keep their positions as predicted.
 void TrackLoop::HoldFeatures(FrameIndex frame, FrameResult& result) {
   std::vector<Move> moves;
-  for (const Feature& feature : features_) {
+  for (const LiveFeature& feature : features_) {
     Move& move = moves.emplace_back();
     move.xy = feature.xy;
     move.state = ObservationState::kPredicted;
@@ -108,10 +107,10 @@ void TrackLoop::MoveFeatures(const Pyramid& pyramid, FrameIndex frame, FrameResu
 
 void TrackLoop::UseMoves(std::span<const Move> moves, FrameIndex frame, FrameResult& result) {
   std::vector<std::uint8_t> keep(features_.size(), 1);
-  std::vector<Feature> alive;
+  std::vector<LiveFeature> alive;
   alive.reserve(features_.size());
   for (std::size_t f = 0; f < moves.size(); ++f) {
-    Feature feature = features_[f];
+    LiveFeature feature = features_[f];
     const Move& move = moves[f];
     feature.unconfirmed_frames =
         move.state == ObservationState::kPredicted ? feature.unconfirmed_frames + 1 : 0;
@@ -134,7 +133,7 @@ void TrackLoop::DetectFeatures(const Pyramid& pyramid,
                                int max_new,
                                FrameResult& result) {
   std::vector<Eigen::Vector2d> occupied;
-  for (const Feature& feature : features_) occupied.push_back(feature.xy);
+  for (const LiveFeature& feature : features_) occupied.push_back(feature.xy);
   const Stopwatch stopwatch;
   const std::vector<Eigen::Vector2d> born = DetectCorners(
       pyramid.levels.front(), occupied, mask_, kBirthBorderPx, max_new, options_.detector);

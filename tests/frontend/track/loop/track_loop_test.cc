@@ -1,4 +1,4 @@
-#include "frontend/track/track_loop.h"
+#include "frontend/track/tracker.h"
 
 #include <gtest/gtest.h>
 

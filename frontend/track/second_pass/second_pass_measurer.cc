@@ -1,4 +1,4 @@
-#include "frontend/track/measure/second_pass_measurer.h"
+#include "frontend/track/second_pass/second_pass_measurer.h"
 
 #include <Eigen/LU>
 #include <algorithm>
