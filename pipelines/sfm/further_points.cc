@@ -31,11 +31,8 @@ constexpr int kWidePx = 31;
 constexpr double kSure = 0.9;
 constexpr double kLeastCorrelation = 0.5;
 constexpr double kMostAcrossPx = 1.0;  // from where a point can be
-// As in the second pass (PatchOptions, second_pass_measurer.cc, model_predictions.cc).
-constexpr double kDenoiseSigmaPx = PatchOptions{}.denoise_sigma_px;
-constexpr double kPixelNoiseFactor = 10.0;
-constexpr double kWarpNoise = 0.05;
-constexpr double kMostScale = 2.0;
+// As in the second pass.
+constexpr PatchOptions kPatch = SecondPassMeasurementOptions{}.patch;
 
 // Corners are looked for in every second keyframe, this far apart.
 constexpr std::size_t kDetectEvery = 2;
@@ -190,13 +187,11 @@ std::optional<FurtherPoints::Measured> FurtherPoints::Measure(const Corner& corn
   if (!xy || !model_.camera.Contains(*xy, 0.5 * window_px)) return std::nullopt;
   const auto warp =
       WarpOfFacingPatch(model_, rows_, in_world, corner.sightings.front().frame, frame);
-  if (!warp) return std::nullopt;
-  const double scale = std::sqrt(warp->determinant());
-  if (!(scale <= kMostScale && scale >= 1.0 / kMostScale)) return std::nullopt;
+  if (!warp || !IsMeasurable(*warp)) return std::nullopt;
   AnchorPatch anchor = corner.anchor;
   anchor.warp = corner.beyond_prediction * *warp;
   Measured measured;
-  measured.m = MeasurePatch(smooth, anchor, *xy, window_px, kPixelNoiseFactor);
+  measured.m = MeasurePatch(smooth, anchor, *xy, window_px, kBlurredNoiseFactor);
   if (!measured.m.converged || measured.m.correlation < kLeastCorrelation ||
       DistanceFromSegment(corner, frame, measured.m.xy) > kMostAcrossPx) {
     return std::nullopt;
@@ -256,7 +251,7 @@ void FurtherPoints::MeasureCorners(const Pyramid& smooth, const Frame& frame, co
   ForEachInParallel(corners_.size(), [&](std::size_t i) {
     Corner& corner = corners_[i];
     if (!IsDue(corner)) return;
-    corner.anchor.warp_covariance.diagonal().array() += kWarpNoise * kWarpNoise;
+    corner.anchor.warp_covariance.diagonal().array() += kPatch.warp_noise * kPatch.warp_noise;
     const auto measured =
         corner.window_px == 0
             ? MeasureFirst(corner, smooth, frame.index)
@@ -373,7 +368,7 @@ void FurtherPoints::Follow(Frame frame, const cv::Mat& bgr) {
   const LightChange light = exposure_.Follow(frame.gray);
   frame = WithoutLight(std::move(frame), light);
   const Pyramid raw = BuildPyramid(frame, 2);
-  const Pyramid smooth = SmoothPyramid(raw, kDenoiseSigmaPx);
+  const Pyramid smooth = SmoothPyramid(raw, kPatch.denoise_sigma_px);
   MeasureCorners(smooth, frame, bgr);
   EndCorners(kMostMisses);
   if (now_ % kDetectEvery == 0) Detect(raw, smooth, frame, bgr);

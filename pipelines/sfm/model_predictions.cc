@@ -13,8 +13,6 @@ namespace {
 
 // Tuned on the tuning clips.
 constexpr double kBorderPx = 5.0;  // nothing is measured nearer to the image border
-// Nothing is measured if it appears this much larger or smaller than its template.
-constexpr double kMaxScale = 2.0;
 // In a frame, as many features are measured at most as the first pass observed in its fullest frame,
 // times this. It bounds the time and the memory where the camera comes back to places it has seen,
 // since every visit adds features: clips of a few seconds stay below it.
@@ -108,9 +106,7 @@ std::vector<ModelPrediction> ModelPredictions::InSight(FrameIndex frame) const {
     const auto xy = InPicture(feature, frame);
     if (!xy) continue;
     const auto warp = Warp(feature, seen.middle, frame);
-    if (!warp) continue;
-    const double scale = std::sqrt(warp->determinant());
-    if (!(scale <= kMaxScale && scale >= 1.0 / kMaxScale)) continue;
+    if (!warp || !IsMeasurable(*warp)) continue;
     const Observation* observation = file_.tracks.Find(feature, frame);
     predictions.push_back(
         {feature, *xy, *warp, observation != nullptr && IsObserved(*observation)});
@@ -164,6 +160,12 @@ std::optional<Eigen::Matrix2d> ModelPredictions::Warp(FeatureId feature,
                                                       FrameIndex from,
                                                       FrameIndex frame) const {
   return WarpOfFacingPatch(model_, rows_, model_.points.at(feature).in_world, from, frame);
+}
+
+bool IsMeasurable(const Eigen::Matrix2d& warp) {
+  constexpr double kMaxScale = 2.0;  // tuned on the tuning clips
+  const double scale = std::sqrt(warp.determinant());
+  return scale <= kMaxScale && scale >= 1.0 / kMaxScale;
 }
 
 std::optional<Eigen::Matrix2d> WarpOfFacingPatch(const Reconstruction& model,

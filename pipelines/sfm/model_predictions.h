@@ -22,6 +22,9 @@ std::optional<Eigen::Matrix2d> WarpOfFacingPatch(const Reconstruction& model,
                                                  FrameIndex from,
                                                  FrameIndex to);
 
+// Whether a patch can be measured: it appears at most twice as large, or as small, as its template.
+bool IsMeasurable(const Eigen::Matrix2d& warp);
+
 // Where a model predicts the points of its features in every frame, and how their appearance is
 // warped. A feature's template spans the `template_frames` frames around the middle of those that
 // observed it.

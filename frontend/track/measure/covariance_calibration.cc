@@ -26,8 +26,7 @@ void CovarianceCalibration::Update(std::span<const Sample> samples) {
     const Eigen::Matrix2d S = sample.predicted_covariance + OfPicture(sample.shape);
     squares.push_back(sample.difference.dot(S.inverse() * sample.difference));
   }
-  // The median of a chi-square with two degrees of freedom is 2 ln 2.
-  const double ratio = Median(std::move(squares)) / (2.0 * std::log(2.0));
+  const double ratio = Median(std::move(squares)) / kMedianChiSquare2;
   const double rate = ++updates_ <= kQuickUpdates ? kQuickRate : kRate;
   // Frames that repeat exactly would say that there is no noise, and bring it to nothing. Real and
   // rendered clips that move came to 0.44 and more.

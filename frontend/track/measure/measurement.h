@@ -101,6 +101,10 @@ struct CenterDifference {
   double variance = 0.0;
 };
 
+// The `noise_factor` of MeasurePatch for a blurred picture where no cohort calibrates it. It may be
+// rough, as only the prior of the warp depends on it.
+inline constexpr double kBlurredNoiseFactor = 10.0;
+
 struct Measurement {
   Eigen::Vector2d xy = Eigen::Vector2d::Zero();
   int window_px = 0;

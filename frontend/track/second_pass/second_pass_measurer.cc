@@ -15,10 +15,6 @@
 namespace cohort {
 namespace {
 
-// How much less a blurred window's pixels say than as many independent ones: rough, as only the
-// prior of the warp depends on it.
-constexpr double kNoiseFactor = 10.0;
-
 constexpr double kWarpNoisePerFrame = PatchOptions{}.warp_noise;  // as the tracker's
 
 // A feature is taken for itself where it correlates with its template at least by this share of
@@ -215,7 +211,7 @@ void SecondPassMeasurer::MeasureWith(Window& window,
     AnchorPatch anchor = WithoutItself(*of_feature, frame.index, *prediction, pyramid);
     anchor.warp = deformation->beyond_prediction * prediction->warp;
     anchor.warp_covariance = deformation->covariance;
-    m = MeasurePatch(pyramid, anchor, prediction->xy, window.px, kNoiseFactor);
+    m = MeasurePatch(pyramid, anchor, prediction->xy, window.px, kBlurredNoiseFactor);
     // A template is a mean, and has next to no noise.
     const double possible =
         ExpectedCorrelation(of_feature->signal_variances[of_window], 0.0, window.noise_variance);
@@ -225,7 +221,8 @@ void SecondPassMeasurer::MeasureWith(Window& window,
     };
     if (i % every_other == 0) {
       const Eigen::Vector2d start = ElsewhereThan(prediction->xy, window.px, pyramid);
-      const Measurement other = MeasurePatch(pyramid, anchor, start, window.px, kNoiseFactor);
+      const Measurement other =
+          MeasurePatch(pyramid, anchor, start, window.px, kBlurredNoiseFactor);
       if (counts(other) && (other.xy - start).norm() <= options_.patch.max_distance_px) {
         by_chance = other.correlation;
       }
@@ -341,7 +338,7 @@ std::vector<Observation> SecondPassMeasurer::Finish() const {
   std::map<FeatureId, std::vector<double>> near;
   for (const auto& [feature, window] : chosen) near[feature] = CorrelationsOf(feature, *window);
   const double spread = SpreadOf(near);
-  const double scale = std::max(Median(std::move(squares)) / (2.0 * std::log(2.0)), 1e-6);
+  const double scale = std::max(Median(std::move(squares)) / kMedianChiSquare2, 1e-6);
 
   std::vector<Observation> observations;
   for (const auto& [feature, window] : chosen) {
