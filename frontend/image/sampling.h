@@ -6,7 +6,6 @@
 namespace cohort {
 
 inline constexpr int kMaxPatchSide = 65;
-inline constexpr int kMaxPatchArea = kMaxPatchSide * kMaxPatchSide;
 
 // Samples an n x n patch (n odd) of a CV_32FC1 picture centred at (x, y) [px] by bilinear
 // interpolation, row by row into values[n * n]. All samples share the same sub-pixel weights, so

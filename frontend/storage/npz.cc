@@ -614,13 +614,6 @@ void NpzWriter::AddBoolRows(const std::string& name,
   impl_->AddRows(name, "|b1", shape, std::move(fill));
 }
 
-void NpzWriter::AddBools(const std::string& name,
-                         std::span<const std::size_t> shape,
-                         std::span<const std::uint8_t> values) {
-  Check(CountOf(shape) == values.size(), "an array has as many values as its shape says");
-  impl_->AddBytes(name, "|b1", shape, std::as_bytes(values));
-}
-
 void NpzWriter::AddTexts(const std::string& name, std::span<const std::string> texts) {
   std::size_t width = 1;
   for (const std::string& text : texts) width = std::max(width, text.size());

@@ -81,10 +81,6 @@ class NpzWriter {
   void AddBoolRows(const std::string& name,
                    std::span<const std::size_t> shape,
                    FillRow<std::uint8_t> fill);
-  // Bytes 0 and 1, as NumPy's bool.
-  void AddBools(const std::string& name,
-                std::span<const std::size_t> shape,
-                std::span<const std::uint8_t> values);
   // Texts as NumPy's bytes (dtype S): np.char.decode makes them str.
   void AddTexts(const std::string& name, std::span<const std::string> texts);
   void Commit();

@@ -26,7 +26,7 @@ constexpr double kMaxDisagreementSigmas = 5.0;
 // The deviation of a position [px] below which a feature is measured well, by a narrow patch.
 constexpr double kMeasuredWellPx = 0.5;
 
-double CenterSquare(const Feature& feature, const CenterDifference& center) {
+double CenterSquare(const MeasuredFeature& feature, const CenterDifference& center) {
   const double darker = center.mean - feature.light;
   return center.variance + darker * darker;
 }
@@ -36,7 +36,7 @@ double CenterSquare(const Feature& feature, const CenterDifference& center) {
 Confirmation::Confirmation(const Pyramid& picture,
                            const PatchOptions& patch,
                            const CovarianceCalibration& calibration,
-                           std::span<const Feature> features,
+                           std::span<const MeasuredFeature> features,
                            std::span<const Measurement> measured)
     : picture_(picture), patch_(patch), calibration_(calibration) {
   std::vector<double> variances;
@@ -50,7 +50,7 @@ Confirmation::Confirmation(const Pyramid& picture,
   center_noise_ = Median(std::move(centers));
 }
 
-double Confirmation::CenterRatio(const Feature& feature,
+double Confirmation::CenterRatio(const MeasuredFeature& feature,
                                  const CenterDifference& center,
                                  double sigma_px) const {
   const AnchorPatch& anchor = feature.anchor;
@@ -58,20 +58,20 @@ double Confirmation::CenterRatio(const Feature& feature,
                                           anchor.mean_square_gradient * sigma_px * sigma_px);
 }
 
-double Confirmation::CenterRatio(const Feature& feature,
+double Confirmation::CenterRatio(const MeasuredFeature& feature,
                                  const Eigen::Vector2d& xy,
                                  double sigma_px) const {
   return CenterRatio(feature, CompareCenter(picture_, feature.anchor, xy), sigma_px);
 }
 
-Verdict Confirmation::TestPatch(const Feature& feature,
+Verdict Confirmation::TestPatch(const MeasuredFeature& feature,
                                 const Measurement& m,
                                 const Eigen::Vector2d& start) const {
   if (!((m.xy - start).norm() <= patch_.max_distance_px)) return Verdict::kTooFarFromStart;
   return TestAppearance(feature, m);
 }
 
-Verdict Confirmation::TestAppearance(const Feature& feature, const Measurement& m) const {
+Verdict Confirmation::TestAppearance(const MeasuredFeature& feature, const Measurement& m) const {
   if (!m.converged) return Verdict::kNotMeasured;
   const double variance = feature.anchor.signal_variance;
   const double expected = noise_variance_ + kPatternShare * variance;
@@ -86,7 +86,7 @@ Verdict Confirmation::TestAppearance(const Feature& feature, const Measurement& 
   return Verdict::kObserved;
 }
 
-Verdict Confirmation::TestPosition(const Feature& feature,
+Verdict Confirmation::TestPosition(const MeasuredFeature& feature,
                                    const Measurement& m,
                                    const TrajectoryModel::Estimate& predicted) const {
   const Verdict agreement = TestAgreement(feature, m, predicted);
@@ -101,7 +101,7 @@ Verdict Confirmation::TestPosition(const Feature& feature,
 
 // The distance from the prediction against what both leave open. What was not seen in the last
 // frame must show more to be believed.
-Verdict Confirmation::TestAgreement(const Feature& feature,
+Verdict Confirmation::TestAgreement(const MeasuredFeature& feature,
                                     const Measurement& m,
                                     const TrajectoryModel::Estimate& predicted) const {
   const double max_sigma_px = feature.confirmed ? kMaxSigmaPx : 0.5 * kMaxSigmaPx;
@@ -117,7 +117,7 @@ Verdict Confirmation::TestAgreement(const Feature& feature,
   return Verdict::kObserved;
 }
 
-Verdict Confirmation::TestPatchAtPrediction(const Feature& feature,
+Verdict Confirmation::TestPatchAtPrediction(const MeasuredFeature& feature,
                                             const Measurement& m,
                                             const TrajectoryModel::Estimate& predicted,
                                             bool strong) const {
@@ -126,7 +126,7 @@ Verdict Confirmation::TestPatchAtPrediction(const Feature& feature,
   return appearance == Verdict::kObserved ? TestPosition(feature, m, predicted) : appearance;
 }
 
-Verdict Confirmation::TestSmallPatchAtPrediction(const Feature& feature,
+Verdict Confirmation::TestSmallPatchAtPrediction(const MeasuredFeature& feature,
                                                  const Measurement& m,
                                                  const TrajectoryModel::Estimate& predicted,
                                                  bool strong) const {
@@ -142,13 +142,13 @@ Verdict Confirmation::TestSmallPatchAtPrediction(const Feature& feature,
   return Verdict::kObserved;
 }
 
-bool Confirmation::IsHidden(const Feature& feature,
+bool Confirmation::IsHidden(const MeasuredFeature& feature,
                             const TrajectoryModel::Estimate& predicted) const {
   const double sigma_px = std::sqrt(0.5 * predicted.measured_covariance.trace());
   return CenterRatio(feature, predicted.expected_xy, sigma_px) > kMaxCenterRatio;
 }
 
-void Confirmation::Learn(const Measurement& m, Feature& feature) const {
+void Confirmation::Learn(const Measurement& m, MeasuredFeature& feature) const {
   constexpr double kChangeRate = 0.1;
   constexpr double kLightRate = 0.3;
   constexpr double kGradientsMemory = 20.0;

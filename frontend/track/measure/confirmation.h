@@ -33,47 +33,51 @@ class Confirmation {
   Confirmation(const Pyramid& picture,
                const PatchOptions& patch,
                const CovarianceCalibration& calibration,
-               std::span<const Feature> features,
+               std::span<const MeasuredFeature> features,
                std::span<const Measurement> measured);
 
   // Variance of picture minus anchor, intensities 0..1.
   double noise_variance() const { return noise_variance_; }
 
   // Tests whether a patch whose alignment began at `start` is near it and looks like the anchor.
-  Verdict TestPatch(const Feature& feature,
+  Verdict TestPatch(const MeasuredFeature& feature,
                     const Measurement& m,
                     const Eigen::Vector2d& start) const;
   // Tests whether it is where the other features predict it.
-  Verdict TestPosition(const Feature& feature,
+  Verdict TestPosition(const MeasuredFeature& feature,
                        const Measurement& m,
                        const TrajectoryModel::Estimate& predicted) const;
   // Both tests for a patch whose alignment began at the prediction. With `strong` the position test
   // replaces the test of the distance from the start.
-  Verdict TestPatchAtPrediction(const Feature& feature,
+  Verdict TestPatchAtPrediction(const MeasuredFeature& feature,
                                 const Measurement& m,
                                 const TrajectoryModel::Estimate& predicted,
                                 bool strong) const;
   // The same for a small patch, which consists mostly of the innermost pixels.
-  Verdict TestSmallPatchAtPrediction(const Feature& feature,
+  Verdict TestSmallPatchAtPrediction(const MeasuredFeature& feature,
                                      const Measurement& m,
                                      const TrajectoryModel::Estimate& predicted,
                                      bool strong) const;
 
   // Whether the innermost pixels at the prediction, within its uncertainty, show something else.
-  bool IsHidden(const Feature& feature, const TrajectoryModel::Estimate& predicted) const;
+  bool IsHidden(const MeasuredFeature& feature, const TrajectoryModel::Estimate& predicted) const;
 
   // Updates the feature's appearance from a confirmed measurement.
-  void Learn(const Measurement& m, Feature& feature) const;
+  void Learn(const Measurement& m, MeasuredFeature& feature) const;
 
  private:
-  Verdict TestAppearance(const Feature& feature, const Measurement& m) const;
-  Verdict TestAgreement(const Feature& feature,
+  Verdict TestAppearance(const MeasuredFeature& feature, const Measurement& m) const;
+  Verdict TestAgreement(const MeasuredFeature& feature,
                         const Measurement& m,
                         const TrajectoryModel::Estimate& predicted) const;
   // The mean square difference of the innermost pixels, as a multiple of what is expected when the
   // position has a standard deviation of sigma_px.
-  double CenterRatio(const Feature& feature, const Eigen::Vector2d& xy, double sigma_px) const;
-  double CenterRatio(const Feature& feature, const CenterDifference& center, double sigma_px) const;
+  double CenterRatio(const MeasuredFeature& feature,
+                     const Eigen::Vector2d& xy,
+                     double sigma_px) const;
+  double CenterRatio(const MeasuredFeature& feature,
+                     const CenterDifference& center,
+                     double sigma_px) const;
 
   const Pyramid& picture_;
   const PatchOptions& patch_;

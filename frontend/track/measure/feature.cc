@@ -4,8 +4,10 @@
 
 namespace cohort {
 
-Feature TakeFeature(const Pyramid& smooth, const Eigen::Vector2d& xy, const PatchOptions& patch) {
-  Feature feature;
+MeasuredFeature TakeFeature(const Pyramid& smooth,
+                            const Eigen::Vector2d& xy,
+                            const PatchOptions& patch) {
+  MeasuredFeature feature;
   feature.window_px = std::max(patch.window_px, patch.wide_window_px);
   feature.anchor = TakeAnchor(smooth, xy, patch.window_px, feature.window_px);
   return feature;

@@ -9,7 +9,7 @@ namespace cohort {
 
 // All that the subspace tracker stores of one feature, except its positions (Guide) and its
 // trajectory's model (TrajectoryModel).
-struct Feature {
+struct MeasuredFeature {
   AnchorPatch anchor;
   int window_px = 0;           // side of the measured patch; narrower once it is measured well
   double light = 0.0;          // change of its brightness since its birth; running mean
@@ -19,6 +19,8 @@ struct Feature {
 };
 
 // A feature born at `xy`. `smooth` is the picture denoised for measuring.
-Feature TakeFeature(const Pyramid& smooth, const Eigen::Vector2d& xy, const PatchOptions& patch);
+MeasuredFeature TakeFeature(const Pyramid& smooth,
+                            const Eigen::Vector2d& xy,
+                            const PatchOptions& patch);
 
 }  // namespace cohort

@@ -18,7 +18,7 @@ constexpr double kLeastPriorPx = 0.3;
 }  // namespace
 
 FrameMeasurement::FrameMeasurement(const Pyramid& smooth,
-                                   std::span<const Feature> features,
+                                   std::span<const MeasuredFeature> features,
                                    const PatchOptions& patch,
                                    const CovarianceCalibration& calibration,
                                    const Eigen::Matrix2Xd& starts)
@@ -49,7 +49,7 @@ std::vector<Measurement> FrameMeasurement::MeasureFrom(const Eigen::Matrix2Xd& s
 }
 
 Measurement FrameMeasurement::MeasureFrom(std::size_t f, const Eigen::Vector2d& start) const {
-  const Feature& feature = features_[f];
+  const MeasuredFeature& feature = features_[f];
   return MeasurePatch(smooth_, feature.anchor, start, feature.window_px, calibration_.scale());
 }
 
@@ -90,7 +90,7 @@ void FrameMeasurement::MeasureAtPredictions(std::span<const TrajectoryModel::Est
 void FrameMeasurement::MeasureAtPrediction(std::size_t f,
                                            const TrajectoryModel::Estimate& predicted,
                                            bool strong) {
-  const Feature& feature = features_[f];
+  const MeasuredFeature& feature = features_[f];
   const Eigen::Vector2d& start = predicted.expected_xy;
   measured_[f] = MeasureFrom(f, start);
   Judge(f, confirmation_.TestPatchAtPrediction(feature, measured_[f], predicted, strong));

@@ -21,7 +21,7 @@ class FrameMeasurement {
   // predictions. `smooth` is the picture denoised for measuring. All arguments but the starts must
   // outlive this.
   FrameMeasurement(const Pyramid& smooth,
-                   std::span<const Feature> features,
+                   std::span<const MeasuredFeature> features,
                    const PatchOptions& patch,
                    const CovarianceCalibration& calibration,
                    const Eigen::Matrix2Xd& starts);
@@ -52,7 +52,7 @@ class FrameMeasurement {
   std::vector<Measurement> MeasureFrom(const Eigen::Matrix2Xd& starts) const;
 
   const Pyramid& smooth_;
-  std::span<const Feature> features_;
+  std::span<const MeasuredFeature> features_;
   const CovarianceCalibration& calibration_;
   std::vector<Measurement> measured_;
   Confirmation confirmation_;

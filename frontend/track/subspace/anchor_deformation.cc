@@ -6,7 +6,7 @@ namespace cohort {
 
 Eigen::Matrix2d CommonSimilarity(const Eigen::Matrix2Xd& before,
                                  const Eigen::Matrix2Xd& now,
-                                 std::span<const Feature> features) {
+                                 std::span<const MeasuredFeature> features) {
   constexpr int kPasses = 4;
   constexpr double kLeastFeatures = 4.0;
   constexpr double kLeastDistancePx = 0.3;  // nearer ones weigh the same
@@ -49,9 +49,9 @@ Eigen::Matrix2d CommonSimilarity(const Eigen::Matrix2Xd& before,
 
 void DeformAnchors(const Eigen::Matrix2d& similarity,
                    double warp_noise,
-                   std::span<Feature> features) {
+                   std::span<MeasuredFeature> features) {
   const double noise = warp_noise * warp_noise;
-  for (Feature& feature : features) {
+  for (MeasuredFeature& feature : features) {
     feature.anchor.warp = similarity * feature.anchor.warp;
     feature.anchor.warp_covariance.diagonal().array() += noise;
   }

@@ -12,12 +12,12 @@ namespace cohort {
 // identity if there are fewer than four of them.
 Eigen::Matrix2d CommonSimilarity(const Eigen::Matrix2Xd& before,
                                  const Eigen::Matrix2Xd& now,
-                                 std::span<const Feature> features);
+                                 std::span<const MeasuredFeature> features);
 
 // Updates every anchor's warp by the common similarity. `warp_noise` (a share) is added in
 // quadrature to the warp's deviation, and the measurement corrects what the similarity misses.
 void DeformAnchors(const Eigen::Matrix2d& similarity,
                    double warp_noise,
-                   std::span<Feature> features);
+                   std::span<MeasuredFeature> features);
 
 }  // namespace cohort

@@ -17,7 +17,7 @@ Move HoldOrEnd(const Eigen::Vector2d& guide,
                const Confirmation& confirmation,
                int max_unexplained_frames,
                double max_sigma_px,
-               Feature& feature) {
+               MeasuredFeature& feature) {
   Move move;
   move.state = ObservationState::kPredicted;
   move.xy = guide;

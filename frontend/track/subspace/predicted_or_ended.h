@@ -20,6 +20,6 @@ Move HoldOrEnd(const Eigen::Vector2d& guide,
                const Confirmation& confirmation,
                int max_unexplained_frames,
                double max_sigma_px,
-               Feature& feature);
+               MeasuredFeature& feature);
 
 }  // namespace cohort

@@ -42,13 +42,15 @@ class SubspaceMover final : public FeatureMover {
 
   std::vector<std::uint8_t> Confirmed() const;
   Others AskOthers(FrameMeasurement& frame);
-  Move Observe(const Measurement& m, const Confirmation& confirmation, Feature& feature) const;
+  Move Observe(const Measurement& m,
+               const Confirmation& confirmation,
+               MeasuredFeature& feature) const;
   Eigen::Matrix2Xd Fuse(const FrameMeasurement& frame, std::vector<Move>& moves);
   void Begin(const Pyramid& current);
 
   bool is_strong_;
   MeasurementOptions measurement_;
-  std::vector<Feature> features_;
+  std::vector<MeasuredFeature> features_;
   std::unique_ptr<Guide> guide_;
   Pyramid smooth_;  // the newest picture, denoised for measuring
   int frames_ = 1;  // since the first features
@@ -73,7 +75,7 @@ std::vector<Move> SubspaceMover::MoveFeatures(const Pyramid& current) {
 
   std::vector<Move> moves;
   for (std::size_t f = 0; f < features_.size(); ++f) {
-    Feature& feature = features_[f];
+    MeasuredFeature& feature = features_[f];
     const auto* predicted = others.predicted.empty() ? nullptr : &others.predicted[f];
     // What is not seen there either is predicted or ended.
     moves.push_back(frame.IsObserved(f)
@@ -98,7 +100,7 @@ std::vector<Move> SubspaceMover::MoveFeatures(const Pyramid& current) {
 
 std::vector<std::uint8_t> SubspaceMover::Confirmed() const {
   std::vector<std::uint8_t> confirmed;
-  for (const Feature& feature : features_) confirmed.push_back(feature.confirmed ? 1 : 0);
+  for (const MeasuredFeature& feature : features_) confirmed.push_back(feature.confirmed ? 1 : 0);
   return confirmed;
 }
 
@@ -117,7 +119,7 @@ SubspaceMover::Others SubspaceMover::AskOthers(FrameMeasurement& frame) {
 
 Move SubspaceMover::Observe(const Measurement& m,
                             const Confirmation& confirmation,
-                            Feature& feature) const {
+                            MeasuredFeature& feature) const {
   confirmation.Learn(m, feature);
   feature.unexplained_frames = 0;
   Move move;
@@ -159,7 +161,7 @@ void SubspaceMover::Keep(std::span<const std::uint8_t> keep) {
 void SubspaceMover::Add(std::span<const Eigen::Vector2d> born, const Pyramid& current) {
   const TimedPart part("births");
   if (features_.empty()) Begin(current);
-  std::vector<Feature> features(born.size());
+  std::vector<MeasuredFeature> features(born.size());
   ForEachInParallel(born.size(), [&](std::size_t i) {
     features[i] = TakeFeature(smooth_, born[i], measurement_.patch);
   });

@@ -40,12 +40,17 @@ struct MeasurementOptions {
   }
 };
 
-// The paper's tracker: all features move together, from frame to frame, to the minimum of the total
-// energy (joint_guide.h), with the trajectories of the last L frames as history. Each position is
-// then measured (frame_measurement.h). A position that the image confirms is observed. Otherwise
-// the feature is predicted from its own past and the other features until it is seen again or is
-// lost (predicted_or_ended.h). The history holds the most probable positions. docs/how_it_works.md
-// lists the steps. guide_mover.h is the tracker without measuring.
+// The joint tracker. In every frame (docs/how_it_works.md, "One frame"):
+//   1. A guide finds where each feature probably is (guide.h). By default that is Lucas-Kanade on
+//      the coarse levels, each feature alone.
+//   2. A patch is aligned with the feature's anchor from there, and tested (frame_measurement.h).
+//   3. The constraint is the trajectory model of all features (trajectory_model.h): a measurement
+//      that contradicts it does not count, and what is not seen is measured again where the model
+//      predicts it.
+//   4. A feature that is still not seen is predicted or ends (predicted_or_ended.h).
+// The tracker of the paper is the guide of --penalty, which moves all features together to the
+// minimum of the total energy, equation (3): joint_guide.h; its penalty, equations (4) to (6):
+// frontend/energy/penalty.h. Without measuring it is the tracker as published (guide_mover.h).
 std::unique_ptr<FeatureMover> MakeSubspaceMover(const SubspaceOptions& options,
                                                 const MeasurementOptions& measurement);
 

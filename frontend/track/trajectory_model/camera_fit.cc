@@ -65,7 +65,7 @@ struct CameraEquations {
 };
 
 template <int R>
-typename Sized<R>::Homogeneous HomogeneousOf(const Feature& feature, Eigen::Index r) {
+typename Sized<R>::Homogeneous HomogeneousOf(const FeaturePosterior& feature, Eigen::Index r) {
   typename Sized<R>::Homogeneous z(r + 1);
   z << 1.0, Sized<R>::MeanOf(feature).head(r);
   return z;
@@ -100,7 +100,7 @@ CameraFit FitSized(const State& state, std::span<const Observation> now) {
   for (int pass = 1;; ++pass) {
     CameraEquations<R> equations(r);
     for (std::size_t i = 0; i < observed.size(); ++i) {
-      const Feature& feature = state.features[observed[i]];
+      const FeaturePosterior& feature = state.features[observed[i]];
       const auto mean = Sized<R>::MeanOf(feature);
       const Observation& o = now[observed[i]];
       const auto at = ProjectSized<R>(Sized<R>::Of(fit.camera), mean);
@@ -140,7 +140,7 @@ void RefitSized(const State& state, Frame& frame) {
   for (std::size_t f = 0; f < state.features.size(); ++f) {
     const Observation& o = frame.observations[f];
     if (!o.IsObserved()) continue;
-    const Feature& feature = state.features[f];
+    const FeaturePosterior& feature = state.features[f];
     const auto mean = Sized<R>::MeanOf(feature);
     const auto covariance = Sized<R>::CovarianceOf(feature);
     const auto at = ProjectSized<R>(Sized<R>::Of(frame.camera), mean);

@@ -111,7 +111,7 @@ void FitFeature(State& state, std::size_t f) {
   // quadratic. Such a step needs no comparison of costs, which takes twice the time of the step.
   constexpr double kSmallStep = 0.1;
   const Eigen::Index dimensions = state.rank + 2;
-  Feature& feature = state.features[f];
+  FeaturePosterior& feature = state.features[f];
   const bool is_new = feature.mean.size() != dimensions;
   if (is_new) feature.mean = Vector::Zero(dimensions);
   for (int i = 0; i < (is_new ? kStepsOfNew : 1); ++i) {

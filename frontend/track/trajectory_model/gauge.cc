@@ -7,7 +7,7 @@ namespace cohort::trajectory_model {
 namespace {
 
 // The covariance of (z, e) if z moves by A dz.
-void MapCoordinates(const Matrix& A, Feature& feature) {
+void MapCoordinates(const Matrix& A, FeaturePosterior& feature) {
   const Eigen::Index r = A.rows();
   Matrix& covariance = feature.covariance;
   covariance.topLeftCorner(r, r) = A * covariance.topLeftCorner(r, r) * A.transpose();
@@ -25,12 +25,12 @@ void CenterDepths(State& state) {
     d += frame.camera.row(2).tail(r).transpose() / static_cast<double>(state.frames.size());
   }
   double least = 0.0;  // of d'z
-  for (const Feature& f : state.features) least = std::min(least, d.dot(f.mean.head(r)));
+  for (const FeaturePosterior& f : state.features) least = std::min(least, d.dot(f.mean.head(r)));
   if (least < kLeastChange - 1.0) d *= (kLeastChange - 1.0) / least;
   for (Frame& frame : state.frames) {
     frame.camera.rightCols(r) -= frame.camera.col(0) * d.transpose();
   }
-  for (Feature& f : state.features) {
+  for (FeaturePosterior& f : state.features) {
     const double depth = 1.0 + d.dot(f.mean.head(r));
     f.mean.head(r) /= depth;
     // The derivative of z' = z / (1 + d'z) by z: (I - z' d') / (1 + d'z).
@@ -42,9 +42,9 @@ void NormalizeCoordinates(State& state) {
   const Eigen::Index r = state.rank;
   const double count = static_cast<double>(state.features.size());
   Vector mean = Vector::Zero(r);
-  for (const Feature& f : state.features) mean += f.mean.head(r) / count;
+  for (const FeaturePosterior& f : state.features) mean += f.mean.head(r) / count;
   Matrix scatter = Matrix::Zero(r, r);
-  for (const Feature& f : state.features) {
+  for (const FeaturePosterior& f : state.features) {
     const Vector d = f.mean.head(r) - mean;
     scatter += (d * d.transpose() + f.covariance.topLeftCorner(r, r)) / count;
   }
@@ -56,7 +56,7 @@ void NormalizeCoordinates(State& state) {
     frame.camera.rightCols(r) *= root;
     frame.camera /= frame.camera(2, 0);
   }
-  for (Feature& f : state.features) {
+  for (FeaturePosterior& f : state.features) {
     f.mean.head(r) = inverse * (f.mean.head(r) - mean);
     MapCoordinates(inverse, f);
   }

@@ -111,7 +111,7 @@ EliminatedFeature<R> Eliminate(
     const State& state, std::size_t f, std::size_t frames, CameraSums& sums, Eigen::VectorXd& rhs) {
   const Eigen::Index r = state.rank;
   const Eigen::Index n = 3 * (r + 1);
-  const Feature& feature = state.features[f];
+  const FeaturePosterior& feature = state.features[f];
   const auto mean = Sized<R>::MeanOf(feature);
   const auto [own, cost] = EquationsAndCostOfFeature(state, f, Noise::kStudent);
   EliminatedFeature<R> e;
@@ -189,7 +189,7 @@ template <int R>
 double Move(const JointEquations<R>& equations,
             const Eigen::VectorXd& step,
             const std::vector<Camera>& cameras,
-            const std::vector<Feature>& features,
+            const std::vector<FeaturePosterior>& features,
             State& state) {
   const Eigen::Index n = 3 * (state.rank + 1);
   std::vector<typename Sized<R>::Camera> steps;
@@ -220,7 +220,7 @@ bool SizedStep(State& state, std::size_t count, double& damping) {
   const JointEquations<R> equations = EquationsOf<R>(state, count);
   std::vector<Camera> cameras;
   for (std::size_t l = 0; l < count; ++l) cameras.push_back(state.frames[l].camera);
-  const std::vector<Feature> features = state.features;
+  const std::vector<FeaturePosterior> features = state.features;
   for (int i = 0; i < kDampings; ++i) {
     Eigen::MatrixXd damped = equations.normal;
     damped.diagonal() *= 1.0 + damping;

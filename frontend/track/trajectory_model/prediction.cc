@@ -11,7 +11,7 @@ namespace {
 constexpr double kUnknownDepthPx = 1.5;
 
 template <int R>
-Estimate PredictSized(const CameraFit& fit, const Feature& feature) {
+Estimate PredictSized(const CameraFit& fit, const FeaturePosterior& feature) {
   const Eigen::Index r = fit.camera.cols() - 1;
   const auto mean = Sized<R>::MeanOf(feature);
   const auto at = ProjectSized<R>(Sized<R>::Of(fit.camera), mean);
@@ -36,7 +36,7 @@ Estimate PredictSized(const CameraFit& fit, const Feature& feature) {
 
 }  // namespace
 
-Estimate PredictFeature(const CameraFit& fit, const Feature& feature) {
+Estimate PredictFeature(const CameraFit& fit, const FeaturePosterior& feature) {
   return WithRank(static_cast<int>(fit.camera.cols()) - 1,
                   [&](auto rank) { return PredictSized<rank.value>(fit, feature); });
 }

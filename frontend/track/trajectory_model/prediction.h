@@ -21,7 +21,7 @@ struct Estimate {
 // and for expected_xy = xy + e the same with [P_z I] cov(z, e) [P_z I]'. Camera and feature are
 // treated as independent. Below rank 3 both covariances include the parallax that a rigid scene may
 // still add.
-Estimate PredictFeature(const CameraFit& fit, const Feature& feature);
+Estimate PredictFeature(const CameraFit& fit, const FeaturePosterior& feature);
 std::vector<Estimate> PredictAllFeatures(const State& state, const CameraFit& fit);
 
 }  // namespace cohort::trajectory_model

@@ -18,7 +18,7 @@ Projection Project(const Camera& camera, const Vector& z) {
 
 Eigen::Vector2d Residual(const Projection& projection,
                          const Observation& o,
-                         const Feature& feature) {
+                         const FeaturePosterior& feature) {
   Eigen::Vector2d d = o.xy - projection.xy;
   if (!o.anchor) d -= feature.mean.tail<2>();
   return d;

@@ -19,7 +19,7 @@ using Camera = Eigen::Matrix<double, 3, Eigen::Dynamic, 0, 3, kMaxDimensions>;
 
 // The estimate of a feature: mean and covariance of its r + 2 unknowns (z, e). z are its
 // coordinates; e [px] is the error of its anchor, which all its measurements share.
-struct Feature {
+struct FeaturePosterior {
   Vector mean;  // empty: never fitted
   Matrix covariance;
 };
@@ -38,7 +38,7 @@ Projection Project(const Camera& camera, const Vector& z);
 // y - xy - e; y - xy in the frame of the anchor itself, where the position is exact by definition.
 Eigen::Vector2d Residual(const Projection& projection,
                          const Observation& o,
-                         const Feature& feature);
+                         const FeaturePosterior& feature);
 
 // Fixes what nothing measures in the normal equations of vec(C): the scale of C by its entry 1, and
 // in an affine model all of c.

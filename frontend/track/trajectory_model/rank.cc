@@ -94,7 +94,7 @@ void AddCoordinate(const Direction& direction, State& state) {
     camera.col(r + 1) = direction.g.col(static_cast<Eigen::Index>(l));
   }
   for (std::size_t f = 0; f < state.features.size(); ++f) {
-    Feature& feature = state.features[f];
+    FeaturePosterior& feature = state.features[f];
     Vector mean(r + 3);
     mean << feature.mean.head(r), direction.v[static_cast<Eigen::Index>(f)], feature.mean.tail<2>();
     Matrix covariance = Matrix::Zero(r + 3, r + 3);

@@ -27,10 +27,10 @@ struct Sized {
   static Eigen::Map<const Camera> Of(const trajectory_model::Camera& camera) {
     return {camera.data(), 3, camera.cols()};
   }
-  static Eigen::Map<const Unknowns> MeanOf(const Feature& feature) {
+  static Eigen::Map<const Unknowns> MeanOf(const FeaturePosterior& feature) {
     return {feature.mean.data(), feature.mean.size()};
   }
-  static Eigen::Map<const Information> CovarianceOf(const Feature& feature) {
+  static Eigen::Map<const Information> CovarianceOf(const FeaturePosterior& feature) {
     return {feature.covariance.data(), feature.covariance.rows(), feature.covariance.cols()};
   }
 };

@@ -12,7 +12,7 @@ namespace cohort::trajectory_model {
 namespace {
 
 template <int R>
-double SquareOf(const Frame& frame, const Observation& o, const Feature& feature) {
+double SquareOf(const Frame& frame, const Observation& o, const FeaturePosterior& feature) {
   const auto mean = Sized<R>::MeanOf(feature);
   const auto at = ProjectSized<R>(Sized<R>::Of(frame.camera), mean);
   const Eigen::Vector2d d = SizedResidual<R>(at, o, mean);
@@ -21,7 +21,7 @@ double SquareOf(const Frame& frame, const Observation& o, const Feature& feature
 
 }  // namespace
 
-double MisfitOfFrame(const Frame& frame, std::span<const Feature> features) {
+double MisfitOfFrame(const Frame& frame, std::span<const FeaturePosterior> features) {
   std::vector<double> squares;
   squares.reserve(features.size());
   WithRank(static_cast<int>(frame.camera.cols()) - 1, [&](auto rank) {

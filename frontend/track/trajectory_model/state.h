@@ -21,12 +21,12 @@ struct State {
   bool perspective = true;   // else c = 0 in every camera
   int rank = 0;              // r; 0: too few features so far
   std::deque<Frame> frames;  // newest first
-  std::vector<Feature> features;
+  std::vector<FeaturePosterior> features;
 };
 
 // The factor by which the squares of a frame's residuals exceed what their noise explains: their
 // median over that of chi-square, at least 1.
-double MisfitOfFrame(const Frame& frame, std::span<const Feature> features);
+double MisfitOfFrame(const Frame& frame, std::span<const FeaturePosterior> features);
 
 // The same of a feature in all frames: chi-square over its degrees of freedom, which are two per
 // measurement minus the r of its coordinates. Shrunk towards 1 if these are few.

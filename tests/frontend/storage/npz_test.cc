@@ -99,7 +99,10 @@ TEST(Npz, NumpyReadsWhatIsWritten) {
     const std::size_t none[] = {2, 0};
     npz.AddBoolRows("none", none, [](std::size_t, std::span<std::uint8_t>) {});
     npz.Add("integers", std::span(shape).first(1), std::span<const std::int64_t>(integers));
-    npz.AddBools("bools", std::span(shape).first(1), std::vector<std::uint8_t>{1, 0});
+    npz.AddBoolRows(
+        "bools", std::span(shape).first(1), [](std::size_t row, std::span<std::uint8_t> values) {
+          values[0] = row == 0 ? 1 : 0;
+        });
     npz.AddTexts("texts", std::vector<std::string>{"a", "b/\xC3\xA9.png", ""});
     npz.Commit();
   };

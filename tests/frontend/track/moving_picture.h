@@ -24,10 +24,10 @@ inline Eigen::Matrix2Xd GridOfTwenty() {
   return x;
 }
 
-inline std::vector<Feature> FeaturesAt(const Pyramid& picture,
-                                       const Eigen::Matrix2Xd& x,
-                                       const PatchOptions& patch = {}) {
-  std::vector<Feature> features;
+inline std::vector<MeasuredFeature> FeaturesAt(const Pyramid& picture,
+                                               const Eigen::Matrix2Xd& x,
+                                               const PatchOptions& patch = {}) {
+  std::vector<MeasuredFeature> features;
   for (const Eigen::Vector2d xy : x.colwise()) {
     features.push_back(TakeFeature(SmoothPyramid(picture, 0.0), xy, patch));
   }

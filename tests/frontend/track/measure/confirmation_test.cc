@@ -15,7 +15,7 @@ constexpr std::size_t kTested = 7;
 class ConfirmationTest : public testing::Test {
  protected:
   Eigen::Vector2d Truth() const { return x_.col(kTested); }
-  Feature& feature() { return features_[kTested]; }
+  MeasuredFeature& feature() { return features_[kTested]; }
 
   // Something flat stands before the feature.
   void Hide(int half_px) {
@@ -54,7 +54,7 @@ class ConfirmationTest : public testing::Test {
 
   Eigen::Matrix2Xd x_ = test::GridOfTwenty();
   Pyramid picture_ = SmoothPyramid(test::ShiftedNoise({0, 0}), 0.0);
-  std::vector<Feature> features_ = test::FeaturesAt(test::ShiftedNoise({0, 0}), x_);
+  std::vector<MeasuredFeature> features_ = test::FeaturesAt(test::ShiftedNoise({0, 0}), x_);
   PatchOptions patch_;
   CovarianceCalibration calibration_;
 };

@@ -40,7 +40,7 @@ class FrameMeasurementTest : public testing::Test {
   }
 
   Eigen::Matrix2Xd truth_ = test::GridOfTwenty().colwise() + kMotion;
-  std::vector<Feature> features_ =
+  std::vector<MeasuredFeature> features_ =
       test::FeaturesAt(test::ShiftedNoise({0, 0}), test::GridOfTwenty());
   Pyramid picture_ = SmoothPyramid(test::ShiftedNoise(kMotion), 0.0);
   PatchOptions patch_;

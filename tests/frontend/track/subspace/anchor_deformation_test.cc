@@ -18,14 +18,14 @@ TEST(CommonSimilarity, IsThatOfMostFeatures) {
   const Eigen::Matrix2Xd before = test::GridOfTwenty();
   Eigen::Matrix2Xd now = (TrueSimilarity() * before).colwise() + Eigen::Vector2d(30, -5);
   for (const int outlier : {3, 8, 14}) now.col(outlier) += Eigen::Vector2d(9, 4);
-  const std::vector<Feature> features(20);
+  const std::vector<MeasuredFeature> features(20);
   EXPECT_LT((CommonSimilarity(before, now, features) - TrueSimilarity()).norm(), 0.01);
 }
 
 TEST(CommonSimilarity, DoesNotAskWhatIsNotConfirmed) {
   const Eigen::Matrix2Xd before = test::GridOfTwenty();
   Eigen::Matrix2Xd now = TrueSimilarity() * before;
-  std::vector<Feature> features(20);
+  std::vector<MeasuredFeature> features(20);
   for (int f = 0; f < 12; ++f) {
     now.col(f) = before.col(f);
     features[static_cast<std::size_t>(f)].confirmed = false;
@@ -36,11 +36,11 @@ TEST(CommonSimilarity, DoesNotAskWhatIsNotConfirmed) {
 TEST(CommonSimilarity, OfThreeFeaturesIsUnknown) {
   const Eigen::Matrix2Xd before = test::GridOfTwenty().leftCols(3);
   const Eigen::Matrix2Xd now = TrueSimilarity() * before;
-  EXPECT_TRUE(CommonSimilarity(before, now, std::vector<Feature>(3)).isIdentity());
+  EXPECT_TRUE(CommonSimilarity(before, now, std::vector<MeasuredFeature>(3)).isIdentity());
 }
 
 TEST(DeformAnchors, CarriesWarpsAlongAndLeavesTheRestToTheMeasurement) {
-  std::vector<Feature> features(2);
+  std::vector<MeasuredFeature> features(2);
   features[1].anchor.warp = 2.0 * Eigen::Matrix2d::Identity();
   DeformAnchors(TrueSimilarity(), 0.1, features);
   DeformAnchors(TrueSimilarity(), 0.1, features);

@@ -13,7 +13,7 @@ namespace {
 TEST(FeatureEquations, GradientIsThatOfTheCost) {
   for (const Noise noise : {Noise::kGaussian, Noise::kStudent}) {
     test::SmallScene scene = test::MakeSmallScene(1, 8, 3, true, 0.5);
-    Feature& feature = scene.state.features[0];
+    FeaturePosterior& feature = scene.state.features[0];
     feature.mean += Vector::Constant(5, 0.003);  // off the minimum
     scene.state.frames[5].observations[0].anchor = true;
     const FeatureEquations equations = EquationsOfFeature(scene.state, 0, noise);
@@ -48,7 +48,7 @@ TEST(FitFeature, OfAnAffineModelIsTheLinearPosterior) {
     information += B.transpose() * o.information * B;
     gradient += B.transpose() * o.information * (o.xy - frame.camera.topLeftCorner<2, 1>());
   }
-  const Feature& feature = scene.state.features[0];
+  const FeaturePosterior& feature = scene.state.features[0];
   EXPECT_LT((feature.mean.head(3) - information.llt().solve(gradient)).norm(), 1e-9);
   const Matrix identity = Matrix::Identity(3, 3);
   EXPECT_LT((feature.covariance.topLeftCorner(3, 3) - information.llt().solve(identity)).norm(),

@@ -11,7 +11,7 @@ namespace {
 State Skewed() {
   State state = test::MakeSmallScene(40, 6, 3, true, 0.3).state;
   for (Frame& frame : state.frames) frame.camera.row(2).tail(3).array() += 0.05;
-  for (Feature& feature : state.features) feature.mean.head(3).array() += 0.3;
+  for (FeaturePosterior& feature : state.features) feature.mean.head(3).array() += 0.3;
   return state;
 }
 
@@ -22,7 +22,7 @@ void ExpectSameProjections(const State& a, const State& b) {
       const Projection p = Project(a.frames[l].camera, a.features[f].mean);
       const Projection q = Project(b.frames[l].camera, b.features[f].mean);
       EXPECT_LT((p.xy - q.xy).norm(), 1e-8);
-      const auto covariance = [](const Projection& at, const Feature& feature) {
+      const auto covariance = [](const Projection& at, const FeaturePosterior& feature) {
         return Eigen::Matrix2d(at.of_z * feature.covariance.topLeftCorner(3, 3) *
                                at.of_z.transpose());
       };
@@ -49,7 +49,7 @@ TEST(NormalizeCoordinates, ChangesNoProjectionAndMakesTheCoordinatesStandardNorm
   ExpectSameProjections(before, after);
   Vector mean = Vector::Zero(3);
   Matrix scatter = Matrix::Zero(3, 3);
-  for (const Feature& feature : after.features) {
+  for (const FeaturePosterior& feature : after.features) {
     const Vector z = feature.mean.head(3);
     mean += z / 40.0;
     scatter += (z * z.transpose() + feature.covariance.topLeftCorner(3, 3)) / 40.0;

@@ -20,7 +20,7 @@ State Disturbed(std::uint64_t seed, double px) {
       if (p > 0) frame.camera(2, p) += 1e-3 * px * random.Gaussian();
     }
   }
-  for (Feature& feature : state.features) {
+  for (FeaturePosterior& feature : state.features) {
     for (Eigen::Index i = 0; i < 3; ++i) feature.mean[i] += 0.01 * px * random.Gaussian();
   }
   return state;
@@ -30,7 +30,7 @@ double RootMeanSquare(const State& state) {
   double square = 0.0;
   for (const Frame& frame : state.frames) {
     for (std::size_t f = 0; f < state.features.size(); ++f) {
-      const Feature& feature = state.features[f];
+      const FeaturePosterior& feature = state.features[f];
       const Projection at = Project(frame.camera, feature.mean);
       square += Residual(at, frame.observations[f], feature).squaredNorm();
     }

@@ -30,7 +30,7 @@ TEST(PredictFeature, CovarianceIsTheScatterOfDraws) {
   Eigen::VectorXd sigmas = Eigen::VectorXd::Ones(3 * (kRank + 1));
   for (Eigen::Index p = 0; p <= kRank; ++p) sigmas[3 * p + 2] = 0.005;  // depth, not pixels
   fit.covariance = sigmas.asDiagonal() * covariance_of(3 * (kRank + 1), 0.1) * sigmas.asDiagonal();
-  Feature feature;
+  FeaturePosterior feature;
   feature.mean = Vector::Zero(kRank + 2);
   feature.mean << 0.5, -0.8, 0.6, 0.2, -0.1;
   Eigen::VectorXd scales(kRank + 2);
@@ -60,7 +60,7 @@ TEST(PredictFeature, AllowsForDepthUntilTheModelHasIt) {
     const test::SmallScene scene = test::MakeSmallScene(1, 5, rank, true, 0.1);
     CameraFit fit{scene.state.frames.front().camera,
                   Eigen::MatrixXd::Zero(3 * rank + 3, 3 * rank + 3)};
-    Feature feature = scene.state.features[0];
+    FeaturePosterior feature = scene.state.features[0];
     feature.covariance.setZero();
     return PredictFeature(fit, feature).covariance.trace();
   };
@@ -79,7 +79,7 @@ TEST(FitNewCamera, PredictsAsWellAsItSays) {
     test::SmallScene scene = test::MakeSmallScene(kFeatures, 8, 3, true, 0.5, seed);
     RandomStream random(seed, "test/prediction/frame");
     // What is known of the features: the truth, off by what is said of it.
-    for (Feature& feature : scene.state.features) {
+    for (FeaturePosterior& feature : scene.state.features) {
       feature.covariance = Matrix::Zero(5, 5);
       feature.covariance.diagonal() << 4e-6, 4e-6, 1e-3, 0.04, 0.04;
       for (Eigen::Index i = 0; i < 3; ++i) {

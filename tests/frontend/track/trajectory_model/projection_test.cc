@@ -63,7 +63,7 @@ TEST(Projection, StaysFiniteAtTheCamerasPlane) {
 TEST(Residual, HasTheAnchorsErrorButInTheAnchorsOwnFrame) {
   Camera camera(3, 2);
   camera << 300.0, 100.0, 200.0, 0.0, 1.0, 0.0;
-  Feature feature;
+  FeaturePosterior feature;
   feature.mean = Eigen::Vector3d(0.5, 0.2, -0.1);  // z, e
   Observation o;
   o.xy = {351.0, 200.0};

@@ -92,7 +92,7 @@ TEST(AdaptRank, AddsWhatTheResidualsHaveInCommon) {
     AdaptRank(state, 8);
     ASSERT_EQ(state.rank, rank + 1);
     for (const Frame& frame : state.frames) EXPECT_EQ(frame.camera.cols(), rank + 2);
-    for (const Feature& feature : state.features) {
+    for (const FeaturePosterior& feature : state.features) {
       EXPECT_EQ(feature.mean.size(), rank + 3);
       EXPECT_EQ(feature.covariance.rows(), rank + 3);
     }

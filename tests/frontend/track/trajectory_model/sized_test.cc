@@ -15,7 +15,7 @@ TEST_P(SizedAtRank, ProjectsAsAtAnySize) {
   test::SmallScene scene = test::MakeSmallScene(5, 3, 2, true, 0.5);
   RandomStream random(1, "test/sized");
   const int rank = GetParam();
-  for (Feature& feature : scene.state.features) {
+  for (FeaturePosterior& feature : scene.state.features) {
     feature.mean = Vector::NullaryExpr(rank + 2, [&](Eigen::Index) { return random.Gaussian(); });
     const Matrix root =
         Matrix::NullaryExpr(rank + 2, rank + 2, [&](Eigen::Index) { return random.Gaussian(); });

@@ -44,7 +44,7 @@ inline SmallScene MakeSmallScene(
   for (int f = 0; f < features; ++f) {
     trajectory_model::Vector z(rank);
     for (double& entry : z) entry = random.Uniform(-1.7, 1.7);  // variance 1
-    trajectory_model::Feature feature;
+    trajectory_model::FeaturePosterior feature;
     feature.mean = trajectory_model::Vector::Zero(rank + 2);
     feature.mean.head(rank) = z;
     feature.covariance = 1e-4 * trajectory_model::Matrix::Identity(rank + 2, rank + 2);
