@@ -1,6 +1,5 @@
 #include "backend/adjust/lens_changes.h"
 
-#include <fmt/format.h>
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
@@ -68,6 +67,14 @@ bool LensChanges::IsChanging() const {
   constexpr double kGain = 0.07;
   constexpr double kGainOfKnown = 0.27;
   return std::max(focal_gain, center_gain) > (camera_known ? kGainOfKnown : kGain);
+}
+
+bool LensChanges::MayBeZoom() const {
+  // A model that a zoom bent may gain as much by shifts: a rendered zoom of x1.25 that was not
+  // found as a zoom gained .12 by focal lengths and .13 by shifts; a clip shifted by a stabiliser
+  // gained .06 and .70.
+  constexpr double kShareOfGain = 0.5;
+  return focal_gain > kShareOfGain * center_gain;
 }
 
 std::optional<LensChanges> MeasureLensChanges(const WorkingModel& model,
@@ -138,40 +145,6 @@ std::optional<LensChanges> MeasureLensChanges(const WorkingModel& model,
                 result.shift_px,
                 result.center_gain);
   return result;
-}
-
-Doubt DescribeFoundZoom(double zoom) {
-  return {DoubtCode::kFocalChanges,
-          fmt::format("the focal length changes during the clip, {:.2f} times; every frame has its "
-                      "own focal length, but a zoom looks much like forward motion: the cameras "
-                      "may be off along the line of sight",
-                      zoom),
-          {{"zoom", zoom}}};
-}
-
-std::optional<Doubt> DescribeLensChanges(const LensChanges& changes) {
-  if (!changes.IsChanging()) return std::nullopt;
-  if (changes.IsZoom()) {
-    return Doubt{DoubtCode::kFocalChanges,
-                 fmt::format("the focal length changes during the clip, about {:.2f} times: the "
-                             "lens zooms or refocuses, but the model has one focal length for all "
-                             "frames; give the frames before or after the change by --frames",
-                             ZoomOf(changes.focal)),
-                 {{"zoom", ZoomOf(changes.focal)}, {"gain", changes.focal_gain}}};
-  }
-  // A model that a zoom bent may gain as much by shifts: a rendered zoom of x1.25 that was not
-  // found as a zoom gained .12 by focal lengths and .13 by shifts; a clip shifted by a stabiliser
-  // gained .06 and .70.
-  constexpr double kMayBeZoom = 0.5;
-  const bool may_zoom = changes.focal_gain > kMayBeZoom * changes.center_gain;
-  return Doubt{DoubtCode::kCenterMoves,
-               fmt::format("the picture is shifted from frame to frame, by up to {:.0f} px{}, "
-                           "which no motion of the camera explains: a stabiliser{} causes this; "
-                           "film without it, or give the original clip",
-                           changes.shift_px,
-                           may_zoom ? ", or its focal length changes" : "",
-                           may_zoom ? " or a zoom" : ""),
-               {{"shift_px", changes.shift_px}, {"gain", changes.center_gain}}};
 }
 
 }  // namespace cohort

@@ -5,7 +5,6 @@
 
 #include "backend/adjust/adjustment.h"
 #include "backend/scene/focal_scale.h"
-#include "backend/scene/reconstruction.h"
 #include "frontend/geometry/rigid3.h"
 
 namespace cohort {
@@ -27,6 +26,8 @@ struct LensChanges {
   bool IsChanging() const;
   // Whether the focal length removes more of the cost than the principal point.
   bool IsZoom() const { return focal_gain >= center_gain; }
+  // Whether a model that a zoom bent may cause these shifts.
+  bool MayBeZoom() const;
 };
 
 // Bundle adjustments of at most 40 frames, evenly taken, and of some of their tracks, in which each
@@ -34,10 +35,5 @@ struct LensChanges {
 // there are too few frames or an adjustment failed.
 std::optional<LensChanges> MeasureLensChanges(const WorkingModel& model,
                                               const CameraRefinement& refinement);
-
-// The doubt about a model with one lens for all frames, if the lens changes.
-std::optional<Doubt> DescribeLensChanges(const LensChanges& changes);
-// The doubt about a model with a focal length per frame: a zoom looks much like a forward motion.
-Doubt DescribeFoundZoom(double zoom);
 
 }  // namespace cohort

@@ -188,8 +188,8 @@ ImportedTracks TracksOfColmapModel(const ColmapModel& model,
   const SharedCamera shared = ShareCamera(model);
   if (shared.other) {
     ThrowError(
-        "COLMAP model {}: image {} has another camera than other images, by more than its focal "
-        "length: give a model of a clip with one camera (colmap feature_extractor "
+        "COLMAP model {}: the camera of image {} differs from that of other images in more than "
+        "the focal length: give a model of a clip with one camera (colmap feature_extractor "
         "--ImageReader.single_camera 1)",
         path.string(),
         model.images.at(*shared.other).name);

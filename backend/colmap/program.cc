@@ -106,7 +106,7 @@ std::string ColmapProgram::HelpText(const std::vector<std::string>& arguments) c
                kHowToInstall);
   }
   if (output.end.printed_too_much) {
-    ThrowError("{} is not COLMAP (its {} prints without end): {}",
+    ThrowError("{} is not COLMAP (the output of {} does not end): {}",
                path_.string(),
                fmt::join(arguments, " "),
                kHowToInstall);

@@ -1,12 +1,12 @@
 #include "backend/grow/parts.h"
 
-#include <fmt/format.h>
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
 
 #include "backend/grow/growth.h"
 #include "backend/judge/judgement.h"
+#include "backend/scene/phrasebook.h"
 #include "backend/start/start.h"
 
 namespace cohort {
@@ -19,8 +19,7 @@ PartResult MapBody(const WhitenedTracks& whitened,
                    const std::vector<int>& keyframes) {
   const std::vector<FramePairMotion> pairs = RankPairs(whitened, camera, keyframes);
   if (pairs.empty()) {
-    return {{MapperTermination::kTooFewTracks,
-             fmt::format("no two keyframes that were tried share {} tracks", kMinCommonTracks)}};
+    return {NothingSharedEnd(kMinCommonTracks)};
   }
   // Whether it has parallax is judged by the model, if there is one: the noise of fast, shaken
   // cameras is hard to tell.
@@ -29,13 +28,7 @@ PartResult MapBody(const WhitenedTracks& whitened,
     GrowModel(start.model->model, keyframes);
     return {{}, std::move(start.model->model)};
   }
-  return {ExplainMissingModel(
-      whitened,
-      camera,
-      keyframes,
-      {MapperTermination::kNoStart,
-       fmt::format("there is parallax, but none of {} windows gave a consistent model",
-                   start.windows_tried)})};
+  return {ExplainMissingModel(whitened, camera, keyframes, NoStartEnd(start.windows_tried))};
 }
 
 // The tracks that the model explains in less than half of its frames that see them.

@@ -32,7 +32,7 @@ struct Judgement {
   double depth_uncertainty = 0.0;
   double unexplained_parallax = 0.0;   // UnexplainedParallax
   std::optional<MapperEnd> worthless;  // set if the model does not represent the scene: why
-  std::vector<Doubt> doubts;           // of a model that is returned
+  std::vector<Doubt> doubts;           // of a model that is returned (others: doubts.h)
 };
 
 // Judges a model by the share of the parallax that it explains and by the uncertainty of its
@@ -56,41 +56,10 @@ std::optional<double> CameraUncertainty(
 inline constexpr double kCameraErrorOverNoise = 2.0;
 inline constexpr double kFocalErrorOverNoise = 5.0;
 
-// The doubt about cameras that may be off by more than 1 % of the extent of their path. Half of the
-// clips with truth are off by more than expected, and one in twenty by 2.6 times as much
-// (docs/results/unknown_camera.md).
-std::optional<Doubt> DescribeExpectedError(double expected_error);
-
-// The doubt about a focal length that is practically unknown, by its relative standard deviation:
-// if the camera moves without turning, all depths may be scaled by any factor.
-std::optional<Doubt> DescribeUncertainFocal(double focal_sigma);
-
-// The doubt that another camera explains the tracks equally well (FoundCamera::rival).
-Doubt DescribeRivalCamera(const Camera& camera, const Camera& rival);
-
-// The spread of the points' views across their best-fitting line divided by that along it, median
-// over frames: RMS distances in the picture; 1 if they have no direction.
-double SpreadAcrossLine(const Reconstruction& reconstruction);
-// The doubt about points along a line, about which the cameras may rotate.
-std::optional<Doubt> DescribeLine(const Reconstruction& reconstruction);
-
-// The doubt about frames that are constrained by few points, both in number and compared with the
-// other frames. Covariances do not reveal it: a few features on a blank wall drift together, and
-// the model follows them.
-std::optional<Doubt> DescribeFewPoints(const Reconstruction& reconstruction);
-
 // The share of the parallax that the model leaves unexplained: over the pairs of keyframes with the
 // most parallax, the median distance of the observations from the model's points, relative to that
 // from the best rotation. It is small for a rigid scene. If the motion only looks like parallax, as
 // with tracks that drift independently, no depths and no path bring it far below 1.
 double UnexplainedParallax(const WorkingModel& model, const std::vector<int>& keyframes);
-
-// Robust standard deviation of a coordinate of the inliers' reprojection errors [px]. It is hardly
-// larger than the noise of the tracks (EstimateNoise), unless the camera is wrong or the tracks
-// drift.
-double NoiseLeftPx(const WorkingModel& model);
-
-// The doubt about a model that leaves much more noise than the tracks themselves have.
-std::optional<Doubt> DescribeExcessNoise(const WorkingModel& model);
 
 }  // namespace cohort

@@ -1,7 +1,5 @@
 #include "backend/judge/moving_share.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
@@ -64,22 +62,6 @@ std::optional<double> MovingShare(const TrackFile& file, const Reconstruction& m
   }
   if (all == 0) return std::nullopt;
   return static_cast<double>(moving) / static_cast<double>(all);
-}
-
-std::optional<Doubt> DescribeMovingThings(const TrackFile& file, const Reconstruction& model) {
-  // Right models of rendered clips of which people cover 30 % had 0 and 0.14; models of people who
-  // cover half, instead of the scene, had 0.27 and 0.30.
-  constexpr double kMost = 0.2;
-  const std::optional<double> share = MovingShare(file, model);
-  if (!share || *share <= kMost) return std::nullopt;
-  return Doubt{
-      DoubtCode::kThingsMove,
-      fmt::format(
-          "{:.0f} % of the observations are of things that move on their own, and the model "
-          "may be of such a thing instead of the scene: cover by --mask what the model "
-          "should not show",
-          100.0 * *share),
-      {{"moving_share", *share}}};
 }
 
 }  // namespace cohort

@@ -13,7 +13,4 @@ namespace cohort {
 // uniformly beside the camera looks like a point elsewhere and does not count.
 std::optional<double> MovingShare(const TrackFile& file, const Reconstruction& model);
 
-// The doubt that the model shows something that moves, and not the scene.
-std::optional<Doubt> DescribeMovingThings(const TrackFile& file, const Reconstruction& model);
-
 }  // namespace cohort

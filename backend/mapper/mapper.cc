@@ -16,10 +16,10 @@
 #include "backend/grow/grown_parts.h"
 #include "backend/grow/parts.h"
 #include "backend/judge/aside.h"
-#include "backend/judge/judgement.h"
-#include "backend/judge/moving_share.h"
+#include "backend/judge/doubts.h"
 #include "backend/mapper/camera_search.h"
 #include "backend/scene/near_world.h"
+#include "backend/scene/phrasebook.h"
 #include "backend/scene/row_poses.h"
 #include "backend/scene/spread_tracks.h"
 #include "frontend/core/part_times.h"
@@ -104,8 +104,7 @@ Reconstruction ToReconstruction(const WorkingModel& model,
 
 MapperResult WithEnd(MapperResult result, const MapperEnd& end) {
   result.termination = end.termination;
-  result.summary.termination = std::string(NameOf(kMapperTerminationNames, end.termination));
-  if (!end.detail.empty()) result.summary.termination += ": " + end.detail;
+  result.summary.termination = TerminationLine(end);
   return result;
 }
 
@@ -123,26 +122,6 @@ MapperResult WithSummary(MapperResult result, const TrackFile& file, const Stopw
     if (!result.reconstruction.points.contains(feature)) result.without_point.push_back(feature);
   }
   return result;
-}
-
-Doubt DescribeBetterCamera(const Camera& better, const Camera& given) {
-  std::string sentence = fmt::format(
-      "the tracks contradict the given camera: they imply fx {:.1f} instead of {:.1f} px and k1 "
-      "{:.3f}, k2 {:.3f} instead of {:.3f}, {:.3f}: give another --camera, or none",
-      better.fx,
-      given.fx,
-      better.k1,
-      better.k2,
-      given.k1,
-      given.k2);
-  return {DoubtCode::kCameraContradicted,
-          std::move(sentence),
-          {{"fx", better.fx},
-           {"k1", better.k1},
-           {"k2", better.k2},
-           {"given_fx", given.fx},
-           {"given_k1", given.k1},
-           {"given_k2", given.k2}}};
 }
 
 // The parts of a clip and their judgements, in the same order.
@@ -215,53 +194,34 @@ JudgedParts JudgeParts(std::vector<WorkingModel> parts,
   return judged;
 }
 
-// The doubts about the model that is returned.
-std::vector<Doubt> DoubtModel(const MapperResult& result,
-                              const JudgedParts& judged,
-                              const Camera& camera) {
+// Adds the chosen part: the model itself, what is found about it, and the doubts. `observed`: its
+// tracks at their original positions in the pictures; `rival`: FoundCamera::rival.
+MapperResult WithModel(MapperResult result,
+                       const TrackFile& file,
+                       const JudgedParts& judged,
+                       const WhitenedTracks& observed,
+                       const Camera& camera,
+                       const std::optional<Camera>& rival,
+                       const CameraRefinement& refinement,
+                       const MapperOptions& options,
+                       const std::vector<int>& keyframes) {
   const WorkingModel& model = judged.parts[judged.chosen];
-  std::vector<Doubt> doubts = judged.judgements[judged.chosen].doubts;
-  if (result.better_camera) {
-    doubts.push_back(DescribeBetterCamera(*result.better_camera, camera));
-  } else if (camera.known) {
-    // For a camera that was searched (SearchCamera), there is no better one.
-    if (auto noise = DescribeExcessNoise(model)) doubts.push_back(std::move(*noise));
-  }
-  return doubts;
-}
-
-// Fills in the result for the chosen part, including the model itself. `observed`: its tracks at
-// their original positions in the pictures.
-void Describe(const JudgedParts& judged,
-              const WhitenedTracks& observed,
-              const Camera& camera,
-              const CameraRefinement& refinement,
-              const MapperOptions& options,
-              const std::vector<int>& keyframes,
-              MapperResult& result) {
-  const WorkingModel& model = judged.parts[judged.chosen];
+  const Judgement& judgement = judged.judgements[judged.chosen];
+  result.depth_uncertainty = judgement.depth_uncertainty;
+  result.unexplained_parallax = judgement.unexplained_parallax;
   result.noise = model.noise();
   if (refinement.Any() || !options.draft) {
     result.lens_changes = MeasureLensChanges(model, refinement);
   }
   if (camera.known && !options.draft) result.better_camera = FindBetterCamera(model, keyframes);
-  result.summary.reasons = DoubtModel(result, judged, camera);
-  const auto add_doubt = [&result](std::optional<Doubt> doubt) {
-    if (doubt) result.summary.reasons.push_back(std::move(*doubt));
-  };
-  if (result.lens_changes) add_doubt(DescribeLensChanges(*result.lens_changes));
   if (options.covariances) {
     if (auto covariances = CovariancesAtOptimum(model, refinement)) {
-      if (covariances->focal) {
-        result.focal_sigma = kFocalErrorOverNoise * *covariances->focal;
-        add_doubt(DescribeUncertainFocal(*result.focal_sigma));
-      }
+      if (covariances->focal) result.focal_sigma = kFocalErrorOverNoise * *covariances->focal;
       double sum = 0.0;
       for (const auto& [frame, deviation] : covariances->centers) sum += deviation * deviation;
       result.expected_error =
           kCameraErrorOverNoise * std::sqrt(sum / static_cast<double>(std::max<std::size_t>(
                                                       1, covariances->centers.size())));
-      add_doubt(DescribeExpectedError(*result.expected_error));
       spdlog::debug("expected error: {:.4f} %, focal sigma {:.3f} %",
                     100.0 * *result.expected_error,
                     100.0 * result.focal_sigma.value_or(0.0));
@@ -273,14 +233,18 @@ void Describe(const JudgedParts& judged,
     }
   }
   result.reconstruction = ToReconstruction(model, observed, judged.readout);
-  add_doubt(DescribeLine(result.reconstruction));
-  add_doubt(DescribeFewPoints(result.reconstruction));
-}
-
-void DoubtMovingThings(const TrackFile& file, MapperResult& result) {
-  if (auto doubt = DescribeMovingThings(file, result.reconstruction)) {
-    result.summary.reasons.push_back(std::move(*doubt));
-  }
+  result.summary.reasons = DoubtsOf({.file = file,
+                                     .parts = judged.parts,
+                                     .chosen = judged.chosen,
+                                     .judgement = judgement,
+                                     .reconstruction = result.reconstruction,
+                                     .camera = camera,
+                                     .rival = rival,
+                                     .better_camera = result.better_camera,
+                                     .expected_error = result.expected_error,
+                                     .focal_sigma = result.focal_sigma,
+                                     .lens_changes = result.lens_changes});
+  return result;
 }
 
 MapperResult WithEndOfModel(MapperResult described, const TrackFile& file) {
@@ -288,26 +252,6 @@ MapperResult WithEndOfModel(MapperResult described, const TrackFile& file) {
   const ReconstructionSummary summary = SummarizeModelOf(file, described.reconstruction);
   if (!summary.Failed()) return WithEnd(std::move(described), {MapperTermination::kSuccess, ""});
   return WithEnd(std::move(described), {MapperTermination::kPartial, ""});
-}
-
-// The doubt about a model of one of several parts of its scene; other scenes do not count.
-std::optional<Doubt> DescribeParts(const JudgedParts& judged,
-                                   const TrackFile& file,
-                                   const Reconstruction& model) {
-  const std::vector<Aside> asides = FindAsides(file, model);
-  const auto is_aside = [&](int frame) {
-    return AnyHas(asides, file.frames[static_cast<std::size_t>(frame)].index);
-  };
-  const auto parts = std::ranges::count_if(judged.parts, [&](const WorkingModel& part) {
-    return !std::ranges::all_of(part.RegisteredFrames(), is_aside);
-  });
-  if (parts < 2) return std::nullopt;
-  return Doubt{DoubtCode::kParts,
-               fmt::format("the clip breaks into {} parts, of which this is the largest{}: film "
-                           "the places between them more slowly",
-                           parts,
-                           judged.chosen > 0 ? " usable part" : ""),
-               {{"parts", static_cast<double>(parts)}}};
 }
 
 bool HasNeighbours(const std::vector<FrameInfo>& frames) {
@@ -322,20 +266,12 @@ MapperResult MapAtOneFocalLength(const TrackFile& file, const MapperOptions& opt
   const Camera given = CameraOrGuess(file);
   const auto least = static_cast<std::size_t>(std::max(2, options.whitening.min_track_length));
   if (file.frames.size() < least) {
-    return WithEnd(std::move(result),
-                   {MapperTermination::kTooFewTracks,
-                    fmt::format("the clip has {} frame{}, at least {} are needed",
-                                file.frames.size(),
-                                file.frames.size() == 1 ? "" : "s",
-                                least)});
+    return WithEnd({}, TooFewFramesEnd(file.frames.size(), least));
   }
   const WhitenedTracks whitened(file, options.whitening);
   if (whitened.track_count() == 0) {
-    return WithEnd(std::move(result),
-                   {MapperTermination::kTooFewTracks,
-                    fmt::format("none of {} tracks is observed in {} frames",
-                                file.tracks.features().size(),
-                                options.whitening.min_track_length)});
+    return WithEnd(
+        {}, TracksTooShortEnd(file.tracks.features().size(), options.whitening.min_track_length));
   }
 
   if (options.readout != 0.0 && !HasNeighbours(file.frames)) {
@@ -370,15 +306,11 @@ MapperResult MapAtOneFocalLength(const TrackFile& file, const MapperOptions& opt
     if (judged.judgements[i].worthless) continue;
     result.other_parts.push_back(ToReconstruction(judged.parts[i], whitened, judged.readout));
   }
-  Describe(judged, whitened, camera, refinement, options, keyframes, result);
-  DoubtMovingThings(file, result);
-  if (auto doubt = DescribeParts(judged, file, result.reconstruction)) {
-    result.summary.reasons.push_back(std::move(*doubt));
-  }
-  if (found && found->rival) {
-    result.summary.reasons.push_back(DescribeRivalCamera(found->camera, *found->rival));
-  }
-  return WithEndOfModel(std::move(result), file);
+  const std::optional<Camera> rival = found ? found->rival : std::nullopt;
+  return WithEndOfModel(
+      WithModel(
+          std::move(result), file, judged, whitened, camera, rival, refinement, options, keyframes),
+      file);
 }
 
 void SetPoses(const std::map<FrameIndex, Rigid3>& cam_from_world, WorkingModel& model) {
@@ -412,20 +344,10 @@ MapperResult AdjustAtOneFocalLength(const TrackFile& file,
   const std::vector<int> keyframes =
       SelectKeyframes(whitened, model.camera(), kKeyframeParallaxPx, kMinKeyframes);
   judged.judgements = {JudgeModel(model, start.camera, keyframes)};
-
-  MapperResult result;
-  if (const auto& worthless = judged.judgements.front().worthless) {
-    judged.judgements.front().doubts.push_back(
-        {DoubtCode::kWorthless,
-         fmt::format("{}: {}",
-                     NameOf(kMapperTerminationNames, worthless->termination),
-                     worthless->detail)});
-  }
-  result.depth_uncertainty = judged.judgements.front().depth_uncertainty;
-  result.unexplained_parallax = judged.judgements.front().unexplained_parallax;
-  Describe(judged, whitened, start.camera, refinement, options, keyframes, result);
-  DoubtMovingThings(file, result);
-  return WithEndOfModel(std::move(result), file);
+  return WithEndOfModel(
+      WithModel(
+          {}, file, judged, whitened, start.camera, std::nullopt, refinement, options, keyframes),
+      file);
 }
 
 // The clip as a camera that does not zoom would have seen it.
@@ -441,7 +363,7 @@ MapperResult WithFocalScales(MapperResult result,
                              const TrackFile& file) {
   result.reconstruction.focal_scale = scales;
   MoveViewsToTracks(file.tracks, result.reconstruction.readout, result.reconstruction);
-  result.summary.reasons.push_back(DescribeFoundZoom(ZoomOf(scales)));
+  result.summary.reasons.push_back(FoundZoomDoubt(ZoomOf(scales)));
   return WithEndOfModel(std::move(result), file);
 }
 

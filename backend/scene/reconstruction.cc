@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <optional>
 
+#include "backend/scene/phrasebook.h"
 #include "backend/scene/row_poses.h"
 #include "frontend/core/statistics.h"
 
@@ -112,22 +113,6 @@ bool AnyHas(const std::vector<Aside>& asides, FrameIndex frame) {
   return std::ranges::any_of(asides, [frame](const Aside& aside) { return aside.Has(frame); });
 }
 
-std::string DescribeAside(const Aside& aside) {
-  const bool one = aside.first == aside.last;
-  std::string frames = one ? fmt::format("frame {}", ToInt(aside.first))
-                           : fmt::format("frames {} to {}", ToInt(aside.first), ToInt(aside.last));
-  switch (aside.kind) {
-    case AsideKind::kBlank:
-      return fmt::format(
-          "{} show{} nothing: black, or without any texture", frames, one ? "s" : "");
-    case AsideKind::kCard:
-      return fmt::format("{} show{} a still picture, such as a title card", frames, one ? "s" : "");
-    case AsideKind::kOtherScene:
-      return fmt::format("{} show{} another scene", frames, one ? "s" : "");
-  }
-  return frames;
-}
-
 ReconstructionSummary Summarize(const Reconstruction& reconstruction,
                                 std::size_t frames,
                                 std::size_t aside) {
@@ -149,13 +134,7 @@ ReconstructionSummary Summarize(const Reconstruction& reconstruction,
     summary.mean_reprojection_px = error_sum / static_cast<double>(summary.observations);
   }
   if (summary.registered > 0 && TooFewRegistered(summary.registered, summary.SceneFrames())) {
-    summary.reasons.push_back({DoubtCode::kFewFrames,
-                               fmt::format("only {} of {} frames have a camera: film the others "
-                                           "more slowly, in more light, or with more overlap",
-                                           summary.registered,
-                                           summary.SceneFrames()),
-                               {{"registered", static_cast<double>(summary.registered)},
-                                {"frames", static_cast<double>(summary.SceneFrames())}}});
+    summary.reasons.push_back(FewFramesDoubt(summary.registered, summary.SceneFrames()));
   }
   return summary;
 }

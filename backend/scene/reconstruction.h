@@ -126,7 +126,7 @@ inline constexpr ChoiceNames<DoubtCode, 19> kDoubtCodeNames{
      {"not-judged", DoubtCode::kNotJudged},
      {"other", DoubtCode::kOther}}};
 
-// A reason to doubt a model.
+// A reason to doubt a model (backend/scene/phrasebook.h).
 struct Doubt {
   DoubtCode code = DoubtCode::kOther;
   std::string sentence;  // for people: what is doubtful and what to do
@@ -155,9 +155,6 @@ struct Aside {
   bool operator==(const Aside&) const = default;
 };
 bool AnyHas(const std::vector<Aside>& asides, FrameIndex frame);
-
-// "frames 0 to 47 show a still picture, such as a title card"
-std::string DescribeAside(const Aside& aside);
 
 // How a reconstruction ended.
 struct ReconstructionSummary {

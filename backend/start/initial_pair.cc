@@ -6,6 +6,8 @@
 #include <cmath>
 #include <set>
 
+#include "backend/scene/phrasebook.h"
+
 namespace cohort {
 namespace {
 
@@ -51,18 +53,17 @@ std::string Reason(const InitialPairSearch& search, std::size_t frames) {
   if (!search.ranked.empty()) return DescribeInitialPair(search.ranked.front());
   if (frames < 2) return "no initial pair: fewer than two frames have tracks";
   const InitialPairRefusals& r = search.refusals;
-  const std::pair<int, const char*> causes[] = {
-      {r.standstill, "the camera stands still"},
-      {r.rotation, "the camera turns on the spot (a rotation explains the pair)"},
-      {r.low_angle, "too little parallax (triangulation angle)"},
-      {r.degenerate, "the matches agree on no geometry"},
-      {r.too_few_common, "too few tracks in common"}};
+  const std::pair<int, NoPairCause> causes[] = {{r.standstill, NoPairCause::kStandstill},
+                                                {r.rotation, NoPairCause::kRotation},
+                                                {r.low_angle, NoPairCause::kLowAngle},
+                                                {r.degenerate, NoPairCause::kDegenerate},
+                                                {r.too_few_common, NoPairCause::kTooFewCommon}};
   const auto* main = std::max_element(
       std::begin(causes), std::end(causes), [](auto& a, auto& b) { return a.first < b.first; });
-  return fmt::format("no initial pair: {} ({} of {} frame pairs tried)",
-                     main->second,
-                     main->first,
-                     r.standstill + r.rotation + r.low_angle + r.degenerate + r.too_few_common);
+  return NoInitialPairLine(
+      main->second,
+      main->first,
+      r.standstill + r.rotation + r.low_angle + r.degenerate + r.too_few_common);
 }
 
 // Frames after `start` that still share 80, 60 and 40 % of its features, the last such each.

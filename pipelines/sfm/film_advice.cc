@@ -10,16 +10,11 @@
 
 #include "backend/geometry/triangulation.h"
 #include "backend/judge/moving_share.h"
-#include "backend/scene/mapper_termination.h"
+#include "backend/scene/phrasebook.h"
 #include "frontend/core/statistics.h"
 
 namespace cohort {
 namespace {
-
-std::string FramesText(FrameIndex first, FrameIndex last) {
-  return first == last ? fmt::format("frame {}", ToInt(first))
-                       : fmt::format("frames {} to {}", ToInt(first), ToInt(last));
-}
 
 // Describes the three longest stretches of frames, and how many more there are.
 std::string StretchesText(std::vector<Stretch> stretches) {
@@ -107,38 +102,30 @@ std::optional<double> ParallaxDeg(const Reconstruction& model) {
   return Median(std::move(angles));
 }
 
-// Explains why there is no model and what to do about it, from the termination of the
-// reconstruction.
-std::string_view WhyNoModel(std::string_view termination) {
-  const auto ended = [&](MapperTermination end) {
-    return termination.starts_with(NameOf(kMapperTerminationNames, end));
-  };
-  // The other terminations are those with COLMAP (backend/start/initial_pair.cc).
-  const auto says = [&](std::string_view phrase) {
-    return termination.find(phrase) != std::string_view::npos;
-  };
-  if (ended(MapperTermination::kStaticCamera) || says("no initial pair: the camera stands still")) {
-    return "The camera stood still: only a moving camera can measure how far away things are. Walk "
-           "past what you film, or around it.";
-  }
-  if (ended(MapperTermination::kPureRotation) ||
-      says("no initial pair: the camera turns on the spot")) {
-    return "The camera only turned on the spot, or a moving object filled the picture. A camera "
-           "that only turns cannot measure how far away things are: walk sideways while you film, "
-           "at least a tenth of the distance to what you film.";
-  }
-  if (ended(MapperTermination::kNotRigid)) {
-    return "The points that can be tracked do not move like one rigid scene: many of them move on "
-           "their own, or lie on something that bends. Keep people, cars, leaves and water out of "
-           "the picture, or cover them by --mask.";
-  }
-  if (ended(MapperTermination::kWeakDepth) || says("no initial pair: too little parallax")) {
-    return "The camera moved too little, given how uncertain the points are. Walk further, "
-           "sideways to what you film, in more light.";
-  }
-  if (ended(MapperTermination::kTooFewTracks)) {
-    return "Hardly any points can be tracked from frame to frame. Film textured surfaces, in more "
-           "light, and move slowly.";
+// Explains why there is no model and what to do about it.
+std::string_view WhyNoModel(std::optional<MapperTermination> ending) {
+  switch (ending.value_or(MapperTermination::kNoStart)) {
+    case MapperTermination::kStaticCamera:
+      return "The camera stood still: only a moving camera can measure how far away things are. "
+             "Walk past what you film, or around it.";
+    case MapperTermination::kPureRotation:
+      return "The camera only turned on the spot, or a moving object filled the picture. A camera "
+             "that only turns cannot measure how far away things are: walk sideways while you "
+             "film, at least a tenth of the distance to what you film.";
+    case MapperTermination::kNotRigid:
+      return "The points that can be tracked do not move like one rigid scene: many of them move "
+             "on their own, or lie on something that bends. Keep people, cars, leaves and water "
+             "out of the picture, or cover them by --mask.";
+    case MapperTermination::kWeakDepth:
+      return "The camera moved too little, given how uncertain the points are. Walk further, "
+             "sideways to what you film, in more light.";
+    case MapperTermination::kTooFewTracks:
+      return "Hardly any points can be tracked from frame to frame. Film textured surfaces, in "
+             "more light, and move slowly.";
+    case MapperTermination::kNoStart:
+    case MapperTermination::kSuccess:
+    case MapperTermination::kPartial:
+      break;
   }
   return "No two positions of the camera could be found that show one rigid scene. Film something "
          "static and textured, and walk slowly past it or around it.";
@@ -221,7 +208,7 @@ std::vector<std::string> FilmAdvice(const FilmedClip& clip, const ClipMeasures& 
         "The clip has {}: a model needs at least three, preferably many, from different positions.",
         file.frames.size() < 2 ? "one frame" : "two frames"));
   } else if (clip.model.cam_from_world.empty()) {
-    advice.emplace_back(WhyNoModel(clip.termination));
+    advice.emplace_back(WhyNoModel(EndingOf(clip.termination)));
   }
   AdviseOnLight(clip, measures, advice);
   // Rendered objects with plain sides had 62 and 70, a change from black to glare 98; a night clip

@@ -17,6 +17,7 @@
 #include "backend/colmap/database.h"
 #include "backend/colmap/model_io.h"
 #include "backend/colmap/program.h"
+#include "backend/scene/phrasebook.h"
 #include "frontend/storage/output.h"
 #include "pipelines/json/json_file.h"
 #include "pipelines/sfm/summary_json.h"
@@ -123,15 +124,11 @@ bool IsOfTracks(DoubtCode code) {
 // may then lie anywhere. The doubts of Ceres about the same tracks are therefore used.
 std::vector<Doubt> DoubtsByCeres(const MapperResult& by_ceres) {
   if (by_ceres.summary.registered == 0) {
-    return {
-        {DoubtCode::kNoModelByCeres,
-         fmt::format("Ceres finds no model of these tracks: {}", by_ceres.summary.termination)}};
+    return {NoModelByCeresDoubt(by_ceres.summary.termination)};
   }
   std::vector<Doubt> doubts;
-  for (Doubt doubt : by_ceres.summary.reasons) {
-    if (!IsOfTracks(doubt.code)) continue;
-    doubt.sentence = "according to the model of Ceres from the same tracks: " + doubt.sentence;
-    doubts.push_back(std::move(doubt));
+  for (const Doubt& doubt : by_ceres.summary.reasons) {
+    if (IsOfTracks(doubt.code)) doubts.push_back(AsDoubtByCeres(doubt));
   }
   return doubts;
 }
@@ -176,10 +173,7 @@ ReconstructResult ReconstructByColmap(TrackFile file,
   }
   if (!options.global_shutter && !options.ceres_start) {
     ReconstructResult mapped = MapByColmap(file, options.colmap, work_folder);
-    AddDoubts({{DoubtCode::kNotJudged,
-                "this model has not been judged, since Ceres did not run: leave out "
-                "--no-ceres-start or --no-global-shutter"}},
-              mapped);
+    AddDoubts({NotJudgedDoubt()}, mapped);
     return mapped;
   }
   const MapperResult by_ceres = ReconstructWithCeres(file, options.ceres);

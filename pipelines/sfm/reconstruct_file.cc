@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
+#include "backend/scene/phrasebook.h"
 #include "frontend/storage/output.h"
 #include "pipelines/json/json_file.h"
 #include "pipelines/json/option_list.h"

@@ -614,7 +614,7 @@ TEST(ColmapProgram, ThatHangsIsKilledAtItsTimeLimit) {
 TEST(ColmapProgram, WhoseHelpHasNoEndIsKilled) {
   const FakeColmap endless("exec yes COLMAP 3.8\n");
   EXPECT_THAT([&] { ColmapProgram(endless.path()); },
-              ThrowsMessage<Error>(HasSubstr("-h prints without end")));
+              ThrowsMessage<Error>(HasSubstr("the output of -h does not end")));
 }
 
 TEST(ColmapProgram, ReadsAHelpWithWordsOfAnyLength) {

@@ -262,9 +262,9 @@ TEST(ColmapModelTracks, CamerasThatAreAlikeAreOneAndOthersAnError) {
   model.images[2].camera_id = 4;
   EXPECT_EQ(Tracks(model).tracks.features().size(), 2u);
   model.cameras[4].params[0] += 1.0;
-  EXPECT_THAT(
-      [&] { Tracks(model); },
-      ThrowsMessage<Error>(AllOf(HasSubstr("model"), HasSubstr("image 1.png has another"))));
+  EXPECT_THAT([&] { Tracks(model); },
+              ThrowsMessage<Error>(
+                  AllOf(HasSubstr("model"), HasSubstr("the camera of image 1.png differs"))));
 }
 
 TEST(ColmapModelTracks, ACameraThatZoomsIsAGuessOfItsMedianFocalLength) {

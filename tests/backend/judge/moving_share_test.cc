@@ -39,7 +39,7 @@ TEST(MovingShare, AModelOfWhichMuchMovesIsDoubted) {
                                   [](const Doubt& d) { return d.code == DoubtCode::kThingsMove; });
   ASSERT_NE(doubt, result.summary.reasons.end());
   EXPECT_THAT(doubt->sentence,
-              HasSubstr(" % of the observations are of things that move on their own"));
+              HasSubstr(" % of the observations are on independently moving objects"));
   EXPECT_THAT(doubt->figures,
               ElementsAre(testing::Pair("moving_share", testing::DoubleNear(0.3, 0.03))));
 }

@@ -193,7 +193,7 @@ TEST(IncrementalMapper, SaysWhenTheFocalLengthIsAsGoodAsUnknown) {
   options.covariances = true;
   const MapperResult straight = ReconstructWithCeres(StraightPath(0.0), options);
   EXPECT_EQ(straight.summary.termination, "success") << "doubts are reasons";
-  EXPECT_THAT(Doubts(straight), HasSubstr("the focal length is known to"));
+  EXPECT_THAT(Doubts(straight), HasSubstr("the focal length is known only to within"));
   ASSERT_FALSE(straight.summary.reasons.empty());
   EXPECT_EQ(straight.summary.reasons.front().code, DoubtCode::kFocalUncertain);
   EXPECT_THAT(straight.summary.reasons.front().figures,
@@ -394,7 +394,7 @@ TEST(IncrementalMapper, SaysWhenTheModelLeavesMoreThanTheTracksNoise) {
   const MapperResult result = ReconstructWithCeres(MakeSyntheticTracks(options).file);
   ASSERT_EQ(result.termination, MapperTermination::kSuccess);
   EXPECT_THAT(Doubts(result),
-              testing::AllOf(HasSubstr("the model leaves a noise of 0."),
+              testing::AllOf(HasSubstr("the residual noise of the model is 0."),
                              HasSubstr("the tracks drift or lie on moving objects")));
 }
 

@@ -110,7 +110,7 @@ INSTANTIATE_TEST_SUITE_P(Of,
                                          Expected{"FeaturesOnALine", "too few tracks"},
                                          Expected{"FewerFeaturesThanTheRank", "too few tracks"},
                                          // A plane that goes by, less far than a lens may bend.
-                                         Expected{"FramesDropped", "success", "a camera that only"},
+                                         Expected{"FramesDropped", "success", "a rotating camera"},
                                          Expected{"FramesRepeated", "success"},
                                          Expected{"FramesOutOfOrder", "success"},
                                          Expected{"StillAtFirst", "success"}),

@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "backend/colmap/model_io.h"
+#include "backend/scene/phrasebook.h"
 #include "pipelines/json/json_file.h"
 #include "pipelines/sfm/film_advice.h"
 #include "tests/support/picture_clip.h"
@@ -448,9 +449,15 @@ TEST(FilmAdvice, OfAClipWithoutAModelSaysWhatToDoByHowItEnded) {
            {"static camera: the picture moves by 2.0 px at most", "stood still"},
            {"pure rotation: a rotation explains", "only turned on the spot"},
            {"not rigid: no rigid scene", "move on their own"},
-           {"weak depth: depths are known to 120 % only", "moved too little"},
+           {"weak depth: depths are known only to within 120 %", "moved too little"},
            {"too few tracks: no two frames", "Hardly any points"},
            {"no start: there is parallax", "walk slowly past it"},
+           {NoInitialPairLine(NoPairCause::kStandstill, 3, 4), "stood still"},
+           {"no two frames share 15 tracks that agree on a geometry: " +
+                NoInitialPairLine(NoPairCause::kRotation, 3, 4),
+            "only turned on the spot"},
+           {NoInitialPairLine(NoPairCause::kLowAngle, 3, 4), "moved too little"},
+           {NoInitialPairLine(NoPairCause::kTooFewCommon, 3, 4), "walk slowly past it"},
            {"what another program says", "walk slowly past it"}}) {
     EXPECT_THAT(Advice(file, {}, kDaylight, termination), ElementsAre(HasSubstr(words)))
         << termination;
