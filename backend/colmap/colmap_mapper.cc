@@ -241,7 +241,6 @@ struct MapperRuns {
   std::string failure;  // reason of the last run that registered too few
   std::string died;     // how the best model's run ended, if abnormally
   std::string damaged;  // files that a run which died left half written
-  double seconds = 0.0;
 };
 
 // One run from each initial pair, and a last one from COLMAP's own choice, until enough frames
@@ -258,9 +257,7 @@ MapperRuns RunMapper(ColmapProgram& program,
     Arguments arguments =
         MapperArguments(file, options, workspace, i < starts.size() ? &starts[i] : nullptr);
     arguments.push_back(Required("output_path", sparse));
-    const Stopwatch mapper;
     const ProgramEnd end = program.Run("mapper", arguments, workspace.log);
-    runs.seconds += mapper.Seconds();
     std::vector<std::string> damaged;
     auto model = ReadLargestColmapModel(sparse, end.Failed() ? &damaged : nullptr);
     if (!damaged.empty()) {
@@ -404,19 +401,16 @@ ColmapResult ReconstructWithColmap(const TrackFile& tracked,
                            search.reason));
   }
   const MapperRuns runs = RunMapper(program, file, options, workspace, starts);
-  result.colmap_seconds = runs.seconds;
   std::string died = runs.died + runs.damaged;
   if (runs.best) {
     result.reconstruction = ToReconstruction(*runs.best, file);
     if (options.final_adjustment) {
-      const Stopwatch adjuster;
       auto adjusted = RunAdjuster(program, file, options, workspace, result.reconstruction);
       if (adjusted) {
         result.reconstruction = std::move(*adjusted);
       } else {
         died += ", though its bundle_adjuster failed";
       }
-      result.colmap_seconds += adjuster.Seconds();
     }
   }
   std::string failure = runs.failure;
@@ -459,57 +453,9 @@ ColmapResult AdjustWithColmap(const TrackFile& tracked,
   auto adjusted = RunAdjuster(program, file, options, workspace, std::move(model));
   if (adjusted) result.reconstruction = std::move(*adjusted);
   result.summary = SummarizeModelOf(file, result.reconstruction);
-  result.summary.seconds = result.colmap_seconds = total.Seconds();
+  result.summary.seconds = total.Seconds();
   result.summary.termination = fmt::format(
       "COLMAP {} {} a given model", program.version(), adjusted ? "adjusted" : "could not adjust");
-  return result;
-}
-
-ColmapResult TriangulateWithColmap(const TrackFile& tracked,
-                                   const std::map<FrameIndex, Rigid3>& cam_from_world,
-                                   const ColmapOptions& options,
-                                   const fs::path& work_folder) {
-  ValidateOptions(options);
-  const TrackFile file = WithoutWeakObservations(tracked, options.database);
-  if (!file.KnowsCamera()) {
-    ThrowError("triangulation with given poses needs a known camera: give --camera");
-  }
-  const Stopwatch total;
-  ColmapProgram program(options.program, options.max_minutes);
-  const Workspace workspace(work_folder, file);
-  ColmapResult result;
-  result.log = workspace.log;
-
-  WriteColmapDatabase(workspace.database, BuildColmapDatabase(file, options.database));
-  ColmapModel poses;
-  poses.cameras[1] = ToColmapCamera(*file.camera);
-  for (const FrameInfo& frame : file.frames) {
-    const auto pose = cam_from_world.find(frame.index);
-    if (pose == cam_from_world.end()) continue;
-    ColmapModelImage& image = poses.images[ColmapImageIdOf(frame.index)];
-    image.cam_from_world = pose->second;
-    image.name = frame.name;
-  }
-  const fs::path input = workspace.MakeFolder("sparse_poses");
-  WriteColmapModel(input, poses, ColmapModelFormat::kBinary);
-  const fs::path output = workspace.MakeFolder("sparse_triangulated");
-
-  Arguments arguments = CommonArguments(file, options, workspace);
-  arguments.push_back(Required("input_path", input));
-  arguments.push_back(Required("output_path", output));
-  const Stopwatch triangulator;
-  const ProgramEnd end = program.Run("point_triangulator", arguments, workspace.log);
-  result.colmap_seconds = triangulator.Seconds();
-  const std::optional<ColmapModel> written = ReadWritten(output, end);
-  result.reconstruction = ToReconstruction(written.value_or(poses), file);
-  result.summary = SummarizeModelOf(file, result.reconstruction);
-  result.summary.seconds = total.Seconds();
-  result.summary.termination =
-      written ? fmt::format("COLMAP {} triangulated with given poses", program.version())
-              : fmt::format("COLMAP {} triangulated nothing: {}; see {} of the run",
-                            program.version(),
-                            FailureIn(workspace.log, 0, end),
-                            workspace.log.filename().string());
   return result;
 }
 

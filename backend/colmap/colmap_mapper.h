@@ -72,7 +72,6 @@ struct ColmapOptions {
 struct ColmapResult {
   Reconstruction reconstruction;  // the model that registered the most frames; empty if none did
   ReconstructionSummary summary;  // `termination` describes the outcome in one line
-  double colmap_seconds = 0.0;    // of summary.seconds, in the colmap program
   std::filesystem::path log;      // all that COLMAP printed
 };
 
@@ -90,19 +89,11 @@ ColmapResult ReconstructWithColmap(const TrackFile& tracked,
 
 // Runs only COLMAP's bundle_adjuster, from another program's model of the same tracks (its point
 // ids are the tracks'), to the optimum of COLMAP's cost. It uses those of the model's views that
-// the mapper would get too (WithoutWeakObservations; predicted ones only if requested) and whose
-// error is within its bound, with equal weights. The result is empty if COLMAP fails.
+// the mapper would get too (WithoutWeakObservations) and whose error is within its bound, with
+// equal weights. The result is empty if COLMAP fails.
 ColmapResult AdjustWithColmap(const TrackFile& tracked,
                               const Reconstruction& start,
                               const ColmapOptions& options,
                               const std::filesystem::path& work_folder);
-
-// Estimates only the points, by COLMAP's point_triangulator from given and fixed poses (true poses
-// isolate the tracks from the solver). All frames with a pose count as registered; the camera of
-// `tracked` must be known.
-ColmapResult TriangulateWithColmap(const TrackFile& tracked,
-                                   const std::map<FrameIndex, Rigid3>& cam_from_world,
-                                   const ColmapOptions& options,
-                                   const std::filesystem::path& work_folder);
 
 }  // namespace cohort

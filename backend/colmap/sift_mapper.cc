@@ -237,7 +237,6 @@ ColmapResult ReconstructWithSift(const TrackFile& clip,
 
   result.summary = Summarize(result.reconstruction, clip.frames.size());
   result.summary.seconds = stopwatch.Seconds();
-  result.colmap_seconds = result.summary.seconds;
   result.summary.termination =
       best ? fmt::format("COLMAP {} with its own SIFT features", program.version())
            : DescribeFailure(program.version(), failure, result.log);

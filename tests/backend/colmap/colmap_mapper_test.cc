@@ -255,8 +255,7 @@ TEST(ColmapMapper, LeavesPredictedPositionsOut) {
 TEST(ColmapAdjuster, BringsAModelOfTheTracksToItsOptimum) {
   const TempDir dir;
   const SyntheticTracks scene = ClipWithOutliers(CameraPath::kLateral);
-  Reconstruction start =
-      TriangulateWithColmap(scene.file, scene.cam_from_world, {}, dir / "t").reconstruction;
+  Reconstruction start = TriangulateWithCeres(scene.file, scene.cam_from_world).reconstruction;
   const std::size_t points = start.points.size();
   RandomStream random(1, "test.adjuster");
   for (auto& [frame, pose] : start.cam_from_world) {
@@ -268,27 +267,6 @@ TEST(ColmapAdjuster, BringsAModelOfTheTracksToItsOptimum) {
   EXPECT_GT(result.reconstruction.points.size(), points * 9 / 10);
   EXPECT_LT(AbsoluteTrajectoryError(result.reconstruction.cam_from_world, scene.cam_from_world),
             0.5 * before);
-}
-
-TEST(ColmapTriangulator, KeepsTheGivenPoses) {
-  const TempDir dir;
-  const SyntheticTracks scene = ClipWithOutliers(CameraPath::kLateral);
-  const ColmapResult result =
-      TriangulateWithColmap(scene.file, scene.cam_from_world, {}, dir / "work");
-  EXPECT_EQ(result.summary.registered, 30u) << result.summary.Brief();
-  for (const auto& [frame, pose] : scene.cam_from_world) {
-    const Rigid3& kept = result.reconstruction.cam_from_world.at(frame);
-    EXPECT_LT((kept.translation - pose.translation).norm(), 1e-9);
-    EXPECT_LT(AngleBetween(kept.rotation, pose.rotation), 1e-9);
-  }
-  std::vector<double> errors;
-  for (const auto& [feature, point] : result.reconstruction.points) {
-    errors.push_back((point.in_world - scene.points_in_world.at(feature)).norm());
-  }
-  ASSERT_GT(errors.size(), scene.points_in_world.size() * 80 / 100);
-  std::nth_element(errors.begin(), errors.begin() + errors.size() / 2, errors.end());
-  EXPECT_LT(errors[errors.size() / 2], 0.03);  // metres in the world of the poses
-  EXPECT_THAT(ReadBytes(result.log), Not(HasSubstr("WARNING")));
 }
 
 // COLMAP's own tools take the model that we write.
