@@ -206,9 +206,6 @@ class Adjuster {
     switch (options_.loss) {
       case RobustLoss::kNone:
         break;
-      case RobustLoss::kHuber:
-        loss_ = std::make_unique<ceres::HuberLoss>(options_.loss_scale);
-        break;
       case RobustLoss::kCauchy:
         loss_ = std::make_unique<ceres::CauchyLoss>(options_.loss_scale);
         break;
@@ -445,7 +442,8 @@ double CornerShift(const Camera& a, const Camera& b) {
 
 BundleResult AdjustBundle(BundleProblem problem, const BundleOptions& options) {
   CheckInterruption();
-  ValidateOptions(options);
+  Check(options.loss_scale > 0.0, "the scale of a robust loss is positive");
+  Check(options.prior_noise > 0.0, "the noise that priors are relative to is positive");
   Adjuster adjuster(std::move(problem), options);
   return adjuster.Run();
 }

@@ -42,18 +42,14 @@ struct BundleProblem {
 
 enum class RobustLoss : std::uint8_t {
   kNone,    // rho(s) = s
-  kHuber,   // s up to scale^2, then 2 scale sqrt(s) - scale^2
   kCauchy,  // scale^2 log(1 + s / scale^2)
 };
-inline constexpr ChoiceNames<RobustLoss, 3> kRobustLossNames{
-    {{"none", RobustLoss::kNone}, {"huber", RobustLoss::kHuber}, {"cauchy", RobustLoss::kCauchy}}};
 
 // The shift between two cameras of the ray through the picture's corner, as a share of its distance
 // from the axis.
 double CornerShift(const Camera& a, const Camera& b);
 
 struct BundleOptions {
-  static constexpr double kMinLossScale = 1e-3;
   static constexpr double kMaxLossScale = 1e3;
 
   RobustLoss loss = RobustLoss::kCauchy;
@@ -94,70 +90,6 @@ struct BundleOptions {
   bool covariances = false;
 
   bool RefinesIntrinsics() const { return refine_focal || refine_principal_point || refine_radial; }
-
-  template <typename Self, typename Visitor>
-  static void Visit(Self& o, Visitor& v) {
-    v.Choice("loss", o.loss, kRobustLossNames, "robust loss of the whitened residuals");
-    v.Number("loss_scale",
-             o.loss_scale,
-             kMinLossScale,
-             kMaxLossScale,
-             "scale of the robust loss [standard deviations]");
-    v.Number("max_iterations", o.max_iterations, 1, 10000, "maximum number of iterations");
-    v.Number("function_tolerance",
-             o.function_tolerance,
-             0.0,
-             1.0,
-             "relative decrease of the cost at which the adjustment stops");
-    v.Number("trust_radius",
-             o.trust_radius,
-             1.0,
-             1e16,
-             "initial trust region radius; a larger one damps the first step less");
-    v.Flag("refine_focal", o.refine_focal, "refine the focal length");
-    v.Flag("refine_principal_point", o.refine_principal_point, "refine the principal point");
-    v.Flag("refine_radial", o.refine_radial, "refine k1 and k2");
-    v.Flag("refine_shift", o.refine_shift, "refine the shift that all observations share");
-    v.Number("focal_prior_log_sigma",
-             o.focal_prior_log_sigma,
-             1e-3,
-             1e3,
-             "standard deviation of log(f / guess) in the prior of the focal length");
-    v.Number("focal_prior_px",
-             o.focal_prior_px,
-             0.0,
-             1e7,
-             "guess of the focal length, the mean of its prior [px]");
-    v.Number("radial_prior_sigma",
-             o.radial_prior_sigma,
-             1e-3,
-             1e3,
-             "standard deviation of the shares by which k1 and k2 move the picture's corner");
-    v.Number("center_prior_sigma",
-             o.center_prior_sigma,
-             1e-6,
-             1e3,
-             "standard deviation of the principal point's distance from the middle, as a share");
-    v.Number("prior_noise",
-             o.prior_noise,
-             1e-6,
-             1e6,
-             "one standard deviation in units of the whitened residuals");
-    v.Flag("refine_lens_changes",
-           o.refine_lens_changes,
-           "refine a focal length and a centre for each camera");
-    v.Number("zoom_walk_sigma",
-             o.zoom_walk_sigma,
-             1e-9,
-             10.0,
-             "standard deviation of the change of log f from one camera to the next");
-    v.Number("center_walk_sigma_px",
-             o.center_walk_sigma_px,
-             1e-9,
-             1e4,
-             "standard deviation of the change of the centre from one camera to the next [px]");
-    v.Flag("covariances", o.covariances, "estimate covariances of cameras, points, intrinsics");
-  }
 };
 
 enum class BundleTermination : std::uint8_t { kConverged, kMaxIterations, kFailed };
