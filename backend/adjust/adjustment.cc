@@ -13,38 +13,6 @@
 namespace cohort {
 namespace {
 
-// The bundle adjustment of all points that have an inlier, with every registered camera fixed, and
-// the tracks of these points.
-struct PointProblem {
-  BundleProblem bundle;
-  std::vector<int> tracks;
-};
-PointProblem MakePointProblem(const WorkingModel& model) {
-  const WhitenedTracks& whitened = model.whitened();
-  PointProblem problem;
-  problem.bundle.intrinsics = model.camera();
-  std::vector<int> camera_of_frame(whitened.frame_count(), -1);
-  for (const int frame : model.RegisteredFrames()) {
-    camera_of_frame[frame] = static_cast<int>(problem.bundle.cameras.size());
-    problem.bundle.cameras.push_back({model.Pose(frame), true});
-  }
-  for (int track = 0; track < whitened.track_count(); ++track) {
-    if (!model.HasPoint(track)) continue;
-    const auto [first, last] = whitened.TrackRange(track);
-    for (int o = first; o < last; ++o) {
-      if (!model.IsInlier(o)) continue;
-      const WhitenedObservation& observation = whitened.observations()[o];
-      problem.bundle.observations.push_back({camera_of_frame[observation.frame],
-                                             static_cast<int>(problem.tracks.size()),
-                                             observation.xy,
-                                             observation.covariance_px2});
-    }
-    problem.tracks.push_back(track);
-    problem.bundle.points_in_world.push_back(model.Point(track));
-  }
-  return problem;
-}
-
 // The variance of every centre (trace over its three coordinates) that remains after the
 // best-fitting similarity, P C P' with P = I - Q Q' and Q an orthonormal basis of the motions of a
 // similarity, as a share of the mean square distance of the centres from their mean. `covariance`:
@@ -79,14 +47,6 @@ std::vector<double> SharesAfterSimilarity(const std::vector<Eigen::Vector3d>& ce
 }
 
 }  // namespace
-
-std::vector<int> Spread(const std::vector<int>& frames, std::size_t count) {
-  std::vector<int> some;
-  for (std::size_t i = 0; i < count; ++i) {
-    some.push_back(frames[i * (frames.size() - 1) / (count - 1)]);
-  }
-  return some;
-}
 
 BundleOptions MapperBundleOptions(const WorkingModel& model,
                                   const CameraRefinement& refinement,
@@ -207,14 +167,7 @@ void AdjustToMinimum(WorkingModel& model) {
 }
 
 void AdjustPoints(WorkingModel& model) {
-  PointProblem problem = MakePointProblem(model);
-  if (problem.bundle.observations.empty()) return;
-  const BundleResult result =
-      AdjustBundle(std::move(problem.bundle), MapperBundleOptions(model, {}, 20, 1e-6));
-  if (result.termination == BundleTermination::kFailed) return;
-  for (std::size_t i = 0; i < problem.tracks.size(); ++i) {
-    model.SetPoint(problem.tracks[i], result.solution.points_in_world[i]);
-  }
+  model.Adjust({}, model.RegisteredFrames(), MapperBundleOptions(model, {}, 20, 1e-6));
 }
 
 std::optional<Camera> FindBetterCamera(const WorkingModel& model,

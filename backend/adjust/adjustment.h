@@ -8,9 +8,6 @@
 
 namespace cohort {
 
-// `count` of these frames, evenly spread from the first to the last.
-std::vector<int> Spread(const std::vector<int>& frames, std::size_t count);
-
 // The camera parameters that the mapper's bundle adjustments refine; none of a known camera.
 struct CameraRefinement {
   bool focal = false;

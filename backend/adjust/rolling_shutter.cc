@@ -240,7 +240,7 @@ std::vector<Eigen::Vector2d> AsGlobalShutter(const WhitenedTracks& observed,
 
 TrackFile AsGlobalShutter(TrackFile file, const Reconstruction& model) {
   if (model.readout == 0.0) return file;
-  const RowPoses rows(model.cam_from_world, model.readout, model.camera, model.frame_times);
+  const RowPoses rows(model);
   std::map<FrameIndex, double> depths;
   for (const auto& [frame, pose] : model.cam_from_world) {
     depths[frame] = MedianDepth(file, model, frame);

@@ -152,7 +152,6 @@ int WorkingModel::TriangulateTracks(std::span<const int> tracks) {
   const std::size_t min_rays = MinViews();
   int found = 0;
   std::vector<Ray> rays;
-  std::vector<Ray> some;
   for (const int track : tracks) {
     if (HasPoint(track)) continue;
     const auto [first, last] = whitened_->TrackRange(track);
@@ -162,11 +161,7 @@ int WorkingModel::TriangulateTracks(std::span<const int> tracks) {
       if (HasPose(frame)) rays.push_back({Pose(frame), n_[o]});
     }
     if (rays.size() < min_rays) continue;
-    some.clear();
-    const std::size_t n = std::min(rays.size(), kMaxTriangulationRays);
-    for (std::size_t i = 0; i < n; ++i) {
-      some.push_back(rays[n == 1 ? 0 : i * (rays.size() - 1) / (n - 1)]);
-    }
+    const std::vector<Ray> some = Spread(rays, std::min(rays.size(), kMaxTriangulationRays));
     const auto point = TriangulateRobustly(some, max_error, min_rays);
     if (!point) continue;
     SetPoint(track, point->in_world);
@@ -192,19 +187,25 @@ ModelAdjustment WorkingModel::Adjust(std::span<const int> free,
   std::vector<int> point_of_track(whitened_->track_count(), -1);
   ModelAdjustment adjustment;
   std::vector<int>& tracks = adjustment.tracks;
+  const auto add_point = [&](int track) {
+    point_of_track[track] = static_cast<int>(tracks.size());
+    tracks.push_back(track);
+    problem.points_in_world.push_back(Point(track));
+  };
+  if (free.empty()) {
+    for (int track = 0; track < whitened_->track_count(); ++track) {
+      if (HasPoint(track)) add_point(track);
+    }
+  }
   const auto add_frames = [&](std::span<const int> frames, bool is_fixed) {
     for (const int frame : frames) {
       camera_of_frame[frame] = static_cast<int>(problem.cameras.size());
       problem.cameras.push_back({Pose(frame), is_fixed});
       for (const int o : whitened_->ObservationsIn(frame)) {
         const int track = whitened_->observations()[o].track;
-        if (!IsInlier(o) || !HasPoint(track)) continue;
-        if (point_of_track[track] < 0) {
-          if (is_fixed) continue;  // seen by fixed frames only: nothing to learn
-          point_of_track[track] = static_cast<int>(tracks.size());
-          tracks.push_back(track);
-          problem.points_in_world.push_back(Point(track));
-        }
+        // A point seen by fixed frames only teaches nothing about the others.
+        if (is_fixed || !IsInlier(o) || !HasPoint(track)) continue;
+        if (point_of_track[track] < 0) add_point(track);
       }
     }
   };

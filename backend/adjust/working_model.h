@@ -7,12 +7,11 @@
 #include <vector>
 
 #include "backend/adjust/bundle_adjustment.h"
+#include "backend/scene/reconstruction.h"
 #include "backend/scene/whitened_tracks.h"
 
 namespace cohort {
 
-// The largest error of an inlier [px]; COLMAP's bound.
-inline constexpr double kMaxReprojectionPx = 4.0;
 inline constexpr double kInfinity = std::numeric_limits<double>::infinity();
 // The smallest accepted value of a point's largest ray angle [deg]; COLMAP's 1.5 is for
 // photographs. A model of near points alone loses its scale if the camera moves ahead and the
@@ -20,6 +19,14 @@ inline constexpr double kInfinity = std::numeric_limits<double>::infinity();
 inline constexpr double kMinRayAngleDeg = 0.1;
 // The smallest noise of a whitened coordinate; a smaller one means a clip without noise.
 inline constexpr double kMinWhitenedNoise = 0.02;
+
+// `count` of these, two or more, evenly spread from the first to the last.
+template <typename T>
+std::vector<T> Spread(const std::vector<T>& all, std::size_t count) {
+  std::vector<T> some;
+  for (std::size_t i = 0; i < count; ++i) some.push_back(all[i * (all.size() - 1) / (count - 1)]);
+  return some;
+}
 
 struct ModelAdjustment {
   BundleResult bundle;      // its cameras: the free frames, then the fixed ones
@@ -80,8 +87,9 @@ class WorkingModel {
   int TriangulateAllTracks();
 
   // Bundle adjustment of the registered frames `free` and the points they see, from observations in
-  // them and in the registered frames `fixed`, which keep their poses. Refined intrinsics become
-  // the model's. `d_shift`: of all observations, where options refine a shift.
+  // them and in the registered frames `fixed`, which keep their poses; without free frames, of all
+  // points alone. Refined intrinsics become the model's. `d_shift`: of all observations, where
+  // options refine a shift.
   ModelAdjustment Adjust(std::span<const int> free,
                          std::span<const int> fixed,
                          const BundleOptions& options,

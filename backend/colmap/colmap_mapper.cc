@@ -24,8 +24,6 @@ namespace {
 namespace fs = std::filesystem;
 using Arguments = std::vector<ColmapArgument>;
 
-constexpr double kMaxReprojectionPx = 4.0;  // COLMAP's own default, also passed to it
-
 template <typename T>
 ColmapArgument Argument(std::string name, const T& value) {
   return {{std::move(name)}, fmt::format("{}", value), false};

@@ -228,22 +228,14 @@ ClipMotion ClassifyDrift(const WhitenedTracks& whitened,
   constexpr double kAlongEpipolarLines = 5.0;
   constexpr double kStill = 1.5;  // motion before the best rotation divided by that after it
   constexpr double kMinErrorPx = 0.05;
-  for (Camera candidate : CamerasToTry(camera)) {
-    candidate.known = true;  // its focal length is the hypothesis
+  for (const Camera& candidate : CamerasToTry(camera)) {
     std::vector<double> along;
     std::vector<double> turned;
     for (const FramePairMotion& pair : std::span(pairs).first(std::min(pairs.size(), kMostPairs))) {
-      std::vector<Eigen::Vector2d> xy_a;
-      std::vector<Eigen::Vector2d> xy_b;
-      for (const auto& [a, b] : whitened.CommonObservations(pair.frame_a, pair.frame_b)) {
-        xy_a.push_back(whitened.observations()[a].xy);
-        xy_b.push_back(whitened.observations()[b].xy);
-      }
-      TwoViewOptions two_view;
-      two_view.min_inliers = 8;
       // So that the motion to be measured does not count as outliers.
-      two_view.max_error_px = std::clamp(pair.parallax_px, two_view.max_error_px, 50.0);
-      const TwoViewGeometry geometry = EstimateTwoViewGeometry(xy_a, xy_b, candidate, two_view);
+      const double max_error_px = std::clamp(pair.parallax_px, TwoViewOptions{}.max_error_px, 50.0);
+      const TwoViewGeometry geometry =
+          EstimateTwoViewGeometry(whitened, pair.frame_a, pair.frame_b, candidate, max_error_px);
       if (geometry.kind == TwoViewKind::kDegenerate) continue;
       along.push_back(geometry.parallax_px / std::max(geometry.error_px, kMinErrorPx));
       turned.push_back(geometry.motion_px / std::max(geometry.parallax_px, kMinErrorPx));

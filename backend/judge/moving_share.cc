@@ -37,7 +37,7 @@ std::optional<double> MovingShare(const TrackFile& file, const Reconstruction& m
   constexpr std::size_t kLong = 10;
   const double moves_px = 0.0025 * std::hypot(model.camera.width_px, model.camera.height_px);
   const double distance = MedianDistance(model);
-  const RowPoses rows(model.cam_from_world, model.readout, model.camera, model.frame_times);
+  const RowPoses rows(model);
   std::size_t all = 0;
   std::size_t moving = 0;
   const auto counts = [&model](const Observation& o) {

@@ -17,10 +17,7 @@ namespace {
 // projection.
 template <typename Model, typename Use>
 void ForEachError(Model& reconstruction, const Use& use) {
-  const RowPoses rows(reconstruction.cam_from_world,
-                      reconstruction.readout,
-                      reconstruction.camera,
-                      reconstruction.frame_times);
+  const RowPoses rows(reconstruction);
   for (auto& [feature, point] : reconstruction.points) {
     for (const PointView& view : point.views) {
       const Rigid3 cam_from_world = reconstruction.readout == 0.0

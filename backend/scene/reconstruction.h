@@ -17,6 +17,9 @@
 
 namespace cohort {
 
+// The largest error of an observation that a model uses [px]; COLMAP's default.
+inline constexpr double kMaxReprojectionPx = 4.0;
+
 // An observation that a reconstruction uses: the point of `feature` was seen at xy in `frame`.
 struct PointView {
   FrameIndex frame{};

@@ -51,6 +51,9 @@ RowPoses::RowPoses(const std::map<FrameIndex, Rigid3>& cam_from_world,
   }
 }
 
+RowPoses::RowPoses(const Reconstruction& model)
+    : RowPoses(model.cam_from_world, model.readout, model.camera, model.frame_times) {}
+
 double RowPoses::RowOf(const Eigen::Vector2d& xy) const {
   switch (row_order_) {
     case RowOrder::kDown:

@@ -29,6 +29,8 @@ class RowPoses {
            const Camera& camera,
            const FrameTimes& times = {});
 
+  explicit RowPoses(const Reconstruction& model);
+
   // The pose of a frame for the row of xy; rows beyond the picture are extrapolated.
   Rigid3 CamFromWorld(FrameIndex frame, const Eigen::Vector2d& xy) const;
 

@@ -13,7 +13,7 @@ namespace cohort {
 namespace {
 
 // Tuned on the tuning clips, as are the bounds below.
-constexpr int kWindowFrames = 8;
+constexpr std::size_t kWindowFrames = 8;
 constexpr double kMinExplained = 0.5;  // share of the window's observations
 constexpr int kMinPoints = 10;
 
@@ -25,12 +25,7 @@ std::vector<int> WindowFrames(const WhitenedTracks& whitened, const FramePairMot
       usable.push_back(f);
     }
   }
-  const int count = std::min(kWindowFrames, static_cast<int>(usable.size()));
-  std::vector<int> window;
-  for (int i = 0; i < count; ++i) {
-    window.push_back(usable[i * (static_cast<int>(usable.size()) - 1) / (count - 1)]);
-  }
-  return window;
+  return Spread(usable, std::min(kWindowFrames, usable.size()));
 }
 
 std::vector<int> TracksInFrames(const WhitenedTracks& whitened, const std::vector<int>& frames) {
@@ -85,7 +80,8 @@ class WindowBuilder {
       model.TriangulateTracks(tracks_);
       models.push_back({std::move(model), method, 0.0, window_});
     };
-    const TwoViewGeometry geometry = EstimatePairGeometry(camera);
+    const TwoViewGeometry geometry =
+        EstimateTwoViewGeometry(whitened_, pair_.frame_a, pair_.frame_b, camera);
     if (geometry.cam2_from_cam1) add(*geometry.cam2_from_cam1, StartMethod::kEssential);
     constexpr double kNearlyPlanar = 0.6;
     if (geometry.homography && geometry.homography_ratio > kNearlyPlanar) {
@@ -142,19 +138,6 @@ class WindowBuilder {
   }
 
  private:
-  TwoViewGeometry EstimatePairGeometry(Camera camera) const {
-    std::vector<Eigen::Vector2d> xy_a;
-    std::vector<Eigen::Vector2d> xy_b;
-    for (const auto& [a, b] : whitened_.CommonObservations(pair_.frame_a, pair_.frame_b)) {
-      xy_a.push_back(whitened_.observations()[a].xy);
-      xy_b.push_back(whitened_.observations()[b].xy);
-    }
-    camera.known = true;  // this focal length is the hypothesis
-    TwoViewOptions two_view;
-    two_view.min_inliers = 8;
-    return EstimateTwoViewGeometry(xy_a, xy_b, camera, two_view);
-  }
-
   std::vector<AffineMeasurement> MeasurementsInWindow(const Camera& camera) const {
     std::vector<int> number(whitened_.track_count(), -1);
     for (std::size_t i = 0; i < tracks_.size(); ++i) number[tracks_[i]] = static_cast<int>(i);

@@ -395,6 +395,19 @@ FramePairMatches MatchFrames(const TrackSet& tracks, FrameIndex frame1, FrameInd
   return matches;
 }
 
+TwoViewGeometry EstimateTwoViewGeometry(
+    const WhitenedTracks& whitened, int frame_a, int frame_b, Camera camera, double max_error_px) {
+  std::vector<Vector2d> xy_a;
+  std::vector<Vector2d> xy_b;
+  for (const auto& [a, b] : whitened.CommonObservations(frame_a, frame_b)) {
+    xy_a.push_back(whitened.observations()[a].xy);
+    xy_b.push_back(whitened.observations()[b].xy);
+  }
+  camera.known = true;
+  return EstimateTwoViewGeometry(
+      xy_a, xy_b, camera, {.max_error_px = max_error_px, .min_inliers = 8});
+}
+
 Matrix3d EssentialFromPose(const Rigid3& cam2_from_cam1) {
   return CrossMatrix<double>(cam2_from_cam1.translation) *
          cam2_from_cam1.rotation.toRotationMatrix();

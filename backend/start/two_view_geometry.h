@@ -6,6 +6,7 @@
 #include <string_view>
 #include <vector>
 
+#include "backend/scene/whitened_tracks.h"
 #include "frontend/core/options.h"
 #include "frontend/geometry/camera.h"
 #include "frontend/geometry/rigid3.h"
@@ -78,6 +79,14 @@ TwoViewGeometry EstimateTwoViewGeometry(std::span<const Eigen::Vector2d> xy1,
                                         std::span<const Eigen::Vector2d> xy2,
                                         const Camera& camera,
                                         const TwoViewOptions& options = {});
+
+// The same of two frames' common tracks, from 8 inliers on. The focal length is a hypothesis: the
+// camera counts as known.
+TwoViewGeometry EstimateTwoViewGeometry(const WhitenedTracks& whitened,
+                                        int frame_a,
+                                        int frame_b,
+                                        Camera camera,
+                                        double max_error_px = TwoViewOptions{}.max_error_px);
 
 Eigen::Matrix3d EssentialFromPose(const Rigid3& cam2_from_cam1);  // [t]x R
 

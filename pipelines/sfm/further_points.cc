@@ -111,7 +111,7 @@ FurtherPoints::FurtherPoints(const TrackFile& file,
     : file_(file),
       near_(model),
       model_(near_.get()),
-      rows_(model_.cam_from_world, model_.readout, model_.camera, model.frame_times),
+      rows_(model_),
       keyframes_(keyframes.begin(), keyframes.end()),
       wanted_(wanted),
       seen_share_(keyframes_.size(), 0.0) {

@@ -44,9 +44,7 @@ bool HoldsFeature(const std::map<FrameIndex, std::set<FeatureId>>& by_frame,
 ModelPredictions::ModelPredictions(const TrackFile& file,
                                    const Reconstruction& model,
                                    int template_frames)
-    : file_(file),
-      model_(model),
-      rows_(model.cam_from_world, model.readout, model.camera, model.frame_times) {
+    : file_(file), model_(model), rows_(model) {
   std::map<FrameIndex, std::size_t> observed_in;
   for (const auto& [feature, point] : model.points) {
     std::vector<FrameIndex> seen;

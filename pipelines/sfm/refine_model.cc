@@ -16,6 +16,7 @@
 #include <vector>
 
 #include "backend/colmap/camera_model.h"
+#include "backend/scene/near_world.h"
 #include "frontend/geometry/sim3.h"
 #include "frontend/storage/output.h"
 #include "pipelines/json/json_file.h"
@@ -274,12 +275,7 @@ std::optional<Sim3> FindSimilarity(const Reconstruction& from, const Reconstruct
 MapperResult InWorldOf(const Reconstruction& world, MapperResult model) {
   const auto similarity = FindSimilarity(model.reconstruction, world);
   if (!similarity) return model;
-  for (auto& [frame, pose] : model.reconstruction.cam_from_world) {
-    pose = TransformPose(*similarity, pose);
-  }
-  for (auto& [feature, point] : model.reconstruction.points) {
-    point.in_world = *similarity * point.in_world;
-  }
+  model.reconstruction = MoveWorld(*similarity, std::move(model.reconstruction));
   const Eigen::Matrix3d turn = similarity->scale * similarity->rotation.toRotationMatrix();
   for (auto& [feature, covariance] : model.point_covariances) {
     covariance = turn * covariance * turn.transpose();

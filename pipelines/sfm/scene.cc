@@ -282,7 +282,7 @@ bool IsMaskName(const std::string& name) {
 // The model in the scene's world, with the undistorted camera and the chosen frames, and the points
 // that at least two of them see: COLMAP aborts on a track of one.
 Reconstruction SceneModel(const Reconstruction& model, const SceneFigures& figures) {
-  const RowPoses rows(model.cam_from_world, model.readout, model.camera, model.frame_times);
+  const RowPoses rows(model);
   const Rigid3 model_from_scene = figures.scene_from_model.Inverse();
   Reconstruction scene;
   scene.camera = figures.camera;

@@ -70,7 +70,7 @@ TEST(FocalScale, AGlobalShutterSeesAZoomWithTheFramesCameras) {
   const test::SyntheticTracks scene = SceneSeenBy(test::FreiburgCamera());
   Reconstruction model = test::ModelOfTruth(scene, test::ZoomOf(scene.file.frames));
   model.readout = 0.5;
-  const RowPoses rows(model.cam_from_world, model.readout, model.camera);
+  const RowPoses rows(model);
   std::vector<Observation> observations(scene.file.tracks.observations().begin(),
                                         scene.file.tracks.observations().end());
   const auto in_world = [&](const Observation& o) { return model.points.at(o.feature).in_world; };
