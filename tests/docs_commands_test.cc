@@ -89,8 +89,7 @@ void WriteClip(const std::string& shell, const fs::path& dir) {
 std::optional<double> AsNumber(const std::string& word) {
   char* end = nullptr;
   const double value = std::strtod(word.c_str(), &end);
-  const std::string rest = end;
-  if (end == word.c_str() || (!rest.empty() && rest != ",")) return std::nullopt;
+  if (end != word.c_str() + word.size()) return std::nullopt;
   return value;
 }
 

@@ -1,7 +1,11 @@
-"""What the scripts of this folder share: running programs, clips without their calibration, and the program of a
-changed copy of the last commit."""
+"""What the scripts of this folder share: running programs, clips without their calibration or filtered by ffmpeg, the
+program of a changed copy of the last commit, the figures of `compare`, and the tables of pages."""
+import collections
+import csv
+import math
 import os
 import pathlib
+import shutil
 import subprocess
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
@@ -39,3 +43,42 @@ def build(tree):
             env=environment)
     run('cmake', '--build', 'build', '--target', 'cohort', cwd=tree, env=environment)
     return tree / 'build/cohort'
+
+
+def filtered(clip, out, by, calibration=None):
+    """Makes `out` the clip in TUM layout after a filter of ffmpeg, with another calibration.txt if one is given."""
+    if not out.exists():
+        partial = out.with_suffix('.partial')
+        shutil.rmtree(partial, ignore_errors=True)
+        (partial / 'rgb').mkdir(parents=True)
+        run('ffmpeg', '-loglevel', 'error', '-pattern_type', 'glob', '-i', clip / 'rgb/*.png', '-vf', by, '-start_number',
+            0, partial / 'rgb/%06d.png')
+        for name in ('rgb.txt', 'groundtruth.txt', 'calibration.txt'):  # not its depths
+            shutil.copy(clip / name, partial)
+        if calibration:
+            (partial / 'calibration.txt').write_text(calibration)
+        partial.rename(out)
+    return out
+
+
+def figures_of(out):
+    """{(clip, level, seed): {metric: value}} of the results in a folder of `compare` with one tracker and one backend; a
+    cell that failed has none."""
+    figures = collections.defaultdict(dict)
+    for line in csv.DictReader(open(out / 'results.csv')):
+        of_cell = figures[line['sequence'], line['level'], line['seed']]
+        if line['value']:
+            of_cell[line['metric']] = float(line['value'])
+    return figures
+
+
+def is_whole(figures):
+    """Whether a model has 95 % of the frames."""
+    return figures.get('registered', 0) >= .95 * figures.get('frames', math.inf)
+
+
+def between(page, name, text):
+    """Puts the text between the marks NAME and `end of NAME` of a page."""
+    begin, end = f'<!-- {name} -->\n', f'<!-- end of {name} -->\n'
+    before, rest = page.read_text().split(begin)
+    page.write_text(before + begin + text + end + rest.split(end)[1])
