@@ -27,8 +27,9 @@ stage() { # stage LATEST_START NAME COMMAND...
   seconds+=("$(printf '%6d  %s' $((SECONDS - began)) "$name")")
 }
 
-sanitized() { # sanitized PRESET TARGET: builds the target, and runs the tests of the preset
+sanitized() { # sanitized PRESET TARGETS [TESTS]: builds them, and runs the tests of the preset that match
   cmake --preset "$1"
-  cmake --build "build-$1" --target "$2"
-  ctest --preset "$1" -j "$(nproc)"
+  # shellcheck disable=SC2086 # several targets
+  cmake --build "build-$1" --target $2
+  ctest --preset "$1" -R "${3:-.}" --no-tests=error -j "$(nproc)"
 }

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <map>
 #include <vector>
 
 #include "backend/scene/phrasebook.h"
@@ -105,18 +104,6 @@ Judgement JudgeModel(const WorkingModel& model,
     judgement.doubts.push_back(UnexplainedParallaxDoubt(unexplained));
   }
   return judgement;
-}
-
-std::optional<double> CameraUncertainty(
-    const std::map<FrameIndex, Eigen::Matrix<double, 6, 6>>& covariances,
-    const Reconstruction& reconstruction) {
-  std::vector<double> deviations;
-  for (const auto& [frame, covariance] : covariances) {
-    deviations.push_back(std::sqrt(covariance.bottomRightCorner<3, 3>().trace() / 3.0));
-  }
-  const double distance = MedianDistance(reconstruction);
-  if (deviations.empty() || distance <= 0.0) return std::nullopt;
-  return Median(std::move(deviations)) / distance;
 }
 
 double UnexplainedParallax(const WorkingModel& model, const std::vector<int>& keyframes) {

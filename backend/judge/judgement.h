@@ -1,7 +1,5 @@
 #pragma once
 
-#include <Eigen/Core>
-#include <map>
 #include <optional>
 #include <vector>
 
@@ -9,7 +7,6 @@
 #include "backend/judge/clip_motion.h"
 #include "backend/scene/keyframes.h"
 #include "backend/scene/mapper_termination.h"
-#include "backend/scene/reconstruction.h"
 
 namespace cohort {
 
@@ -40,14 +37,6 @@ struct Judgement {
 Judgement JudgeModel(const WorkingModel& model,
                      const Camera& camera,
                      const std::vector<int>& keyframes);
-
-// Median standard deviation of a coordinate of the cameras' centres (from covariances of omega,
-// centre) as a share of MedianDistance; nullopt without either. It covers the effect of the tracks'
-// noise only: the errors of the cameras were 1 to 4 times as large on rendered clips, and 7 times
-// as large in changing light.
-std::optional<double> CameraUncertainty(
-    const std::map<FrameIndex, Eigen::Matrix<double, 6, 6>>& covariances,
-    const Reconstruction& reconstruction);
 
 // Covariances assume that the errors of observations are independent and that the models of lens
 // and shutter are true. On clips with truth, the errors of the cameras were 1.1 to 3 times as large

@@ -33,6 +33,7 @@ namespace {
 // of keyframes. Tuned on the tuning clips.
 constexpr double kKeyframeParallaxPx = 10.0;
 constexpr int kMinKeyframes = 10;
+constexpr int kMostFramesWithCovariances = 600;  // memory grows with their square
 
 Camera CameraOrGuess(const TrackFile& file) {
   if (file.width_px <= 0 || file.height_px <= 0) {
@@ -214,19 +215,25 @@ MapperResult WithModel(MapperResult result,
     result.lens_changes = MeasureLensChanges(model, refinement);
   }
   if (camera.known && !options.draft) result.better_camera = FindBetterCamera(model, keyframes);
-  if (options.covariances) {
-    if (auto covariances = CovariancesAtOptimum(model, refinement)) {
-      if (covariances->focal) result.focal_sigma = kFocalErrorOverNoise * *covariances->focal;
+  const bool covariances = options.covariances && !options.draft;
+  if (covariances && model.registered() > kMostFramesWithCovariances) {
+    result.warnings.push_back(fmt::format(
+        "more than {} frames: the covariances and the expected error of the cameras are "
+        "not estimated",
+        kMostFramesWithCovariances));
+  } else if (covariances) {
+    if (auto found = CovariancesAtOptimum(model, refinement)) {
+      if (found->focal) result.focal_sigma = kFocalErrorOverNoise * *found->focal;
       double sum = 0.0;
-      for (const auto& [frame, deviation] : covariances->centers) sum += deviation * deviation;
+      for (const auto& [frame, deviation] : found->centers) sum += deviation * deviation;
       result.expected_error =
-          kCameraErrorOverNoise * std::sqrt(sum / static_cast<double>(std::max<std::size_t>(
-                                                      1, covariances->centers.size())));
+          kCameraErrorOverNoise *
+          std::sqrt(sum / static_cast<double>(std::max<std::size_t>(1, found->centers.size())));
       spdlog::debug("expected error: {:.4f} %, focal sigma {:.3f} %",
                     100.0 * *result.expected_error,
                     100.0 * result.focal_sigma.value_or(0.0));
-      result.camera_covariances = std::move(covariances->cameras);
-      result.point_covariances = std::move(covariances->points);
+      result.camera_covariances = std::move(found->cameras);
+      result.point_covariances = std::move(found->points);
     } else {
       result.warnings.emplace_back(
           "covariances could not be estimated: the problem is rank deficient");

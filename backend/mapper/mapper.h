@@ -20,7 +20,7 @@ struct MapperOptions {
   bool refine_principal_point = true;
   double readout = 0.0;
   bool estimate_readout = true;
-  bool covariances = false;
+  bool covariances = true;
   // For a model that only predicts where features are seen (the second pass): it is not adjusted to
   // its minimum, and fewer of the checks for doubts run.
   bool draft = false;
@@ -68,8 +68,8 @@ struct MapperOptions {
            Tier::kCommon);
     v.Flag("covariances",
            o.covariances,
-           "Estimate the covariances of cameras and points. The memory grows with the square of "
-           "the number of frames.",
+           "Estimate the covariances of cameras and points, and from them the expected error of "
+           "the cameras, by which the model is judged. Models of more than 600 frames have none.",
            Tier::kCommon);
   }
 };

@@ -311,7 +311,7 @@ std::string FramesText(FrameIndex first, FrameIndex last) {
 }
 
 std::string DescribeAside(const Aside& aside) {
-  const std::string frames = FramesText(aside.first, aside.last);
+  std::string frames = FramesText(aside.first, aside.last);
   const char* const show = aside.first == aside.last ? "shows" : "show";
   switch (aside.kind) {
     case AsideKind::kBlank:

@@ -34,8 +34,6 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
-constexpr std::size_t kMostFramesWithCovariances = 600;  // memory grows with their square
-
 struct SfmFigures {
   ReconstructionSummary model;
   std::size_t images = 0;
@@ -44,10 +42,9 @@ struct SfmFigures {
   std::optional<double> expected_error;  // of the cameras, share of the extent of their path
   std::optional<double> focal_px;        // of a camera that was not known
   std::optional<double> focal_sigma_px;
-  std::optional<double> camera_uncertainty;  // share of the distance to the scene
-  std::vector<Stretch> other_parts;          // of the clip, that have their own models
-  std::vector<std::string> notes;            // on the frames that do not show the scene
-  std::vector<std::string> film_better;      // FilmAdvice
+  std::vector<Stretch> other_parts;      // of the clip, that have their own models
+  std::vector<std::string> notes;        // on the frames that do not show the scene
+  std::vector<std::string> film_better;  // FilmAdvice
 };
 
 // Everything on which the scene depends, in the form that summary.json keeps: the program, the
@@ -127,15 +124,10 @@ Fingerprints FilesOfModel(const fs::path& folder) {
 }
 
 // Makes the model of the tracks, unless it already belongs to them. Returns its summary.json.
-fs::path MakeSceneModel(const SfmOptions& options, std::size_t frames, const Json& made_of) {
+fs::path MakeSceneModel(const SfmOptions& options, const Json& made_of) {
   ReconstructFileOptions model = options.model;
   model.tracks = (fs::path(options.out) / "clip.tracks").string();
   model.out = (fs::path(options.out) / "model").string();
-  if (frames > kMostFramesWithCovariances && model.reconstruct.ceres.covariances) {
-    model.reconstruct.ceres.covariances = false;
-    spdlog::info("more than {} frames: the covariances of cameras and points are not estimated",
-                 kMostFramesWithCovariances);
-  }
   if (options.resume && HasModelOf(options.out, made_of)) {
     spdlog::info("{} is already complete", model.out);
   } else {
@@ -171,7 +163,6 @@ SfmFigures FiguresOf(const fs::path& summary) {
     figures.model.seconds = model.at("seconds").get<double>();
     figures.model.termination = model.at("termination").get<std::string>();
     figures.model.reasons = DoubtsFromJson(model.at("reasons"));
-    figures.camera_uncertainty = Find<double>(model, "camera_uncertainty");
     figures.expected_error = Find<double>(model, "expected_error");
     if (model.contains("camera") && model["camera"].contains("sigma")) {
       figures.focal_px = Find<double>(model["camera"], "fx");
@@ -211,8 +202,6 @@ Json SummaryOf(const SfmFigures& figures,
             {"quality", std::string(NameOf(kModelQualityNames, figures.model.Quality()))},
             {"reasons", DoubtsToJson(figures.model.reasons)},
             {"expected_error", figures.expected_error ? Json(*figures.expected_error) : Json()},
-            {"camera_uncertainty",
-             figures.camera_uncertainty ? Json(*figures.camera_uncertainty) : Json()},
             {"cuts", NumbersOf(cuts)},
             {"notes", figures.notes},
             {"film_better", figures.film_better},
@@ -252,7 +241,7 @@ SfmFigures MakeScene(const SfmOptions& options,
   std::error_code ignored;
   for (const char* old : {"summary.json", "report.html"}) fs::remove(folder / old, ignored);
   const TrackFile file = ReadTrackFile(track.out);
-  SfmFigures figures = FiguresOf(MakeSceneModel(options, file.frames.size(), model_made_of));
+  SfmFigures figures = FiguresOf(MakeSceneModel(options, model_made_of));
   std::vector<double> brightness;
   Fingerprints files;
   Reconstruction model;

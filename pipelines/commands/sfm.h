@@ -10,8 +10,6 @@
 namespace cohort {
 
 struct SfmOptions {
-  SfmOptions() { model.reconstruct.ceres.covariances = true; }
-
   std::string out;
   std::string json;
   bool resume = false;

@@ -27,7 +27,7 @@ struct RefineModelOptions {
   bool drop_contradicted = true;
   double model_max_distance_px = 5.0;  // replaces the second pass's own
   SecondPassOptions second_pass;
-  MapperOptions ceres = {.covariances = true};
+  MapperOptions ceres;
 
   // All but the second pass.
   template <typename Self, typename Visitor>

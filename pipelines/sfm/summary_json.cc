@@ -45,9 +45,6 @@ Json FindingsToJson(const CeresFindings& findings, const Reconstruction& reconst
     }
     if (findings.expected_error) json["expected_error"] = *findings.expected_error;
   }
-  if (const auto uncertainty = CameraUncertainty(findings.camera_covariances, reconstruction)) {
-    json["camera_uncertainty"] = *uncertainty;
-  }
   if (findings.better_camera) json["better_camera"] = CameraToJson(*findings.better_camera);
   for (const Reconstruction& part : findings.other_parts) {
     json["other_parts"].push_back({{"first_frame", ToInt(part.cam_from_world.begin()->first)},

@@ -43,7 +43,7 @@ def row(folder, name):
     # A run that fails early leaves the earlier scene as it was.
     if failed and figures and os.path.getmtime(summary) < record.get("began", 0):
         figures = {}
-    error = figures.get("camera_uncertainty")
+    error = figures.get("expected_error")
     return {
         "scene": name,
         "quality": "failed" if failed else figures.get("quality") or "not judged",

@@ -20,6 +20,7 @@ TEST(Doubts, SaysThatPointsLieAlongALine) {
   const auto reconstruct = [](double height) {
     test::SyntheticTracksOptions options;
     options.path = CameraPath::kLateral;
+    options.noise_px = 0.1;
     options.height = height;
     options.plane_relief = height;
     return ReconstructWithCeres(MakeSyntheticTracks(options).file);

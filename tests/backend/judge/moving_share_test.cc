@@ -18,7 +18,7 @@ using testing::HasSubstr;
 // The first `share` of the features go down by 5 px a frame and jump back every five frames, whatever
 // the camera does.
 MapperResult ReconstructWithJumping(double share) {
-  test::SyntheticTracks scene = test::LateralScene(0.3);
+  test::SyntheticTracks scene = test::LateralScene(0.1);
   const auto features = scene.file.tracks.features();
   const auto jumping = static_cast<std::size_t>(share * static_cast<double>(features.size()));
   std::vector<Observation> observations;

@@ -354,14 +354,14 @@ TEST(IncrementalMapper, KnownLensesOfAllModelsAreTakenForWhatTheyAre) {
   for (const Camera& camera :
        {test::FreiburgCamera(), test::RationalCamera(), test::FisheyeCamera()}) {
     for (const CameraPath path : {CameraPath::kArc, CameraPath::kLateral}) {
-      SyntheticTracksOptions options = Scene(path, 0.3);
+      SyntheticTracksOptions options = Scene(path, 0.1);
       options.camera = camera;
       const SyntheticTracks scene = MakeSyntheticTracks(options);
       const MapperResult result = ReconstructWithCeres(scene.file);
       ASSERT_EQ(result.termination, MapperTermination::kSuccess) << result.summary.Brief();
       EXPECT_EQ(result.summary.Quality(), ModelQuality::kGood) << result.summary.Brief();
       EXPECT_LT(Ate(result, scene), 0.02);
-      EXPECT_NEAR(result.noise, 0.3, 0.05);
+      EXPECT_NEAR(result.noise, 0.1, 0.02);
       EXPECT_EQ(result.reconstruction.camera.k3, camera.k3);
     }
   }

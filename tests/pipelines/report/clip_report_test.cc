@@ -458,7 +458,7 @@ TEST_F(Show, AModelThatFailedSaysSoThoughNothingIsKnownOfItsErrors) {
   fs::create_directory(Path("failed"));
   WriteBytes(Path("failed/summary.json"),
              R"({"registered": 0, "frames": 20, "points": 0, "quality": "failed", "reasons": [],
-                 "camera_uncertainty": null, "termination": "static camera"})");
+                 "termination": "static camera"})");
   const ClipReport report = ReadClipReport(Path("failed"));
   EXPECT_THAT(report.sentences, testing::ElementsAre("There is no model: static camera"));
 }

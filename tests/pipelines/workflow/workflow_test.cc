@@ -217,9 +217,9 @@ scenes:
   EXPECT_EQ(good.at("frames"), "12");
   EXPECT_EQ(good.at("quality"), summary["quality"]);
   EXPECT_EQ(good.at("points"), std::to_string(summary["points"].get<int>()));
-  EXPECT_NEAR(std::stod(good.at("expected_error_percent")),
-              100.0 * summary["camera_uncertainty"].get<double>(),
-              5.0 * summary["camera_uncertainty"].get<double>());
+  const auto expected_error = summary["expected_error"].get<double>();
+  EXPECT_NEAR(
+      std::stod(good.at("expected_error_percent")), 100.0 * expected_error, 5.0 * expected_error);
   for (const char* failed : {"none", "empty"}) {
     EXPECT_EQ(rows.at(failed).at("quality"), "failed");
     EXPECT_EQ(rows.at(failed).at("exit_code"), "1");
