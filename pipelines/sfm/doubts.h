@@ -33,6 +33,6 @@ std::string DoubtOfMeasuring(const SecondPassFigures& figures);
 // The track ids are not those of the file.
 std::string DoubtOfIds(const TracksCsv& csv, const std::string& tracks_name);
 // The focal lengths are unrealistic, or the principal point lies outside the picture.
-std::string DoubtOfCamera(const std::optional<Camera>& camera);
+std::string DoubtOfCamera(const std::optional<Camera>& known);
 
 }  // namespace cohort
