@@ -71,7 +71,8 @@ TrackFile TracksToExport(TrackFile file,
   }
   if (given) ConsoleReport().Warn(DoubtOfModel(*given, options.model, file, options.tracks));
   if (!options.global_shutter) return file;
-  const Reconstruction model = given ? *given : ReconstructWithCeres(file).reconstruction;
+  const Reconstruction model =
+      given ? *given : ReconstructWithCeres(file, {.covariances = false}).reconstruction;
   if (model.readout == 0.0) {
     spdlog::warn("{}: no rolling shutter is known; the positions are written unchanged",
                  options.model.empty() ? options.tracks : options.model);
