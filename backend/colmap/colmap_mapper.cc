@@ -8,10 +8,11 @@
 #include <fstream>
 #include <optional>
 
+#include "backend/colmap/initial_pair.h"
 #include "backend/colmap/model_io.h"
 #include "backend/colmap/program.h"
 #include "backend/judge/aside.h"
-#include "backend/start/initial_pair.h"
+#include "backend/scene/phrasebook.h"
 #include "frontend/core/error.h"
 #include "frontend/core/statistics.h"
 #include "frontend/core/stopwatch.h"
@@ -203,18 +204,6 @@ Reconstruction ToReconstruction(const ColmapModel& model, const TrackFile& file)
   return reconstruction;
 }
 
-// The initial pairs for COLMAP: pairs that begin in different frames, the best first.
-std::vector<InitialPair> PairsToTry(const InitialPairSearch& search, int max_attempts) {
-  std::vector<InitialPair> pairs;
-  for (const InitialPair& pair : search.ranked) {
-    const bool same_start = std::any_of(
-        pairs.begin(), pairs.end(), [&](const auto& tried) { return tried.frame1 == pair.frame1; });
-    if (same_start || pairs.size() >= static_cast<std::size_t>(max_attempts)) continue;
-    pairs.push_back(pair);
-  }
-  return pairs;
-}
-
 // Writes the database, whose pairs include the initial pairs. Returns false if no two frames have a
 // geometry.
 bool WriteDatabase(const TrackFile& file,
@@ -331,13 +320,9 @@ std::optional<Reconstruction> RunAdjuster(ColmapProgram& program,
 }
 
 // The initial pair of the best run.
-std::string DescribeStart(const MapperRuns& runs,
-                          const std::vector<InitialPair>& starts,
-                          const InitialPairSearch& search) {
+std::string DescribeStart(const MapperRuns& runs, const std::vector<InitialPair>& starts) {
   if (runs.best_start < starts.size()) return DescribeInitialPair(starts[runs.best_start]);
-  return starts.empty()
-             ? search.reason
-             : "initial pair: chosen by COLMAP, since none of cohort's registered more frames";
+  return "initial pair: chosen by COLMAP, since none of cohort's registered more frames";
 }
 
 std::string DescribeEnd(const ColmapProgram& program,
@@ -387,16 +372,13 @@ ColmapResult ReconstructWithColmap(const TrackFile& tracked,
   };
 
   const Camera& camera = result.reconstruction.camera;
-  const InitialPairSearch search =
-      FindInitialPairs(AtOneFocalLength(file.tracks, camera, options.focal_scale), camera);
-  if (search.ranked.empty() && search.refusals.standstill + search.refusals.rotation > 0) {
-    return end(search.reason);  // COLMAP would invent a depth
-  }
-  const std::vector<InitialPair> starts = PairsToTry(search, options.max_attempts);
+  TrackFile at_one_focal_length = file;
+  at_one_focal_length.tracks = AtOneFocalLength(file.tracks, camera, options.focal_scale);
+  const InitialPairs found = FindInitialPairs(at_one_focal_length, camera, options.max_attempts);
+  if (found.end) return end(TerminationLine(*found.end));
+  const std::vector<InitialPair>& starts = found.ranked;
   if (!WriteDatabase(file, options, starts, workspace.database)) {
-    return end(fmt::format("no two frames share {} tracks that agree on a geometry: {}",
-                           options.database.two_view.min_inliers,
-                           search.reason));
+    return end(TerminationLine(NoGeometryEnd(options.database.two_view.min_inliers)));
   }
   const MapperRuns runs = RunMapper(program, file, options, workspace, starts);
   std::string died = runs.died + runs.damaged;
@@ -421,7 +403,7 @@ ColmapResult ReconstructWithColmap(const TrackFile& tracked,
                          result.reconstruction.cam_from_world.size(),
                          file.frames.size(),
                          failure,
-                         DescribeStart(runs, starts, search),
+                         DescribeStart(runs, starts),
                          died,
                          workspace.log));
 }

@@ -29,10 +29,6 @@
 namespace cohort {
 namespace {
 
-// Parallax after which a frame becomes a keyframe that grows the model [px], and the minimum number
-// of keyframes. Tuned on the tuning clips.
-constexpr double kKeyframeParallaxPx = 10.0;
-constexpr int kMinKeyframes = 10;
 constexpr int kMostFramesWithCovariances = 600;  // memory grows with their square
 
 Camera CameraOrGuess(const TrackFile& file) {
@@ -195,58 +191,71 @@ JudgedParts JudgeParts(std::vector<WorkingModel> parts,
   return judged;
 }
 
-// Adds the chosen part: the model itself, what is found about it, and the doubts. `observed`: its
-// tracks at their original positions in the pictures; `rival`: FoundCamera::rival.
-MapperResult WithModel(MapperResult result,
-                       const TrackFile& file,
-                       const JudgedParts& judged,
-                       const WhitenedTracks& observed,
-                       const Camera& camera,
-                       const std::optional<Camera>& rival,
-                       const CameraRefinement& refinement,
-                       const MapperOptions& options,
-                       const std::vector<int>& keyframes) {
-  const WorkingModel& model = judged.parts[judged.chosen];
-  const Judgement& judgement = judged.judgements[judged.chosen];
-  result.depth_uncertainty = judgement.depth_uncertainty;
-  result.unexplained_parallax = judgement.unexplained_parallax;
-  result.noise = model.noise();
-  if (refinement.Any() || !options.draft) {
-    result.lens_changes = MeasureLensChanges(model, refinement);
-  }
-  if (camera.known && !options.draft) result.better_camera = FindBetterCamera(model, keyframes);
-  const bool covariances = options.covariances && !options.draft;
-  if (covariances && model.registered() > kMostFramesWithCovariances) {
+// Adds the covariances of an adjusted model, and what they say of its cameras and focal length; a
+// warning if there are none.
+void AddCovariances(const WorkingModel& model,
+                    const CameraRefinement& refinement,
+                    MapperResult& result) {
+  if (model.registered() > kMostFramesWithCovariances) {
     result.warnings.push_back(fmt::format(
         "more than {} frames: the covariances and the expected error of the cameras are "
         "not estimated",
         kMostFramesWithCovariances));
-  } else if (covariances) {
-    if (auto found = CovariancesAtOptimum(model, refinement)) {
-      if (found->focal) result.focal_sigma = kFocalErrorOverNoise * *found->focal;
-      double sum = 0.0;
-      for (const auto& [frame, deviation] : found->centers) sum += deviation * deviation;
-      result.expected_error =
-          kCameraErrorOverNoise *
-          std::sqrt(sum / static_cast<double>(std::max<std::size_t>(1, found->centers.size())));
-      spdlog::debug("expected error: {:.4f} %, focal sigma {:.3f} %",
-                    100.0 * *result.expected_error,
-                    100.0 * result.focal_sigma.value_or(0.0));
-      result.camera_covariances = std::move(found->cameras);
-      result.point_covariances = std::move(found->points);
-    } else {
-      result.warnings.emplace_back(
-          "covariances could not be estimated: the problem is rank deficient");
-    }
+    return;
   }
-  result.reconstruction = ToReconstruction(model, observed, judged.readout);
-  result.summary.reasons = DoubtsOf({.file = file,
+  auto found = CovariancesAtOptimum(model, refinement);
+  if (!found) {
+    result.warnings.emplace_back(
+        "covariances could not be estimated: the problem is rank deficient");
+    return;
+  }
+  if (found->focal) result.focal_sigma = kFocalErrorOverNoise * *found->focal;
+  double sum = 0.0;
+  for (const auto& [frame, deviation] : found->centers) sum += deviation * deviation;
+  result.expected_error =
+      kCameraErrorOverNoise *
+      std::sqrt(sum / static_cast<double>(std::max<std::size_t>(1, found->centers.size())));
+  spdlog::debug("expected error: {:.4f} %, focal sigma {:.3f} %",
+                100.0 * *result.expected_error,
+                100.0 * result.focal_sigma.value_or(0.0));
+  result.camera_covariances = std::move(found->cameras);
+  result.point_covariances = std::move(found->points);
+}
+
+// What the mapper works with before it judges a model.
+struct Search {
+  const TrackFile& file;
+  const WhitenedTracks& observed;  // the tracks at their original positions in the pictures
+  const MapperOptions& options;
+  CameraRefinement refinement;
+  Camera camera;                // with which the model was grown
+  std::optional<Camera> rival;  // FoundCamera::rival
+  std::vector<int> keyframes;
+};
+
+// Adds the chosen part: the model itself, what is found about it, and the doubts.
+MapperResult WithModel(MapperResult result, const Search& search, const JudgedParts& judged) {
+  const WorkingModel& model = judged.parts[judged.chosen];
+  const Judgement& judgement = judged.judgements[judged.chosen];
+  const bool complete = !search.options.draft;
+  result.depth_uncertainty = judgement.depth_uncertainty;
+  result.unexplained_parallax = judgement.unexplained_parallax;
+  result.noise = model.noise();
+  if (search.refinement.Any() || complete) {
+    result.lens_changes = MeasureLensChanges(model, search.refinement);
+  }
+  if (search.camera.known && complete) {
+    result.better_camera = FindBetterCamera(model, search.keyframes);
+  }
+  if (search.options.covariances && complete) AddCovariances(model, search.refinement, result);
+  result.reconstruction = ToReconstruction(model, search.observed, judged.readout);
+  result.summary.reasons = DoubtsOf({.file = search.file,
                                      .parts = judged.parts,
                                      .chosen = judged.chosen,
                                      .judgement = judgement,
                                      .reconstruction = result.reconstruction,
-                                     .camera = camera,
-                                     .rival = rival,
+                                     .camera = search.camera,
+                                     .rival = search.rival,
                                      .better_camera = result.better_camera,
                                      .expected_error = result.expected_error,
                                      .focal_sigma = result.focal_sigma,
@@ -291,13 +300,12 @@ MapperResult MapAtOneFocalLength(const TrackFile& file, const MapperOptions& opt
   const CameraRefinement refinement = RefinementOf(given, options);
   const std::optional<Camera> found_before = FoundBefore(file, given, refinement);
   Camera camera = found_before.value_or(given);
-  std::vector<int> keyframes =
-      SelectKeyframes(whitened, camera, kKeyframeParallaxPx, kMinKeyframes);
+  std::vector<int> keyframes = SelectKeyframes(whitened, camera);
   std::optional<FoundCamera> found;
   if (refinement.focal) {
     if ((found = SearchCamera(whitened, given, found_before, refinement, keyframes))) {
       camera = found->camera;
-      keyframes = SelectKeyframes(whitened, camera, kKeyframeParallaxPx, kMinKeyframes);
+      keyframes = SelectKeyframes(whitened, camera);
     }
   }
   GrownParts grown = found && found->grown ? std::move(*found->grown)
@@ -306,18 +314,18 @@ MapperResult MapAtOneFocalLength(const TrackFile& file, const MapperOptions& opt
   for (WorkingModel& part : grown.parts) AdjustUntilSettled(part, 4, 4);
   JudgedParts judged = JudgeParts(std::move(grown.parts), given, options, refinement, keyframes);
   const Judgement& judgement = judged.judgements[judged.chosen];
-  result.depth_uncertainty = judgement.depth_uncertainty;
-  result.unexplained_parallax = judgement.unexplained_parallax;
-  if (judgement.worthless) return WithEnd(std::move(result), *judgement.worthless);
+  if (judgement.worthless) {
+    result.depth_uncertainty = judgement.depth_uncertainty;
+    result.unexplained_parallax = judgement.unexplained_parallax;
+    return WithEnd(std::move(result), *judgement.worthless);
+  }
   for (std::size_t i = judged.chosen + 1; i < judged.parts.size(); ++i) {
     if (judged.judgements[i].worthless) continue;
     result.other_parts.push_back(ToReconstruction(judged.parts[i], whitened, judged.readout));
   }
   const std::optional<Camera> rival = found ? found->rival : std::nullopt;
-  return WithEndOfModel(
-      WithModel(
-          std::move(result), file, judged, whitened, camera, rival, refinement, options, keyframes),
-      file);
+  const Search search{file, whitened, options, refinement, camera, rival, std::move(keyframes)};
+  return WithEndOfModel(WithModel(std::move(result), search, judged), file);
 }
 
 void SetPoses(const std::map<FrameIndex, Rigid3>& cam_from_world, WorkingModel& model) {
@@ -348,13 +356,15 @@ MapperResult AdjustAtOneFocalLength(const TrackFile& file,
   JudgedParts judged{.parts = {AdjustedModel(whitened, near.get())}};
   AdjustParts(options, refinement, judged);
   const WorkingModel& model = judged.parts.front();
-  const std::vector<int> keyframes =
-      SelectKeyframes(whitened, model.camera(), kKeyframeParallaxPx, kMinKeyframes);
-  judged.judgements = {JudgeModel(model, start.camera, keyframes)};
-  return WithEndOfModel(
-      WithModel(
-          {}, file, judged, whitened, start.camera, std::nullopt, refinement, options, keyframes),
-      file);
+  const Search search{file,
+                      whitened,
+                      options,
+                      refinement,
+                      start.camera,
+                      std::nullopt,
+                      SelectKeyframes(whitened, model.camera())};
+  judged.judgements = {JudgeModel(model, start.camera, search.keyframes)};
+  return WithEndOfModel(WithModel({}, search, judged), file);
 }
 
 // The clip as a camera that does not zoom would have seen it.

@@ -26,8 +26,8 @@ FramePairMotion MeasureMotion(const WhitenedTracks& whitened,
 // frame that shares too few tracks with the last keyframe becomes a keyframe as well.
 std::vector<int> SelectKeyframes(const WhitenedTracks& whitened,
                                  const Camera& camera,
-                                 double parallax_px,
-                                 int at_least);
+                                 double parallax_px = 10.0,  // tuned on the tuning clips
+                                 int at_least = 10);
 
 // The fewest tracks that two frames must share: more than twice the five of an essential matrix.
 inline constexpr int kMinCommonTracks = 12;

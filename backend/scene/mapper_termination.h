@@ -27,15 +27,6 @@ inline constexpr ChoiceNames<MapperTermination, 8> kMapperTerminationNames{
      {"weak depth", MapperTermination::kWeakDepth},
      {"not rigid", MapperTermination::kNotRigid}}};
 
-// Why COLMAP gets no initial pair: what refused most of the pairs that were tried.
-enum class NoPairCause : std::uint8_t {
-  kStandstill,    // nothing moves
-  kRotation,      // turning on the spot
-  kLowAngle,      // too little parallax
-  kDegenerate,    // the matches agree on no geometry
-  kTooFewCommon,  // too few tracks in common
-};
-
 // How a step of the mapper ended, with a description that may be empty.
 struct MapperEnd {
   MapperTermination termination = MapperTermination::kSuccess;

@@ -8,29 +8,6 @@
 namespace cohort {
 namespace {
 
-constexpr std::string_view kNoInitialPair = "no initial pair: ";
-constexpr ChoiceNames<NoPairCause, 5> kNoPairCauseNames{
-    {{"the camera stands still", NoPairCause::kStandstill},
-     {"the camera turns on the spot (a rotation explains the pair)", NoPairCause::kRotation},
-     {"too little parallax (triangulation angle)", NoPairCause::kLowAngle},
-     {"the matches agree on no geometry", NoPairCause::kDegenerate},
-     {"too few tracks in common", NoPairCause::kTooFewCommon}}};
-
-MapperTermination EndingOf(NoPairCause cause) {
-  switch (cause) {
-    case NoPairCause::kStandstill:
-      return MapperTermination::kStaticCamera;
-    case NoPairCause::kRotation:
-      return MapperTermination::kPureRotation;
-    case NoPairCause::kLowAngle:
-      return MapperTermination::kWeakDepth;
-    case NoPairCause::kDegenerate:
-    case NoPairCause::kTooFewCommon:
-      break;
-  }
-  return MapperTermination::kNoStart;
-}
-
 constexpr const char* kTracksDrift =
     "if the camera moved, the tracks do not show it: they drift, or lie on moving objects";
 
@@ -242,6 +219,11 @@ MapperEnd NothingSharedEnd(int least_common) {
           fmt::format("no two keyframes that were tried share {} tracks", least_common)};
 }
 
+MapperEnd NoGeometryEnd(int least_inliers) {
+  return {MapperTermination::kNoStart,
+          fmt::format("no two frames share {} tracks that agree on a geometry", least_inliers)};
+}
+
 MapperEnd StillPictureEnd(double motion_px, double noise_px) {
   return {MapperTermination::kStaticCamera,
           fmt::format("the picture moves by {:.1f} px at most, and the noise of the tracks is "
@@ -285,22 +267,9 @@ std::string TerminationLine(const MapperEnd& end) {
   return end.detail.empty() ? line : line + ": " + end.detail;
 }
 
-std::string NoInitialPairLine(NoPairCause cause, int refused, int tried) {
-  return fmt::format("{}{} ({} of {} frame pairs tried)",
-                     kNoInitialPair,
-                     NameOf(kNoPairCauseNames, cause),
-                     refused,
-                     tried);
-}
-
 std::optional<MapperTermination> EndingOf(std::string_view line) {
   for (const auto& [name, ending] : kMapperTerminationNames) {
     if (line.starts_with(name)) return ending;
-  }
-  const std::size_t at = line.find(kNoInitialPair);
-  if (at == std::string_view::npos) return std::nullopt;
-  for (const auto& [name, cause] : kNoPairCauseNames) {
-    if (line.substr(at + kNoInitialPair.size()).starts_with(name)) return EndingOf(cause);
   }
   return std::nullopt;
 }

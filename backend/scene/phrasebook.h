@@ -44,6 +44,7 @@ Doubt AsDoubtByCeres(Doubt doubt);
 MapperEnd TooFewFramesEnd(std::size_t frames, std::size_t least);
 MapperEnd TracksTooShortEnd(std::size_t tracks, int least_length);
 MapperEnd NothingSharedEnd(int least_common);
+MapperEnd NoGeometryEnd(int least_inliers);
 MapperEnd StillPictureEnd(double motion_px, double noise_px);
 MapperEnd OnlyTurnsEnd();
 // Of tracks that drift while the camera stands still or turns.
@@ -55,9 +56,7 @@ MapperEnd NotRigidEnd();
 
 // "static camera: the picture moves by 0.3 px at most, ..."
 std::string TerminationLine(const MapperEnd& end);
-// "no initial pair: the camera stands still (9 of 12 frame pairs tried)"
-std::string NoInitialPairLine(NoPairCause cause, int refused, int tried);
-// The ending that one of these lines states, whatever surrounds the latter; nullopt if none does.
+// The ending that such a line states; nullopt if it states none.
 std::optional<MapperTermination> EndingOf(std::string_view line);
 
 // "frames 0 to 47 show a still picture, such as a title card"

@@ -28,11 +28,12 @@ def without_calibration(folder, copy):
     return copy
 
 
-def check_out(tree):
-    """Makes `tree` a copy of the last commit; what was built there stays."""
+def check_out(tree, commit='HEAD'):
+    """Makes `tree` a copy of a commit; what was built there stays."""
     if not tree.exists():
-        run('git', 'worktree', 'add', '--detach', tree, 'HEAD', cwd=ROOT)
-    run('git', 'reset', '--hard', run('git', 'rev-parse', 'HEAD', cwd=ROOT).stdout.strip(), cwd=tree)
+        run('git', 'worktree', 'prune', cwd=ROOT)  # those whose folder is gone
+        run('git', 'worktree', 'add', '--detach', tree, commit, cwd=ROOT)
+    run('git', 'reset', '--hard', run('git', 'rev-parse', commit, cwd=ROOT).stdout.strip(), cwd=tree)
 
 
 def build(tree):

@@ -15,11 +15,11 @@
 #include <fstream>
 
 #include "backend/colmap/colmap_tracks.h"
+#include "backend/colmap/initial_pair.h"
 #include "backend/colmap/keypoint_covariances.h"
 #include "backend/colmap/model_io.h"
 #include "backend/colmap/program.h"
 #include "backend/mapper/mapper.h"
-#include "backend/start/initial_pair.h"
 #include "frontend/core/random_stream.h"
 #include "frontend/core/statistics.h"
 #include "frontend/storage/output.h"
@@ -68,7 +68,7 @@ TEST_P(MapperOnPath, RegistersEveryFrameNearTheTruth) {
   EXPECT_EQ(result.summary.registered, 30u) << result.summary.Brief();
   EXPECT_FALSE(result.summary.Failed());
   EXPECT_LT(AbsoluteTrajectoryError(result.reconstruction.cam_from_world, scene.cam_from_world),
-            0.02);  // of a path 2.5 to 4 long
+            0.025);  // of a path 2.5 to 4 long
   const std::size_t good = scene.file.tracks.CountObserved() - scene.outliers.size();
   EXPECT_GT(result.summary.observations, good * 85 / 100) << result.summary.Brief();
   EXPECT_LT(result.summary.observations, good * 101 / 100) << result.summary.Brief();
@@ -203,15 +203,15 @@ TEST(ColmapMapper, SaysWhyAClipDoesNotReconstruct) {
   };
   SyntheticTracksOptions options;
   options.path = CameraPath::kRotation;
-  EXPECT_THAT(run(options), HasSubstr("turns on the spot"));
+  EXPECT_THAT(run(options), HasSubstr("pure rotation"));
   options.path = CameraPath::kStatic;
-  EXPECT_THAT(run(options), HasSubstr("stands still"));
+  EXPECT_THAT(run(options), HasSubstr("static camera"));
   options.path = CameraPath::kArc;
   options.points = 12;
   EXPECT_THAT(run(options), HasSubstr("no two frames share 15 tracks"));
   options.points = 200;
   options.frames = 1;
-  EXPECT_THAT(run(options), HasSubstr("fewer than two frames"));
+  EXPECT_THAT(run(options), HasSubstr("the clip has 1 frame"));
 }
 
 TEST(ColmapMapper, CountsAClipThatBreaksAsFailed) {
@@ -771,18 +771,19 @@ TEST(ColmapMapper, SaysWhereTheModelThatItReturnsBegan) {
   SyntheticTracksOptions small;
   small.frames = 12;
   const TrackFile tracks = MakeSyntheticTracks(small).file;
-  const InitialPairSearch search = FindInitialPairs(tracks.tracks, *tracks.camera);
-  ASSERT_GT(search.ranked.size(), 1u);
   ColmapOptions options;
+  const InitialPairs found = FindInitialPairs(tracks, *tracks.camera, options.max_attempts);
+  ASSERT_GT(found.ranked.size(), 1u);
+  const std::string first = DescribeInitialPair(found.ranked.front());
   const auto termination_without = [&](const char* calls) {
     const FakeColmap fake(
         fmt::format("case \"$*\" in {}) exit 1 ;; esac\nexec colmap \"$@\"\n", calls));
     options.program = fake.path();
     return ReconstructWithColmap(tracks, options, dir / "work").summary.termination;
   };
-  EXPECT_THAT(termination_without("-"), HasSubstr(search.reason));
+  EXPECT_THAT(termination_without("-"), HasSubstr(first));
   EXPECT_THAT(termination_without("'mapper --'*sparse0"),
-              testing::AllOf(HasSubstr("initial pair: frames"), Not(HasSubstr(search.reason))));
+              testing::AllOf(HasSubstr("initial pair: frames"), Not(HasSubstr(first))));
   EXPECT_THAT(termination_without("'mapper --'*--Mapper.init_image_id1*"),
               HasSubstr("initial pair: chosen by COLMAP"));
 }

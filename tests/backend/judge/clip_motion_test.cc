@@ -21,7 +21,7 @@ test::SyntheticTracksOptions Drifting(CameraPath path) {
 
 ClipMotion MotionByDirection(const TrackFile& file, const Camera& camera) {
   const WhitenedTracks whitened(file, {});
-  const std::vector<int> keyframes = SelectKeyframes(whitened, camera, 10.0, 10);
+  const std::vector<int> keyframes = SelectKeyframes(whitened, camera);
   return ClassifyDrift(whitened, camera, RankPairs(whitened, camera, keyframes));
 }
 

@@ -29,8 +29,7 @@ Camera Guess(const Camera& truth, double focal_px) {
 std::optional<FoundCamera> Search(const SyntheticTracks& scene, double focal_px) {
   const WhitenedTracks whitened(scene.file, {});
   const Camera guess = Guess(*scene.file.camera, focal_px);
-  return SearchCamera(
-      whitened, guess, std::nullopt, kAll, SelectKeyframes(whitened, guess, 10.0, 10));
+  return SearchCamera(whitened, guess, std::nullopt, kAll, SelectKeyframes(whitened, guess));
 }
 
 SyntheticTracks Scene(CameraPath path, const Camera& camera, int points = 150) {
