@@ -7,23 +7,30 @@
 namespace cohort {
 namespace {
 
-void PrintSummary(const ReconstructionSummary& summary, const std::string& out) {
-  fmt::print(
-      "{}",
-      AlignedTable(
-          {{"model", out},
-           {"registered", fmt::format("{}/{}", summary.registered, summary.SceneFrames())},
-           {"points", fmt::format("{}", summary.points)},
-           {"observations", fmt::format("{}", summary.observations)},
-           {"mean track length", fmt::format("{:.1f}", summary.mean_track_length)},
-           {"mean reprojection error [px]", fmt::format("{:.3f}", summary.mean_reprojection_px)},
-           {"seconds", fmt::format("{:.1f}", summary.seconds)},
-           {"ended with", summary.termination}}));
+void PrintFigures(const ReconstructResult& result, const std::string& out) {
+  const ReconstructionSummary& summary = result.summary;
+  std::vector<std::vector<std::string>> rows{
+      {"model", out},
+      {"registered", fmt::format("{}/{}", summary.registered, summary.SceneFrames())},
+      {"points", fmt::format("{}", summary.points)},
+      {"observations", fmt::format("{}", summary.observations)},
+      {"mean track length", fmt::format("{:.1f}", summary.mean_track_length)},
+      {"mean reprojection error [px]", fmt::format("{:.3f}", summary.mean_reprojection_px)},
+      {"quality", std::string(NameOf(kModelQualityNames, summary.Quality()))}};
+  if (result.ceres && result.ceres->expected_error) {
+    rows.push_back({"expected error of the cameras",
+                    fmt::format("{:.2g} % of the extent of their path",
+                                100.0 * *result.ceres->expected_error)});
+  }
+  rows.push_back({"seconds", fmt::format("{:.1f}", summary.seconds)});
+  rows.push_back({"ended with", summary.termination});
+  fmt::print("{}", AlignedTable(rows));
 }
 
 void RunReconstruct(const ReconstructFileOptions& options) {
-  const ReconstructionSummary summary = ReconstructFile(options, ConsoleReport());
-  PrintSummary(summary, options.out);
+  const ReconstructResult result = ReconstructFile(options, ConsoleReport());
+  PrintFigures(result, options.out);
+  const ReconstructionSummary& summary = result.summary;
   if (summary.Failed()) {
     ThrowError("the reconstruction failed: {} ({}); partial results are in {}",
                summary.WhyFailed(),

@@ -127,7 +127,7 @@ ReconstructionSummary MakeModel(const ExperimentOptions& options,
   job.reconstruct.write_frames = false;
   job.reconstruct.ceres = options.ceres;
   job.reconstruct.colmap = ColmapOptionsOf(options, cell);
-  return ReconstructFile(job, ConsoleReport());
+  return ReconstructFile(job, ConsoleReport()).summary;
 }
 
 // The figures of a finished model.
@@ -251,6 +251,8 @@ Json CompareHalvesOfCell(const ExperimentOptions& options,
   const TrackFile file = TracksToHalve(options, cell);
   const std::array<TrackSet, 2> halves = SplitTracks(file.tracks);
   std::array<std::map<FrameIndex, Rigid3>, 2> cam_from_world;
+  ExperimentOptions of_half = options;
+  of_half.ceres.covariances = false;  // only their cameras are compared
   Json models = Json::array();
   for (std::size_t i = 0; i < halves.size(); ++i) {
     const fs::path out = folder / std::to_string(i + 1);
@@ -262,7 +264,7 @@ Json CompareHalvesOfCell(const ExperimentOptions& options,
       half = RunSecondPass(std::move(half), *frames, options.second_pass, ConsoleReport());
     }
     WriteTrackFile(tracks, half);
-    const ReconstructionSummary summary = MakeModel(options, cell, backend, tracks, out);
+    const ReconstructionSummary summary = MakeModel(of_half, cell, backend, tracks, out);
     models.push_back(ReadJsonFile(out / "summary.json"));
     if (summary.registered == 0) continue;  // no model in the folder
     cam_from_world[i] = ReadReconstruction(out).cam_from_world;

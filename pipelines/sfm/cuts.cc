@@ -4,6 +4,8 @@
 
 #include <algorithm>
 
+#include "datasets/readers/sequence.h"
+
 namespace cohort {
 
 std::vector<std::uint32_t> NumbersOf(const std::vector<FrameIndex>& frames) {
@@ -22,6 +24,16 @@ std::string CutsText(const std::vector<FrameIndex>& cuts) {
   }
   if (cuts.size() > named) text += fmt::format(" and {} more", cuts.size() - named);
   return text;
+}
+
+std::string FramesOption(const TrackFile& file, FrameIndex first, std::optional<FrameIndex> end) {
+  const FrameRange read =
+      file.meta.frames.empty() ? FrameRange{} : FrameRange::Parse(file.meta.frames);
+  const std::optional<std::uint32_t> last = end ? ToInt(*end) : read.end;
+  std::string option = fmt::format("--frames {}:", ToInt(first));
+  if (last) option += fmt::format("{}", *last);
+  if (read.stride > 1) option += fmt::format(":{}", read.stride);
+  return option;
 }
 
 }  // namespace cohort

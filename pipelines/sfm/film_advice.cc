@@ -12,6 +12,7 @@
 #include "backend/judge/moving_share.h"
 #include "backend/scene/phrasebook.h"
 #include "frontend/core/statistics.h"
+#include "pipelines/sfm/cuts.h"
 
 namespace cohort {
 namespace {
@@ -315,10 +316,10 @@ std::vector<std::string> DescribeAsides(const FilmedClip& clip) {
       const bool has_model = std::ranges::any_of(clip.other_parts, [&](const Stretch& part) {
         return aside.Has(part.first) && aside.Has(part.last);
       });
-      sentence += fmt::format("{}: --frames {}:{} reconstructs it alone",
-                              has_model ? ", whose model is in model/other_parts" : "",
-                              ToInt(aside.first),
-                              ToInt(aside.last) + 1);
+      sentence +=
+          fmt::format("{}: {} reconstructs it alone",
+                      has_model ? ", whose model is in model/other_parts" : "",
+                      FramesOption(clip.file, aside.first, FrameIndex{ToInt(aside.last) + 1}));
     }
   }
   return sentences;

@@ -14,8 +14,7 @@
 
 namespace cohort {
 
-ReconstructionSummary ReconstructFile(const ReconstructFileOptions& options,
-                                      const JobReport& report) {
+ReconstructResult ReconstructFile(const ReconstructFileOptions& options, const JobReport& report) {
   const TrackFile file = ReadTrackFile(options.tracks);
   CheckOutputsGiven({options.json});
   report.Warn(DescribeIdleOptions(options.reconstruct));
@@ -26,7 +25,7 @@ ReconstructionSummary ReconstructFile(const ReconstructFileOptions& options,
                           NameOf(kBackendNames, options.reconstruct.backend),
                           file.frames.size(),
                           file.tracks.features().size()));
-  const ReconstructResult result = ReconstructIntoFolder(
+  ReconstructResult result = ReconstructIntoFolder(
       file, options.reconstruct, options.out, report.progress, JsonLine(ToJson(options)));
   if (result.reconstruction.readout != 0.0) {
     report.Tell(fmt::format("rolling shutter: the readout takes {:.2f} of the time between frames",
@@ -37,7 +36,7 @@ ReconstructionSummary ReconstructFile(const ReconstructFileOptions& options,
   if (!options.json.empty()) {
     WriteJsonFile(options.json, ReadJsonFile(std::filesystem::path(options.out) / "summary.json"));
   }
-  return result.summary;
+  return result;
 }
 
 }  // namespace cohort

@@ -24,7 +24,7 @@ struct ReconstructFileOptions {
 
 // Makes a model folder from .tracks. A clip that does not reconstruct is a result, which states
 // why.
-ReconstructionSummary ReconstructFile(const ReconstructFileOptions& options,
-                                      const JobReport& report = {});
+ReconstructResult ReconstructFile(const ReconstructFileOptions& options,
+                                  const JobReport& report = {});
 
 }  // namespace cohort

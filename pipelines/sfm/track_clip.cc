@@ -65,13 +65,14 @@ bool AgreesWith(const TrackFile& file, const TrackFile& header) {
          asked(file.meta) == asked(header.meta) && SameCamera(file.camera, header.camera);
 }
 
-std::string DescribeCuts(const std::vector<FrameIndex>& cuts) {
+std::string DescribeCuts(const TrackFile& file) {
+  const std::vector<FrameIndex>& cuts = file.meta.cuts;
   if (cuts.empty()) return "";
   return fmt::format(
       "the clip is cut at {}, and no track continues across a cut; to use only the part after it, "
-      "give --frames {}:",
+      "give {}",
       CutsText(cuts),
-      ToInt(cuts.front()));
+      FramesOption(file, cuts.front()));
 }
 
 SequenceTracker TrackerOf(const TrackClipOptions& options, Sequence& sequence) {
@@ -136,7 +137,7 @@ TrackFigures TrackClip(const TrackClipOptions& options, const JobReport& report)
   TrackFile file = tracker.TrackAll(std::move(header), report.progress);
   figures.cuts = file.meta.cuts;
   report.Tell(DescribeRepeats(file));
-  report.Warn(DescribeCuts(file.meta.cuts));
+  report.Warn(DescribeCuts(file));
   figures.decode_ms = tracker.decode_ms();
   figures.detect_ms = tracker.detect_ms();
   figures.track_ms = tracker.track_ms();

@@ -155,6 +155,15 @@ TEST(CutsText, NamesTheFirstFew) {
   EXPECT_EQ(CutsText(cuts), "frames 12, 57, 60, 61, 62 and 3 more");
 }
 
+TEST(FramesOption, ReadsEveryStepthFrameAsBefore) {
+  TrackFile file;
+  EXPECT_EQ(FramesOption(file, FrameIndex{12}), "--frames 12:");
+  EXPECT_EQ(FramesOption(file, FrameIndex{12}, FrameIndex{20}), "--frames 12:20");
+  file.meta.frames = "2:300:5";
+  EXPECT_EQ(FramesOption(file, FrameIndex{12}), "--frames 12:300:5");
+  EXPECT_EQ(FramesOption(file, FrameIndex{12}, FrameIndex{20}), "--frames 12:20:5");
+}
+
 TEST(ModelOfHardClips, OneFrameAndTwoAreTooFewAndSaySo) {
   for (const int frames : {1, 2}) {
     for (const TrackerKind tracker : {TrackerKind::kSubspace, TrackerKind::kKlt}) {
