@@ -17,6 +17,7 @@
 #include "pipelines/json/option_list.h"
 #include "pipelines/sfm/doubts.h"
 #include "pipelines/sfm/input.h"
+#include "pipelines/sfm/kept_frames.h"
 #include "pipelines/sfm/reconstruct.h"
 
 namespace cohort {
@@ -43,11 +44,11 @@ void RefineTracks(const RefineCommandOptions& options) {
   const JobReport report = ConsoleReport();
   report.Warn(DoubtOfModel(model, options.model, file, options.tracks));
   const std::string mask = options.mask.empty() ? file.meta.mask : options.mask;
-  MaskedSequence sequence(
-      options.images.empty() ? OpenSource(file, options.tracks) : OpenSequence(options.images),
-      ClipMasks(mask),
-      !options.images.empty() || file.meta.frames.empty(),
-      FixedPartsOf(file));
+  MaskedSequence sequence(KeepFrames(options.images.empty() ? OpenSource(file, options.tracks)
+                                                            : OpenSequence(options.images)),
+                          ClipMasks(mask),
+                          !options.images.empty() || file.meta.frames.empty(),
+                          FixedPartsOf(file));
   if (options.images.empty()) report.Warn(DoubtOfClip(file, options.tracks, sequence));
   if (options.mask.empty()) report.Warn(DoubtOfMask(file, options.tracks));
   SecondPass second =

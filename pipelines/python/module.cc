@@ -39,6 +39,7 @@
 #include "pipelines/sfm/doubts.h"
 #include "pipelines/sfm/fingerprint.h"
 #include "pipelines/sfm/input.h"
+#include "pipelines/sfm/kept_frames.h"
 #include "pipelines/sfm/reconstruct.h"
 #include "pipelines/sfm/summary_json.h"
 #include "pipelines/sfm/track_sequence.h"
@@ -199,7 +200,7 @@ TrackFile Track(const ClipArgument& clip,
   std::unique_ptr<Sequence> opened = [&] {
     if (sequence) return std::move(sequence);
     arguments.input.input = std::get<fs::path>(clip).string();
-    return OpenInput(arguments.input);
+    return KeepFrames(OpenInput(arguments.input));
   }();
   const bool find = arguments.masks.mask_fixed && !arguments.input.input.empty();
   MaskedSequence masked(std::move(opened),
@@ -246,8 +247,8 @@ std::pair<TrackFile, std::vector<std::string>> Refine(const TrackFile& file,
   std::vector<std::string> doubts = {DoubtOfModel(model, "this Reconstruction", file, kTracks)};
   const FixedPartsMask fixed_parts = sequence ? FixedPartsMask::kNone : FixedPartsOf(file);
   MaskedSequence opened(sequence ? std::move(sequence)
-                        : clip   ? OpenSequence(std::get<fs::path>(*clip))
-                                 : OpenSource(file, kTracks),
+                                 : KeepFrames(clip ? OpenSequence(std::get<fs::path>(*clip))
+                                                   : OpenSource(file, kTracks)),
                         std::move(masks),
                         clip || file.meta.frames.empty(),
                         fixed_parts);

@@ -29,6 +29,7 @@ int Reduction(const cv::Size& size) {
 }
 
 cv::Mat Reduced(const cv::Mat& picture, int by) {
+  if (by == 1) return picture;
   cv::Mat reduced;
   const cv::Size size(std::max(1, picture.cols / by), std::max(1, picture.rows / by));
   cv::resize(picture, reduced, size, 0.0, 0.0, cv::INTER_AREA);
@@ -96,14 +97,13 @@ FixedParts::Gradients FixedParts::Directions(const Gradients& g) {
 
 void FixedParts::Sums::Add(const Gradients& g, const Gradients& next) {
   if (near.empty()) {
-    for (cv::Mat* of_pairs : {&sum.x, &sum.y, &square, &near, &energy}) {
+    for (cv::Mat* of_pairs : {&sum.x, &sum.y, &near, &energy}) {
       *of_pairs = cv::Mat::zeros(g.x.size(), CV_32F);
     }
   }
   for (cv::Mat Gradients::*of : {&Gradients::x, &Gradients::y}) {
-    const cv::Mat both = g.*of + next.*of;
-    cv::accumulate(both, sum.*of);
-    cv::accumulateSquare(both, square);
+    cv::accumulate(g.*of, sum.*of);
+    cv::accumulate(next.*of, sum.*of);
     cv::accumulateProduct(g.*of, next.*of, near);
     cv::accumulateSquare(g.*of, energy);
     cv::accumulateSquare(next.*of, energy);
@@ -114,7 +114,7 @@ void FixedParts::Sums::Add(const Gradients& g, const Gradients& next) {
 cv::Mat FixedParts::Sums::Far(std::size_t pairs) const {
   const auto n = static_cast<double>(pairs);
   const cv::Mat all = sum.x.mul(sum.x) + sum.y.mul(sum.y);
-  return (all - square) / (4.0 * n * (n - 1.0));
+  return (all - energy - 2.0 * near) / (4.0 * n * (n - 1.0));
 }
 
 cv::Mat FixedParts::Sums::Near(std::size_t pairs) const {

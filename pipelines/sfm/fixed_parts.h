@@ -39,9 +39,8 @@ class FixedParts {
   // Over pairs.
   struct Sums {
     Gradients sum;   // of s_k
-    cv::Mat square;  // of |s_k|^2
     cv::Mat near;    // of g_k.g_{k+1}
-    cv::Mat energy;  // of |g_k|^2 + |g_{k+1}|^2
+    cv::Mat energy;  // of |g_k|^2 + |g_{k+1}|^2; with twice `near` the sum of |s_k|^2
 
     void Add(const Gradients& g, const Gradients& next);
     cv::Mat Far(std::size_t pairs) const;

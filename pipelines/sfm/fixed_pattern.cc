@@ -60,14 +60,15 @@ double EnergyOfPattern(const cv::Mat& profile_a, const cv::Mat& profile_b) {
 }  // namespace
 
 void FixedPattern::Add(const cv::Mat& gray, bool second_half) {
-  const cv::Mat levels = LevelsOf(gray);
+  unit_ = 255.0 / WhiteLevelOf(gray);
   if (!last_.empty()) {
-    change_ += cv::norm(levels, last_, cv::NORM_L2SQR) / static_cast<double>(levels.total());
+    change_ +=
+        unit_ * unit_ * cv::norm(gray, last_, cv::NORM_L2SQR) / static_cast<double>(gray.total());
   }
-  last_ = levels;
+  last_ = gray;
   Half& half = halves_[second_half ? 1 : 0];
-  if (half.sum.empty()) half.sum = cv::Mat::zeros(levels.size(), CV_32F);
-  half.sum += levels;
+  if (half.sum.empty()) half.sum = cv::Mat::zeros(gray.size(), CV_32F);
+  cv::accumulate(gray, half.sum);
   ++half.frames;
 }
 
@@ -78,7 +79,7 @@ cv::Mat FixedPattern::Find(const cv::Mat& fixed) const {
   const PaintOver paint_over = fixed.empty() ? PaintOver() : PaintOver(fixed);
   std::array<cv::Mat, 2> means;
   for (std::size_t i = 0; i < means.size(); ++i) {
-    means[i] = halves_[i].sum / halves_[i].frames;
+    means[i] = halves_[i].sum * (unit_ / halves_[i].frames);
     paint_over.Apply(means[i]);
   }
   cv::Mat pattern = cv::Mat::zeros(last_.size(), CV_32F);

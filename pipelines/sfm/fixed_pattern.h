@@ -27,12 +27,13 @@ class FixedPattern {
 
  private:
   struct Half {
-    cv::Mat sum;  // in levels
+    cv::Mat sum;  // in units of the pictures
     int frames = 0;
   };
   Half halves_[2];
   cv::Mat last_;
-  double change_ = 0.0;  // the sum of mean squares of differences of successive pictures
+  double change_ = 0.0;  // the sum of mean squares of differences of successive pictures [levels^2]
+  double unit_ = 1.0;    // levels in a unit of the pictures
 };
 
 // Subtracts a pattern of FixedPattern from a picture, CV_8UC1, CV_16UC1 or CV_32FC1.

@@ -14,6 +14,7 @@
 #include "frontend/geometry/camera_text.h"
 #include "frontend/tracks/imported_tracks.h"
 #include "pipelines/sfm/fingerprint.h"
+#include "pipelines/sfm/kept_frames.h"
 
 namespace cohort {
 namespace {
@@ -69,6 +70,16 @@ Camera ParseCameraPrior(const std::string& text, int width_px, int height_px) {
   return camera;
 }
 
+std::unique_ptr<MaskedSequence> WithMasks(std::unique_ptr<Sequence> sequence,
+                                          const InputOptions& options,
+                                          const MaskOptions& masks) {
+  return std::make_unique<MaskedSequence>(
+      std::move(sequence),
+      ClipMasks(masks.mask),
+      options.frames.empty(),
+      masks.mask_fixed ? FixedPartsMask::kFind : FixedPartsMask::kNone);
+}
+
 }  // namespace
 
 std::unique_ptr<Sequence> OpenInput(const InputOptions& options) {
@@ -78,11 +89,11 @@ std::unique_ptr<Sequence> OpenInput(const InputOptions& options) {
 }
 
 std::unique_ptr<MaskedSequence> OpenInput(const InputOptions& options, const MaskOptions& masks) {
-  return std::make_unique<MaskedSequence>(
-      OpenInput(options),
-      ClipMasks(masks.mask),
-      options.frames.empty(),
-      masks.mask_fixed ? FixedPartsMask::kFind : FixedPartsMask::kNone);
+  return WithMasks(OpenInput(options), options, masks);
+}
+
+std::unique_ptr<MaskedSequence> OpenToTrack(const InputOptions& options, const MaskOptions& masks) {
+  return WithMasks(KeepFrames(OpenInput(options)), options, masks);
 }
 
 std::unique_ptr<Sequence> OpenSource(const TrackFile& file, const std::string& tracks) {

@@ -80,6 +80,8 @@ struct MaskOptions {
 
 // The same with these masks.
 std::unique_ptr<MaskedSequence> OpenInput(const InputOptions& options, const MaskOptions& masks);
+// The same for several readings of its grey pictures (KeepFrames).
+std::unique_ptr<MaskedSequence> OpenToTrack(const InputOptions& options, const MaskOptions& masks);
 // Opens the clip that the tracks were made from, as it was opened then; `tracks` names them. Throws
 // Error if their pictures came from no file.
 std::unique_ptr<Sequence> OpenSource(const TrackFile& file, const std::string& tracks);

@@ -255,27 +255,27 @@ MaskedSequence::MaskedSequence(std::unique_ptr<Sequence> sequence,
                                ClipMasks masks,
                                bool whole,
                                FixedPartsMask fixed_parts)
-    : sequence_(std::move(sequence)),
+    : ForwardingSequence(std::move(sequence)),
       masks_(std::move(masks)),
       look_for_fixed_parts_(fixed_parts == FixedPartsMask::kFind),
-      warning_(sequence_->Warning()) {
-  masks_.CheckBelongTo(*sequence_, whole);
+      warning_(inner().Warning()) {
+  masks_.CheckBelongTo(inner(), whole);
 }
 
 std::optional<Frame> MaskedSequence::Next() {
   if (look_for_fixed_parts_) {
     look_for_fixed_parts_ = false;
-    const WhatStays stays = FindWhatStays(*sequence_);
+    const WhatStays stays = FindWhatStays(inner());
     pattern_ = stays.pattern;
     if (!stays.parts.empty()) {
       mask_of_fixed_parts_ = MaskOfFixedParts(stays.parts);
       paint_over_ = PaintOver(stays.parts);
     }
   }
-  std::optional<Frame> frame = sequence_->Next();
+  std::optional<Frame> frame = inner().Next();
   if (!frame) {
     if (!of_clip_) End();
-    Join(sequence_->Warning());
+    Join(inner().Warning());
     return std::nullopt;
   }
   if (masks_.AreGiven()) AddMask(*frame);
@@ -313,7 +313,7 @@ void MaskedSequence::AddMask(Frame& frame) {
 
 void MaskedSequence::Rewind() {
   count_ = {};
-  sequence_->Rewind();
+  inner().Rewind();
 }
 
 void MaskedSequence::End() {
@@ -323,7 +323,7 @@ void MaskedSequence::End() {
   if (count.with_mask == 0) {
     ThrowError("{} has no mask of any frame of {}, such as {}.png",
                masks_.name(),
-               sequence_->Name(),
+               inner().Name(),
                count.without);
   }
   if (count.covered == static_cast<double>(count.frames)) {

@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "datasets/readers/sequence.h"
+#include "datasets/readers/forwarding_sequence.h"
 #include "pipelines/sfm/fixed_parts.h"
 
 namespace cohort {
@@ -67,7 +67,7 @@ std::string FingerprintOfMasks(const std::string& path);
 enum class FixedPartsMask : std::uint8_t { kFind, kNone };
 
 // A sequence whose frames have these masks, in addition to those of their alpha and of fixed parts.
-class MaskedSequence final : public Sequence {
+class MaskedSequence final : public ForwardingSequence {
  public:
   // Fixed parts and a fixed pattern are looked for before the first frame is read. In Frame::gray,
   // parts are painted over (and masked), and the pattern is subtracted; the frame's own picture is
@@ -89,26 +89,6 @@ class MaskedSequence final : public Sequence {
   // Whether the masks cover so much that black and white are probably exchanged.
   bool CoverTooMuch() const;
 
-  bool CanRewind() const override { return sequence_->CanRewind(); }
-  bool AnyThreadMayRead() const override { return sequence_->AnyThreadMayRead(); }
-  std::string Name() const override { return sequence_->Name(); }
-  std::vector<std::filesystem::path> Files() const override { return sequence_->Files(); }
-  std::filesystem::path ImageRoot() const override { return sequence_->ImageRoot(); }
-  std::optional<std::size_t> FrameCount() const override { return sequence_->FrameCount(); }
-  std::optional<Camera> KnownCamera() const override { return sequence_->KnownCamera(); }
-  std::optional<FocalGuess> FocalGuessOfFile() const override {
-    return sequence_->FocalGuessOfFile();
-  }
-  RowOrder SensorRows() const override { return sequence_->SensorRows(); }
-  const std::map<FrameIndex, Rigid3>& TrueCamFromWorld() const override {
-    return sequence_->TrueCamFromWorld();
-  }
-  std::optional<cv::Mat> TrueDepth(FrameIndex frame) const override {
-    return sequence_->TrueDepth(frame);
-  }
-  std::optional<cv::Mat> OccluderMask(FrameIndex frame) const override {
-    return sequence_->OccluderMask(frame);
-  }
   const std::string& Warning() const override { return warning_; }
 
  private:
@@ -124,7 +104,6 @@ class MaskedSequence final : public Sequence {
   void Join(const std::string& warning);
   double CoveredShare() const;  // of the whole clip
 
-  std::unique_ptr<Sequence> sequence_;
   ClipMasks masks_;
   bool look_for_fixed_parts_;
   cv::Mat mask_of_fixed_parts_;  // empty: there are none

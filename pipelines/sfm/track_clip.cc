@@ -125,7 +125,7 @@ TrackFile RunSecondPass(TrackFile file,
 TrackFigures TrackClip(const TrackClipOptions& options, const JobReport& report) {
   cv::setNumThreads(options.threads == 0 ? -1 : options.threads);
   CheckDistinctOutputs({{"--out", options.out}, {"--json", options.json}});
-  const auto sequence = OpenInput(options.input, options.masks);
+  const auto sequence = OpenToTrack(options.input, options.masks);
   CheckOutputsGiven({options.out, options.json});
   SequenceTracker tracker = TrackerOf(options, *sequence);
   TrackFile header = HeaderOf(options, *sequence, tracker);
