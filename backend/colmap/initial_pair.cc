@@ -32,10 +32,6 @@ InitialPairs FindInitialPairs(const TrackFile& file, const Camera& camera, int m
     found.end = NothingSharedEnd(kMinCommonTracks);
     return found;
   }
-  // COLMAP would invent a depth.
-  found.end =
-      DescribeClipWithoutParallax(WidestPairsOf(whitened, pairs), camera, EstimateNoise(whitened));
-  if (found.end) return found;
   std::set<int> begun;
   for (const FramePairMotion& pair : pairs) {
     if (static_cast<int>(found.ranked.size()) == most) break;
@@ -46,6 +42,11 @@ InitialPairs FindInitialPairs(const TrackFile& file, const Camera& camera, int m
     found.ranked.push_back({whitened.frames()[pair.frame_a].index,
                             whitened.frames()[pair.frame_b].index,
                             std::move(geometry)});
+  }
+  // Of such a clip, COLMAP would invent a depth.
+  if (found.ranked.empty()) {
+    found.end = DescribeClipWithoutParallax(
+        WidestPairsOf(whitened, pairs), camera, EstimateNoise(whitened));
   }
   return found;
 }
