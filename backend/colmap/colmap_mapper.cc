@@ -322,7 +322,9 @@ std::optional<Reconstruction> RunAdjuster(ColmapProgram& program,
 // The initial pair of the best run.
 std::string DescribeStart(const MapperRuns& runs, const std::vector<InitialPair>& starts) {
   if (runs.best_start < starts.size()) return DescribeInitialPair(starts[runs.best_start]);
-  return "initial pair: chosen by COLMAP, since none of cohort's registered more frames";
+  return fmt::format("initial pair: chosen by COLMAP, since {}",
+                     starts.empty() ? "no pair that cohort tried has a relative pose"
+                                    : "none of cohort's registered more frames");
 }
 
 std::string DescribeEnd(const ColmapProgram& program,

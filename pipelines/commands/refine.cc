@@ -95,7 +95,7 @@ void RefineColmapModel(const RefineCommandOptions& options) {
         "refining a COLMAP model needs its pictures: give --images INPUT, or the .tracks file that "
         "the model was made from");
   }
-  MaskedSequence sequence(OpenSequence(options.images), ClipMasks(options.mask));
+  MaskedSequence sequence(KeepFrames(OpenSequence(options.images)), ClipMasks(options.mask));
   AddModelToInputs(options.model);
   CheckOutputsGiven({options.json});
   const RefinedModel refined = RefineModelIntoFolder(options.model,

@@ -195,7 +195,7 @@ TrackFile TracksToHalve(const ExperimentOptions& options, const TrackCell& cell)
   if (!HasSecondPass(cell.tracker)) return ReadTrackFile(cell.Tracks());
   const TrackClipOptions track = TrackOf(options, cell);
   cv::setNumThreads(track.threads == 0 ? -1 : track.threads);
-  const auto sequence = OpenInput(track.input, track.masks);
+  const auto sequence = OpenToTrack(track.input, track.masks);
   TrackFile file = TrackFirstPass(
       *sequence,
       {.tracker = track.tracker, .second_pass = track.second_pass, .source = track.input.input});
@@ -260,7 +260,7 @@ Json CompareHalvesOfCell(const ExperimentOptions& options,
     TrackFile half = file;
     half.tracks = halves[i];
     if (HasSecondPass(cell.tracker)) {
-      const auto frames = OpenInput(cell.frames, MasksOf(options));
+      const auto frames = OpenToTrack(cell.frames, MasksOf(options));
       half = RunSecondPass(std::move(half), *frames, options.second_pass, ConsoleReport());
     }
     WriteTrackFile(tracks, half);

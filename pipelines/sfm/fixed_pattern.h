@@ -17,7 +17,7 @@ namespace cohort {
 class FixedPattern {
  public:
   // Successive pictures, CV_8UC1, CV_16UC1 or CV_32FC1 (0..1), of one size; those of the clip's
-  // first half, then those of its second half.
+  // first half, then those of its second half. Keeps the last one, which must not change.
   void Add(const cv::Mat& gray, bool second_half);
 
   // CV_32FC1 in levels of 255, to be subtracted from each picture. Empty if there is none, or if it
